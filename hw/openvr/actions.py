@@ -20,8 +20,6 @@ class ActionButtons:
     gets input: an open dashboard takes that away.
     """
 
-    pulse_every_s: float | None = None  # a vibration is handed over whole
-
     def __init__(self, runtime: OpenVrRuntime, manifest: Path, hand: str) -> None:
         """Before the first event is taken; the binding's InputError if SteamVR refuses."""
         vr = runtime.vr
@@ -36,9 +34,10 @@ class ActionButtons:
         self._actions = {name: self._input.getActionHandle(input_action(name)) for name in names}
         self._haptic = self._input.getActionHandle(HAPTIC_ACTION)
         self._device = self._input.getInputSourceHandle(f"/user/hand/{hand}")
-        self.unread: tuple[str, ...] = ()
+        self.unread: tuple[str, ...] = ()  # what the last `read` could not read
 
-    def read(self, device: int, controller_type: str) -> Buttons | None:
+    def read(self) -> Buttons | None:
+        """The buttons now; None unless every one of them is there and this process may have it."""
         try:
             self._input.updateActionState(self._sets)
         except self._lost:
@@ -54,7 +53,8 @@ class ActionButtons:
             return None
         return Buttons(trigger, grip, a, b, menu)
 
-    def vibrate(self, device: int, vibration: Vibration) -> None:
+    def vibrate(self, vibration: Vibration) -> None:
+        """Let the controller vibrate; does not wait until it has."""
         try:
             self._input.triggerHapticVibrationAction(
                 self._haptic,

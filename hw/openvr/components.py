@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, TypeAlias
+from typing import TypeAlias
 
-from hw.openvr.haptics import Vibration
 from tams_app.config import ControllerConfig
 from tams_app.errors import ConfigError
 
@@ -23,20 +22,20 @@ _ANALOG_INPUTS = frozenset({"pull", "force"})
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Legacy state: the x of an axis."""
+    """Controller state: the x of an axis."""
 
     number: int
 
 
 @dataclass(frozen=True, slots=True)
 class Button:
-    """Legacy state: a bit of the pressed buttons."""
+    """Controller state: a bit of the pressed buttons."""
 
     number: int
 
 
 class PadSide(Enum):
-    """Legacy state: the trackpad (axis 0) pressed towards x, y."""
+    """Controller state: the trackpad (axis 0) pressed towards x, y."""
 
     NORTH = (0, 1)
     SOUTH = (0, -1)
@@ -44,19 +43,19 @@ class PadSide(Enum):
     WEST = (-1, 0)
 
 
-LegacySource: TypeAlias = Axis | Button | PadSide
+StatePlace: TypeAlias = Axis | Button | PadSide
 
 
 @dataclass(frozen=True, slots=True)
 class Component:
     """`path` is source/input, as in the configuration; `mode` is how SteamVR's bindings use it.
 
-    `legacy`: where the legacy state has it, None if it has no place there.
+    `place`: where the controller state has it, None if it has no place there.
     """
 
     path: str
     mode: str
-    legacy: LegacySource | None
+    place: StatePlace | None
 
     @property
     def source(self) -> str:
@@ -93,19 +92,6 @@ class Buttons:
     menu: bool = False
 
 
-class ButtonSource(Protocol):
-    """SteamVR Input's actions, or the legacy controller state."""
-
-    pulse_every_s: float | None  # how often a pulse must be repeated to vibrate on; None: never
-    unread: tuple[str, ...]  # what the last `read` could not read
-
-    def read(self, device: int, controller_type: str) -> Buttons | None:
-        """The buttons now; None unless every one of them is there and this process may have it."""
-
-    def vibrate(self, device: int, vibration: Vibration) -> None:
-        """Let the controller vibrate; does not wait until it has."""
-
-
 _PAD_SIDES = tuple(Component(f"trackpad/{s.name.lower()}", "dpad", s) for s in PadSide)
 _FOCUS3_BOTH = (
     Component("trigger/pull", "trigger", Axis(1)),
@@ -115,7 +101,7 @@ _FOCUS3_BOTH = (
 _FOCUS3_LEFT = (
     Component("x/click", "button", Button(7)),
     Component("y/click", "button", Button(1)),
-    Component("application_menu/click", "button", None),  # the legacy menu bit is Y
+    Component("application_menu/click", "button", None),  # the state's menu bit is Y
 )
 _FOCUS3_RIGHT = (
     Component("a/click", "button", Button(7)),
@@ -166,7 +152,6 @@ _DEFAULTS: dict[str, dict[str, tuple[str, ...]]] = {
         HANDS, ("trigger/pull", "grip/force", "a/click", "b/click", "thumbstick/click")
     ),
 }
-ASSUMED_TYPE = "vive_focus3_controller"  # of a controller that is not in the table
 
 
 def role_map(controller_type: str, hand: str, overrides: Mapping[str, str]) -> RoleMap:

@@ -19,7 +19,6 @@ from pathlib import Path
 from hw.controller import Controller
 from hw.openvr import bindings as openvr_bindings
 from hw.openvr.components import COMPONENTS
-from hw.openvr.legacy import legacy_sources
 from hw.openvr.poller import OpenVrPoller
 from tams_app.config import ClutchConfig, ControllerConfig
 from tams_app.errors import DeviceError, TamsError
@@ -58,8 +57,6 @@ class OpenVrController(Controller):
         self._clutch = clutch
         for controller_type in COMPONENTS:
             openvr_bindings.bindings(controller_type, config)
-        if config.input == "legacy":
-            legacy_sources(config)
         self._config, self._clock, self._note = config, clock, note
         self._readings: Mailbox[ControllerSample] = Mailbox()
         self._pulses: BoundedQueue[Haptic] = BoundedQueue(_WAITING_PULSES)

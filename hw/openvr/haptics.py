@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from tams_app.records import Haptic
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-MIN_GAP_NS = 5 * NS_PER_MS  # the runtime ignores a legacy pulse that comes sooner
+MIN_GAP_NS = 5 * NS_PER_MS  # a runtime may ignore what comes sooner
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,15 +40,14 @@ class HapticPlayer:
         self._playing: Haptic | None = None
         self._handed_ns = -MIN_GAP_NS
 
-    def start(self, haptic: Haptic, now_ns: int, pulse_every_s: float | None) -> None:
-        """Play from now on; `pulse_every_s` cuts vibrations into pulses that often."""
+    def start(self, haptic: Haptic, now_ns: int) -> None:
+        """Play from now on."""
         if self._pending and self._playing is Haptic.FAULT:
             return
         self._playing = haptic
         self._pending = deque(
-            (now_ns + round(start_s * NS_PER_S), pulse)
-            for begin_s, vibration in PATTERNS[haptic]
-            for start_s, pulse in _cut(begin_s, vibration, pulse_every_s)
+            (now_ns + round(start_s * NS_PER_S), vibration)
+            for start_s, vibration in PATTERNS[haptic]
         )
 
     def due(self, now_ns: int) -> Vibration | None:
@@ -64,13 +63,3 @@ class HapticPlayer:
     def silence(self) -> None:
         """Forget what is still to come."""
         self._pending.clear()
-
-
-def _cut(
-    begin_s: float, vibration: Vibration, every_s: float | None
-) -> list[tuple[float, Vibration]]:
-    if every_s is None:
-        return [(begin_s, vibration)]
-    count = max(1, round(vibration.duration_s / every_s))
-    pulse = replace(vibration, duration_s=every_s)
-    return [(begin_s + n * every_s, pulse) for n in range(count)]

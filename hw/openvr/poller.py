@@ -26,10 +26,9 @@ from pathlib import Path
 from typing import Any
 
 from hw.openvr.actions import ActionButtons
-from hw.openvr.components import COMPONENTS, Buttons, ButtonSource
+from hw.openvr.components import COMPONENTS, Buttons
 from hw.openvr.devices import DeviceIdentity, identify
 from hw.openvr.haptics import HapticPlayer
-from hw.openvr.legacy import LegacyButtons
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
 from hw.openvr.tracking import (
     Announcer,
@@ -81,7 +80,7 @@ class OpenVrPoller:
         self._buttons, self._buttons_ns = RELEASED, 0
         self._runtime: OpenVrRuntime | None = None
         self._overlay: Any = None
-        self._source: ButtonSource | None = None
+        self._source: ActionButtons | None = None
         self._device: int | None = None
         self._identity: DeviceIdentity | None = None
         self._gone = _View(ControllerStatus.DISCONNECTED, "SteamVR was not asked yet")
@@ -128,7 +127,7 @@ class OpenVrPoller:
     def play(self, haptic: Haptic, now_ns: int) -> None:
         """Let the hand feel a pattern in this and the next steps; nothing without a runtime."""
         if self._source is not None:
-            self._haptics.start(haptic, now_ns, self._source.pulse_every_s)
+            self._haptics.start(haptic, now_ns)
 
     def close(self) -> None:
         """Disconnect from the runtime; may be called twice."""
@@ -140,24 +139,15 @@ class OpenVrPoller:
 
     # --- the runtime ----------------------------------------------------------------------------
 
-    def _open_source(self, runtime: OpenVrRuntime) -> ButtonSource:
-        wish, vr = self._config.input, runtime.vr
-        if wish == "legacy":
-            return LegacyButtons(runtime, self._config)
-        why = "it has no SteamVR Input"
+    def _open_source(self, runtime: OpenVrRuntime) -> ActionButtons:
+        vr, why = runtime.vr, "it has no SteamVR Input"
         # asking the binding for an interface that the runtime lacks would disconnect
         if vr.isInterfaceVersionValid(vr.IVRInput_Version):
             try:
                 return ActionButtons(runtime, self._manifest, self._config.hand)
             except vr.error_code.InputError as error:
                 why = type(error).__name__
-        if wish == "actions":
-            raise DeviceError(
-                f"SteamVR does not take the actions of TAMS ({why}): update SteamVR, "
-                "or set controller.input to legacy."
-            )
-        self._note("warning", f"SteamVR does not take actions ({why}): legacy input is read")
-        return LegacyButtons(runtime, self._config)
+        raise DeviceError(f"SteamVR does not take the actions of TAMS ({why}): update SteamVR.")
 
     def _retry(self, now_ns: int) -> None:
         self._retry_ns = now_ns + RETRY_NS
@@ -206,7 +196,7 @@ class OpenVrPoller:
             return self._lose(f"the connection to SteamVR broke ({type(error).__name__})", now_ns)
 
     def _look_at_hand(
-        self, runtime: OpenVrRuntime, source: ButtonSource, poses: Any, now_ns: int
+        self, runtime: OpenVrRuntime, source: ActionButtons, poses: Any, now_ns: int
     ) -> _View:
         index = self._find_hand(runtime, poses)
         if index is None:
@@ -214,8 +204,8 @@ class OpenVrPoller:
         identity = self._identify(runtime, index)
         vibration = self._haptics.due(now_ns)
         if vibration is not None:
-            source.vibrate(index, vibration)
-        read = source.read(index, identity.controller_type)
+            source.vibrate(vibration)
+        read = source.read()
         trigger = read.trigger if read else None
         if self._hand.is_swapped(identity.serial, trigger, now_ns):
             why = f"now {identity.serial}"

@@ -6,7 +6,7 @@ from hw.openvr.bindings import COMMITTED_DIRECTORY, MANIFEST_NAME
 from hw.openvr.components import ROLES, Buttons
 from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime
-from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import FakeRuntime
 
 pytestmark = pytest.mark.untimed
 
@@ -28,42 +28,42 @@ def buttons(fake):
 
 def test_a_grip_without_a_scale_is_read_from_its_click(fake, buttons):
     fake.bound = (fake.bound - {"grip"}) | {"grip_click"}
-    assert buttons.read(RIGHT, KIND) == Buttons(grip=0.0)
+    assert buttons.read() == Buttons(grip=0.0)
     fake.press("grip_click")
-    assert buttons.read(RIGHT, KIND) == Buttons(grip=1.0)
+    assert buttons.read() == Buttons(grip=1.0)
 
 
 def test_the_analog_grip_goes_before_its_click(fake, buttons):
     fake.bound.add("grip_click")
     fake.press("grip", 0.25)
     fake.press("grip_click")
-    assert buttons.read(RIGHT, KIND).grip == 0.25
+    assert buttons.read().grip == 0.25
 
 
 @pytest.mark.parametrize("role", ROLES)
 def test_without_any_one_of_its_actions_nothing_is_read(fake, buttons, role):
     fake.bound.remove(role)
-    assert buttons.read(RIGHT, KIND) is None
+    assert buttons.read() is None
     assert buttons.unread == (role,)
     fake.bound.add(role)
-    assert buttons.read(RIGHT, KIND) is not None
+    assert buttons.read() is not None
     assert buttons.unread == ()
 
 
 def test_a_refused_update_leaves_everything_unread(fake, buttons):
     fake.update_error = openvr.VRInputError_NoActiveActionSet
-    assert buttons.read(RIGHT, KIND) is None
+    assert buttons.read() is None
     assert buttons.unread == ROLES
 
 
 def test_a_broken_pipe_is_not_hidden(fake, buttons):
     fake.update_error = openvr.VRInputError_IPCError
     with pytest.raises(openvr.error_code.InputError_IPCError):
-        buttons.read(RIGHT, KIND)
+        buttons.read()
 
 
 def test_a_vibration_is_handed_over_whole(fake, buttons):
-    buttons.vibrate(RIGHT, Vibration(0.16, 120.0, 1.0))
+    buttons.vibrate(Vibration(0.16, 120.0, 1.0))
     assert fake.vibrations == [("right", 0.16, 120.0, 1.0)]
 
 

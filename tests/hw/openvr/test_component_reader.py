@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.sources import LiveSetup
-from hw.openvr.legacy import ComponentReader
+from hw.openvr.component_reader import ComponentReader
 from tams_app.config import ControllerConfig, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerStatus
@@ -40,6 +40,35 @@ def test_each_component_is_told_by_its_own_name_whatever_the_mapping(runtime, co
         "a/click": 1.0,
         "b/click": 0.0,
     }
+
+
+@pytest.mark.parametrize(
+    ("kind", "bit", "pad", "pressed"),
+    [
+        ("vive_focus3_controller", 7, (0, 0), {"a/click"}),
+        ("vive_focus3_controller", 1, (0, 0), {"b/click"}),
+        ("vive_focus3_controller", 32, (0, 0), {"joystick/click"}),
+        ("vive_controller", 32, (0, -0.8), {"trackpad/south"}),
+        ("vive_controller", 32, (0, 0.8), {"trackpad/north"}),
+        ("vive_controller", 32, (0.1, 0.1), set()),
+        ("vive_controller", 1, (0, 0), {"application_menu/click"}),
+        ("vive_controller", 2, (0, 0), {"grip/click"}),
+        ("knuckles", 2, (0, 0), {"a/click"}),
+        ("knuckles", 1, (0, 0), {"b/click"}),
+        ("knuckles", 35, (0, 0), {"thumbstick/click"}),
+    ],
+)
+def test_each_button_is_found_where_the_type_has_it(runtime, components, kind, bit, pad, pressed):
+    hand = runtime.devices[RIGHT]
+    hand.controller_type, hand.pressed, hand.axes[0] = kind, 1 << bit, pad
+    values = components.read().values
+    assert {path for path, value in values.items() if value > 0.5} == pressed
+
+
+def test_a_pad_that_is_only_touched_is_no_button(runtime, components):
+    hand = runtime.devices[RIGHT]
+    hand.controller_type, hand.axes[0] = "vive_controller", (0.0, 0.9)
+    assert set(components.read().values.values()) == {0.0}
 
 
 def test_a_controller_that_is_away_and_input_that_is_taken_give_nothing(runtime, components):

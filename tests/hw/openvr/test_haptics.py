@@ -22,7 +22,7 @@ def played(player: HapticPlayer, seconds: float, start_ns: int = 0) -> list[tupl
 @pytest.mark.parametrize("haptic", Haptic)
 def test_a_pattern_is_played_whole_and_once(haptic):
     player = HapticPlayer()
-    player.start(haptic, 0, None)
+    player.start(haptic, 0)
     found = played(player, 2.0)
     assert [vibration for _, vibration in found] == [v for _, v in PATTERNS[haptic]]
     for (at_ns, _), (start_s, _) in zip(found, PATTERNS[haptic], strict=True):
@@ -33,52 +33,43 @@ def test_patterns_differ_in_number_length_or_strength():
     assert len(set(PATTERNS.values())) == len(Haptic)
 
 
-def test_a_vibration_is_cut_into_pulses_where_the_device_needs_it():
-    player = HapticPlayer()
-    player.start(Haptic.ENGAGE, 0, 0.008)
-    found = played(player, 1.0)
-    length_ns = PATTERNS[Haptic.ENGAGE][0][1].duration_s * NS_PER_S
-    assert len(found) == round(length_ns / (8 * NS_PER_MS))
-    assert found[-1][0] < length_ns
-
-
 def test_nothing_is_handed_over_within_the_smallest_gap():
     player = HapticPlayer()
-    player.start(Haptic.RELEASE, 0, None)
+    player.start(Haptic.RELEASE, 0)
     assert player.due(0) is not None
-    player.start(Haptic.RELEASE, 0, None)
+    player.start(Haptic.RELEASE, 0)
     assert player.due(MIN_GAP_NS - 1) is None
     assert player.due(MIN_GAP_NS) is not None
 
 
 def test_a_new_pattern_cuts_off_the_old_one():
     player = HapticPlayer()
-    player.start(Haptic.LIMIT, 0, None)
+    player.start(Haptic.LIMIT, 0)
     player.due(0)
-    player.start(Haptic.ENGAGE, 10 * NS_PER_MS, None)
+    player.start(Haptic.ENGAGE, 10 * NS_PER_MS)
     assert [v for _, v in played(player, 1.0, 10 * NS_PER_MS)] == [PATTERNS[Haptic.ENGAGE][0][1]]
 
 
 def test_nothing_cuts_off_a_fault():
     player = HapticPlayer()
-    player.start(Haptic.FAULT, 0, None)
+    player.start(Haptic.FAULT, 0)
     player.due(0)
-    player.start(Haptic.RELEASE, 10 * NS_PER_MS, None)
+    player.start(Haptic.RELEASE, 10 * NS_PER_MS)
     found = played(player, 1.0, 10 * NS_PER_MS)
     assert [v for _, v in found] == [v for _, v in PATTERNS[Haptic.FAULT][1:]]
-    player.start(Haptic.RELEASE, 2 * NS_PER_S, None)
+    player.start(Haptic.RELEASE, 2 * NS_PER_S)
     assert player.due(2 * NS_PER_S) == PATTERNS[Haptic.RELEASE][0][1]
 
 
 def test_after_a_delay_only_the_newest_pulse_is_handed_over():
     player = HapticPlayer()
-    player.start(Haptic.FAULT, 0, 0.008)
+    player.start(Haptic.FAULT, 0)
     assert player.due(10 * NS_PER_S) is not None
     assert player.due(11 * NS_PER_S) is None
 
 
 def test_silence_ends_everything():
     player = HapticPlayer()
-    player.start(Haptic.FAULT, 0, None)
+    player.start(Haptic.FAULT, 0)
     player.silence()
     assert played(player, 1.0) == []

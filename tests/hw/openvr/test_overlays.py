@@ -1,4 +1,4 @@
-"""Where overlays stand, over the faked function table; tests/console/headset has their pictures."""
+"""Where overlays stand, over the faked function table; tests/faces/headset has their pictures."""
 
 import numpy as np
 import openvr

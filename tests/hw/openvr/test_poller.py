@@ -1,5 +1,3 @@
-from itertools import pairwise
-
 import openvr
 import pytest
 from scipy.spatial.transform import Rotation
@@ -10,7 +8,7 @@ from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.hw.openvr.fake_openvr import HEADSET, LEFT, RIGHT, SPARE, FakeDevice, FakeRuntime
+from tests.hw.openvr.fake_openvr import HEADSET, RIGHT, SPARE, FakeDevice, FakeRuntime
 
 pytestmark = pytest.mark.untimed
 
@@ -572,7 +570,7 @@ def test_a_headset_that_goes_to_sleep_alone_is_no_lost_runtime(rig):
     assert rig.run(3.0).status is ControllerStatus.OK
 
 
-# --- actions and legacy input -------------------------------------------------------------------
+# --- actions ------------------------------------------------------------------------------------
 
 
 def test_the_manifest_is_set_before_the_first_event_is_taken(rig):
@@ -584,43 +582,14 @@ def test_the_manifest_is_set_before_the_first_event_is_taken(rig):
 
 
 @pytest.mark.parametrize("fault", ["no interface", "manifest refused"])
-def test_without_actions_the_legacy_state_is_read_and_this_is_told(runtime, fault):
+def test_a_runtime_that_does_not_take_actions_is_refused(runtime, fault):
     runtime.has_input_interface = fault != "no interface"
     if fault == "manifest refused":
         runtime.manifest_error = openvr.VRInputError_MismatchedActionManifest
     rig = PollerRig(runtime)
-    rig.poller.connect()
-    runtime.devices[RIGHT].axes[1] = (0.75, 0.0)
-    assert rig.step().trigger == 0.75
-    assert rig.told("legacy input is read") == 1
-    assert runtime.connections == 1
-
-
-def test_actions_only_means_that_a_runtime_without_them_is_refused(runtime):
-    runtime.has_input_interface = False
-    rig = PollerRig(runtime, input="actions")
-    with pytest.raises(DeviceError, match=r"controller\.input"):
+    with pytest.raises(DeviceError, match=r"does not take the actions of TAMS .* update SteamVR"):
         rig.poller.connect()
     assert runtime.connections == 0
-
-
-def test_legacy_input_asks_for_no_actions(runtime):
-    rig = PollerRig(runtime, input="legacy")
-    rig.poller.connect()
-    sample = rig.step()
-    assert sample.buttons_ns == rig.now_ns
-    assert runtime.manifest is None
-
-
-def test_legacy_input_is_blocked_by_an_open_dashboard(runtime):
-    rig = PollerRig(runtime, input="legacy")
-    rig.poller.connect()
-    runtime.devices[RIGHT].axes[1] = (1.0, 0.0)
-    assert rig.step().trigger == 1.0
-    runtime.dashboard = True
-    sample = rig.step()
-    assert sample.status is ControllerStatus.DASHBOARD
-    assert sample.trigger == 0.0
 
 
 # --- pulses -------------------------------------------------------------------------------------
@@ -638,22 +607,6 @@ def test_each_pulse_feels_different(rig):
     assert () not in felt
 
 
-def test_legacy_pulses_go_to_the_hand_no_faster_than_the_runtime_takes_them(runtime):
-    rig = PollerRig(runtime, input="legacy")
-    rig.poller.connect()
-    rig.step()
-    rig.poller.play(Haptic.ENGAGE, rig.now_ns)
-    times_ns = []
-    for _ in range(50):
-        before = len(runtime.pulses)
-        rig.step()
-        times_ns += [rig.now_ns] * (len(runtime.pulses) - before)
-    assert len(times_ns) >= 5
-    gaps = [b - a for a, b in pairwise(times_ns)]
-    assert min(gaps) >= 5 * NS_PER_MS
-    assert {device for device, _ in runtime.pulses} == {RIGHT}
-
-
 def test_a_pulse_without_a_runtime_is_forgotten(rig):
     rig.step()
     rig.poller.play(Haptic.FAULT, rig.now_ns)
@@ -668,11 +621,11 @@ def test_a_pulse_without_a_runtime_is_forgotten(rig):
 
 
 def test_a_pulse_with_the_left_controller_goes_to_the_left(runtime):
-    rig = PollerRig(runtime, hand="left", input="legacy")
+    rig = PollerRig(runtime, hand="left")
     rig.poller.connect()
     rig.poller.play(Haptic.ENGAGE, rig.now_ns)
     rig.run(0.2)
-    assert {device for device, _ in runtime.pulses} == {LEFT}
+    assert {hand for hand, *_ in runtime.vibrations} == {"left"}
 
 
 def test_closing_twice_disconnects_once(rig):

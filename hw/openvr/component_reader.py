@@ -1,81 +1,30 @@
-"""Buttons and pulses through the legacy controller state, where SteamVR Input does not serve."""
+"""Every component of a controller through the state that knows no bindings, for calibration."""
 
 from __future__ import annotations
 
 from typing import Any
 
 from hw.openvr.components import (
-    ASSUMED_TYPE,
     COMPONENTS,
-    ROLES,
     Axis,
     Button,
-    Buttons,
     ComponentReading,
-    LegacySource,
     PadSide,
-    configured_role_map,
+    StatePlace,
 )
 from hw.openvr.devices import identify
-from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
 from tams_app.config import ControllerConfig
-from tams_app.errors import ConfigError, DeviceError
+from tams_app.errors import DeviceError
 
 _PAD_BUTTON = 32  # k_EButton_SteamVR_Touchpad, axis 0
 _PAD_EDGE = 0.3  # from the middle, of the pad's radius
-_HAPTIC_AXIS = 0
-_MAX_PULSE_US = 3900  # longer ones are cut off
-
-
-def legacy_sources(config: ControllerConfig) -> dict[str, dict[str, LegacySource]]:
-    """Controller type → role → place in the state; ConfigError for a component that has none."""
-    places: dict[str, dict[str, LegacySource]] = {}
-    for controller_type in COMPONENTS:
-        places[controller_type] = {}
-        for role, component in configured_role_map(controller_type, config.hand, config).items():
-            if component.legacy is None:
-                raise ConfigError(
-                    f"controller.mapping.{controller_type}.{role}: {component.path} can only be "
-                    "read with controller.input: actions."
-                )
-            places[controller_type][role] = component.legacy
-    return places
-
-
-class LegacyButtons:
-    """Reads the raw state; a controller of unknown type is taken for a Focus 3's."""
-
-    pulse_every_s: float | None = 0.008  # the runtime wants 5 ms between pulses; two polls
-
-    def __init__(self, runtime: OpenVrRuntime, config: ControllerConfig) -> None:
-        self._system = runtime.system
-        self._sources = legacy_sources(config)
-        self.unread: tuple[str, ...] = ()
-
-    def read(self, device: int, controller_type: str) -> Buttons | None:
-        available, state = self._system.getControllerState(device)
-        if not available:
-            self.unread = ROLES
-            return None
-        self.unread = ()
-        places = self._sources.get(controller_type) or self._sources[ASSUMED_TYPE]
-        values = {role: component_value(state, place) for role, place in places.items()}
-        return Buttons(
-            values["trigger"],
-            values["grip"],
-            **{role: values[role] > 0.5 for role in ("a", "b", "menu")},
-        )
-
-    def vibrate(self, device: int, vibration: Vibration) -> None:
-        length_us = round(vibration.amplitude * _MAX_PULSE_US)
-        self._system.triggerHapticPulse(device, _HAPTIC_AXIS, length_us)
 
 
 class ComponentReader:
     """Reads every component of the operator's controller, whatever part it plays.
 
-    For `calibrate frame`: the legacy state knows nothing of actions and bindings, so a wrong
+    For `calibrate frame`: the controller state knows nothing of actions and bindings, so a wrong
     mapping cannot hide a button. No thread: calls wait for the runtime. Not while an
     `OpenVrController` is open.
     """
@@ -120,15 +69,15 @@ class ComponentReader:
         if not available:
             return None
         values = {
-            component.path: component_value(state, component.legacy)
+            component.path: component_value(state, component.place)
             for component in COMPONENTS[kind][self._hand]
-            if component.legacy is not None
+            if component.place is not None
         }
         return ComponentReading(kind, values)
 
 
-def component_value(state: Any, place: LegacySource) -> float:
-    """How far a component is pressed in the legacy state, 0..1."""
+def component_value(state: Any, place: StatePlace) -> float:
+    """How far a component is pressed in the controller state, 0..1."""
     match place:
         case Axis(number):
             return float(state.rAxis[number].x)
