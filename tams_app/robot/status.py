@@ -22,9 +22,10 @@ from tams_app.records import (
 )
 from tams_app.robot.control import ShownVideo, describe, lasting_label
 from tams_app.robot.listener import Listener
-from tams_app.robot.uplink_meter import WINDOW_NS, UplinkFigures, UplinkMeter
+from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS
+from tams_app.video.core.uplink_figures import uplink_figures
 
 
 class StatusBoard(Listener):
@@ -41,7 +42,7 @@ class StatusBoard(Listener):
         self._heard_ns: int | None = None
         self._last_stop = ""
         self._uplink = UplinkMeter(views)
-        self._figures = UplinkFigures(dict.fromkeys(views))
+        self._figures = uplink_figures((), views, WINDOW_NS)
 
     def on_phase(self, change: PhaseChange) -> None:
         self._phase = change.phase

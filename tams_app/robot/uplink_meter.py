@@ -4,32 +4,19 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 from tams_app.records import (
     PacketFate,
-    PacketKind,
     PacketRecord,
     UplinkReport,
     UplinkSummary,
 )
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_S
+from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 
 WINDOW_NS = NS_PER_S
 _OLD_NS = 2 * NS_PER_S  # what is known of so long ago says nothing of now
-_PER_KBPS = 1000 * WINDOW_NS / NS_PER_S
-_UNPAID = (PacketKind.RTCP, PacketKind.PADDING)  # no view's target pays for them
-
-
-@dataclass(frozen=True, slots=True)
-class UplinkFigures:
-    """Of one second; None while nothing is known."""
-
-    sent_kbps: Mapping[str, float | None]  # by view
-    link_kbps: float | None = None  # all views
-    queue_ms: float | None = None  # of the newest packet that came through
-    loss: float | None = None  # share of the media packets
 
 
 class UplinkMeter:
@@ -63,20 +50,9 @@ class UplinkMeter:
         """As far as they are known."""
         with self._lock:
             packets = list(self._packets)
-        if not packets or now_ns - packets[-1].entered_ns > _OLD_NS:
-            return UplinkFigures(dict.fromkeys(self._views))
-        bits = dict.fromkeys(self._views, 0)
-        for packet in packets:
-            if packet.kind not in _UNPAID:
-                bits[packet.view] += packet.size_bytes * 8
-        media = [packet.fate for packet in packets if packet.kind is PacketKind.MEDIA]
-        lost = sum(fate is not PacketFate.DELIVERED for fate in media)
-        return UplinkFigures(
-            sent_kbps={view: bits[view] / _PER_KBPS for view in self._views},
-            link_kbps=sum(packet.size_bytes * 8 for packet in packets) / _PER_KBPS,
-            queue_ms=_sojourn_ms(packets),
-            loss=lost / len(media) if media else None,
-        )
+        if packets and now_ns - packets[-1].entered_ns > _OLD_NS:
+            packets = []
+        return uplink_figures(packets, self._views, WINDOW_NS)
 
     def _add(self, packets: Sequence[PacketRecord]) -> None:
         self._packets.extend(packets)
@@ -100,11 +76,3 @@ def summary_of(report: UplinkReport, told: Sequence[PacketRecord]) -> UplinkSumm
         fraction_lost={one.view: one.fraction_lost for one in report.receptions},
         round_trip_ns={one.view: one.round_trip_ns for one in report.receptions},
     )
-
-
-def _sojourn_ms(packets: list[PacketRecord]) -> float | None:
-    """Sojourn in the bottleneck of the last packet that left it."""
-    for packet in reversed(packets):
-        if packet.departed_ns:
-            return (packet.departed_ns - packet.entered_ns) / NS_PER_MS
-    return None

@@ -14,12 +14,12 @@ from tams_app.records import (
     Allocation,
     FrameQuality,
     LinkCapacity,
-    PacketFate,
-    PacketKind,
+    PacketRecord,
     PolicyInputs,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 
 PERIOD_NS = NS_PER_S
 _UNDER_WAY = 300  # captures of a view that may still be shown
@@ -59,10 +59,6 @@ class Rates:
 class _Second:
     """What was counted of one view."""
 
-    sent_bytes: int = 0  # padding left out: no target pays for it
-    padding_bytes: int = 0
-    packets: int = 0
-    lost: int = 0
     captured: int = 0
     shown: int = 0
     latency_ms: list[float] = field(default_factory=list)
@@ -81,7 +77,7 @@ class RatesMeter:
         self._views = views
         self._begun_ns = started_ns
         self._seconds = {view: _Second() for view in views}
-        self._queue_ns: int | None = None
+        self._packets: list[PacketRecord] = []
         self._told: ToldPackets | None = ToldPackets()  # None: the fates of all are known
         self._allocation: Allocation | None = None
         self._capacity_kbps: float | None = None
@@ -131,50 +127,11 @@ class RatesMeter:
 
     def _on_told(self, inputs: PolicyInputs) -> None:
         if self._told is not None:
-            for one in self._told.step(inputs.report().arrivals):
-                self._count(
-                    one.view,
-                    one.kind.value,
-                    one.size_bytes,
-                    one.entered_ns,
-                    one.departed_ns,
-                    one.fate.value,
-                )
+            self._packets += self._told.step(inputs.report().arrivals)
 
     def _on_packets(self, batch: PacketBatch) -> None:
         self._told = None
-        columns = zip(
-            batch.view,
-            batch.kind,
-            batch.size_bytes,
-            batch.entered_ns,
-            batch.departed_ns,
-            batch.fate,
-            strict=True,
-        )
-        for column in columns:
-            self._count(*column)
-
-    def _count(
-        self,
-        view: str,
-        kind: int,
-        size_bytes: int,
-        entered_ns: int,
-        departed_ns: int,
-        fate: int,
-    ) -> None:
-        if kind == PacketKind.RTCP.value:
-            return
-        second = self._seconds[view]
-        second.packets += 1
-        if kind == PacketKind.PADDING.value:
-            second.padding_bytes += size_bytes
-        else:
-            second.sent_bytes += size_bytes
-        second.lost += fate != PacketFate.DELIVERED.value
-        if departed_ns:
-            self._queue_ns = max(self._queue_ns or 0, departed_ns - entered_ns)
+        self._packets += batch.packets()
 
     def take(self, now_ns: int) -> Rates | None:
         """What the second amounts to that has ended by `now_ns`; None while none has."""
@@ -183,31 +140,30 @@ class RatesMeter:
             return None
         passed_s = passed_ns / NS_PER_S
         seconds, allocation = self._seconds, self._allocation
-        views = tuple(self._view(view, second, passed_s) for view, second in seconds.items())
-        packets = sum(one.packets for one in seconds.values())
-        sent_bits = sum(one.sent_bytes + one.padding_bytes for one in seconds.values()) * 8
+        figures = uplink_figures(self._packets, self._views, passed_ns)
+        views = tuple(self._view(view, figures, passed_s) for view in seconds)
         rates = Rates(
             t_ns=now_ns,
             target_kbps=None if allocation is None else sum(allocation.target_kbps.values()),
-            sent_kbps=sent_bits / 1000 / passed_s if packets else None,
+            sent_kbps=figures.link_kbps,
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             capacity_kbps=self._capacity_kbps,
             estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
-            queue_ms=None if self._queue_ns is None else self._queue_ns / NS_PER_MS,
-            loss=sum(one.lost for one in seconds.values()) / packets if packets else None,
+            queue_ms=figures.longest_queue_ms,
+            loss=figures.loss,
             views=views,
         )
-        self._begun_ns, self._queue_ns = now_ns, None
+        self._begun_ns, self._packets = now_ns, []
         self._seconds = {view: _Second() for view in self._views}
         return rates
 
-    def _view(self, view: str, second: _Second, passed_s: float) -> ViewRates:
-        allocation, packets = self._allocation, second.packets
+    def _view(self, view: str, figures: UplinkFigures, passed_s: float) -> ViewRates:
+        allocation, second = self._allocation, self._seconds[view]
         return ViewRates(
             view=view,
             target_kbps=None if allocation is None else allocation.target_kbps.get(view),
-            sent_kbps=second.sent_bytes * 8 / 1000 / passed_s if packets else None,
-            loss=second.lost / packets if packets else None,
+            sent_kbps=figures.sent_kbps[view],
+            loss=figures.view_loss[view],
             captured_fps=second.captured / passed_s,
             shown_fps=second.shown / passed_s,
             latency_ms=statistics.median(second.latency_ms) if second.latency_ms else None,

@@ -13,9 +13,10 @@ from tams_app.records import (
     UplinkReport,
     UplinkSummary,
 )
-from tams_app.robot.uplink_meter import UplinkFigures, UplinkMeter, summary_of
+from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter, summary_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.uplink_figures import uplink_figures
 
 pytestmark = pytest.mark.untimed
 
@@ -66,7 +67,7 @@ def test_a_report_of_nothing_but_losses_has_no_queueing() -> None:
 
 def test_nothing_is_known_before_anything_is_told_nor_long_after() -> None:
     meter = UplinkMeter(("eih", "gt"))
-    nothing = UplinkFigures({"eih": None, "gt": None})
+    nothing = uplink_figures((), ("eih", "gt"), WINDOW_NS)
     assert meter.figures(0) == nothing
     meter.told(ToldPackets().step(arrivals("gt", 0, 10)))
     assert meter.figures(NS_PER_S).loss == 0.0

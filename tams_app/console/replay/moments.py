@@ -10,11 +10,12 @@ import numpy as np
 from tams_app.capacity import finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.records import Note, PacketKind, SessionState, ViewState
+from tams_app.records import Note, SessionState, ViewState
 from tams_app.robot.uplink_meter import WINDOW_NS
-from tams_app.summary.tables import FrameTable, Integers, PacketTable, known_packets
+from tams_app.summary.tables import FrameTable, Integers, known_packets
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 
 T = TypeVar("T")
 
@@ -31,8 +32,8 @@ class Moments:
         self._capacity_ns = _times([one.t_ns for one in log.capacities])
         self._rates_ns = _times([one.t_ns for one in log.rates])
         self._frames = {view: FrameTable.of(log, view) for view in self._views}
-        packets = PacketTable.of(log, sorted(known_packets(log), key=lambda one: one.entered_ns))
-        self._packets = packets
+        self._packets = sorted(known_packets(log), key=lambda one: one.entered_ns)
+        self._entered_ns = _times([packet.entered_ns for packet in self._packets])
         self._weights = WeightMatrix(log.header.weights) if log.header.weights else None
         self._stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
         self._stop_ns = _times([stop.visible_ns for stop in self._stops])
@@ -47,8 +48,8 @@ class Moments:
         rates = _last(log.rates, self._rates_ns, t_ns)
         stop = _last(self._stops, self._stop_ns, t_ns)
         arm = None if tick is None else tick.arm
-        since, until = np.searchsorted(self._packets.entered_ns, (t_ns - WINDOW_NS, t_ns))
-        recent = slice(int(since), int(until))
+        since, until = np.searchsorted(self._entered_ns, (t_ns - WINDOW_NS, t_ns))
+        figures = uplink_figures(self._packets[since:until], self._views, WINDOW_NS)
         targets = {} if allocation is None else allocation.target_kbps
         primary = self._weights and change and self._weights.primary_view(change.phase)
         x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
@@ -66,17 +67,16 @@ class Moments:
             tcp_mm=None if arm is None else (x, y, z),
             gripper_closed=None if arm is None else arm.gripper_closed,
             views={
-                view: self._view(place, view, t_ns, recent, targets.get(view))
-                for place, view in enumerate(self._views)
+                view: self._view(view, t_ns, figures, targets.get(view)) for view in self._views
             },
-            link_kbps=_kbps(self._packets.size_bytes[recent]),
+            link_kbps=figures.link_kbps,
             capacity_kbps=None if capacity is None else finite(capacity.capacity_kbps),
-            queue_ms=self._queue_ms(recent),
+            queue_ms=figures.queue_ms,
             asked_fps=log.header.fps if rates is None else rates.asked_fps,
             primary_view=primary or "",
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
-            loss=self._loss(recent),
+            loss=figures.loss,
         )
 
     def notes_between(self, after_ns: int, until_ns: int) -> list[Note]:
@@ -84,16 +84,15 @@ class Moments:
         return [note for note in self._log.notes if after_ns < note.t_ns <= until_ns]
 
     def _view(
-        self, place: int, view: str, t_ns: int, recent: slice, target_kbps: float | None
+        self, view: str, t_ns: int, figures: UplinkFigures, target_kbps: float | None
     ) -> ViewState:
-        packets, frames = self._packets, self._frames[view]
-        mine = packets.is_video[recent] & (packets.view[recent] == place)
+        frames = self._frames[view]
         shown = np.flatnonzero((frames.shown_ns > 0) & (frames.shown_ns <= t_ns))
         newest = int(shown[-1]) if len(shown) else None
         given = np.searchsorted(frames.capture_ns, (t_ns - NS_PER_S, t_ns))
         return ViewState(
             target_kbps=target_kbps,
-            sent_kbps=_kbps(packets.size_bytes[recent][mine]),
+            sent_kbps=figures.sent_kbps[view],
             age_ms=None if newest is None else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
             given_fps=float(given[1] - given[0]),
             shown_fps=float(np.sum(frames.shown_ns[shown] > t_ns - NS_PER_S)),
@@ -101,17 +100,6 @@ class Moments:
             if newest is None
             else int(frames.shown_ns[newest] - frames.capture_ns[newest]) / NS_PER_MS,
         )
-
-    def _queue_ms(self, recent: slice) -> float | None:
-        packets = self._packets
-        waits_ns = packets.departed_ns[recent] - packets.entered_ns[recent]
-        waits_ns = waits_ns[packets.departed_ns[recent] > 0]
-        return float(waits_ns[-1]) / NS_PER_MS if len(waits_ns) else None
-
-    def _loss(self, recent: slice) -> float | None:
-        packets = self._packets
-        media = packets.kind[recent] == PacketKind.MEDIA.value
-        return float(1.0 - packets.delivered[recent][media].mean()) if media.any() else None
 
 
 def _times(values: Sequence[int]) -> Integers:
@@ -122,7 +110,3 @@ def _last(records: Sequence[T], times_ns: Integers, t_ns: int) -> T | None:
     """The last record that is not later than `t_ns`."""
     number = int(np.searchsorted(times_ns, t_ns, side="right"))
     return records[number - 1] if number else None
-
-
-def _kbps(sizes_bytes: Integers) -> float:
-    return float(sizes_bytes.sum()) * 8 / 1000 / (WINDOW_NS / NS_PER_S)
