@@ -1,3 +1,3 @@
-"""What people look at and type into: live line, window, doctor, dialogue."""
+"""What the commands do and print: sessions on the terminal, doctor, reports, speed, replay."""
 
-__all__ = ["app", "doctor", "report", "window"]
+__all__ = ["app", "doctor", "report"]

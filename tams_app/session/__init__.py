@@ -1,3 +1,3 @@
-"""Sessions: the parts built from a configuration, started, watched and stopped, live or virtual."""
+"""Sessions as compositions of the two sides, and what they leave behind."""
 
-__all__ = ["session", "virtual"]
+__all__ = ["operate", "robot", "run", "virtual"]

@@ -29,8 +29,8 @@ from tams_app.console import home
 from tams_app.console.home import run_home
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
 from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.robot import homing
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session import homing
 from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from hw.camera import Camera
+from hw.contract import CameraBench
 from hw.make_camera import make_camera
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
@@ -27,15 +27,13 @@ SMALL = VideoConfig(width=160, height=120)
 VIEW = "gt"
 
 
-class CameraRig(ABC):
-    """Makes cameras of `SMALL` frames, and lets time pass for them."""
+class CameraRig(CameraBench):
+    """Makes cameras of `SMALL` frames, and absent and silent ones."""
+
+    view, video = VIEW, SMALL
 
     def __init__(self) -> None:
         self.cleaning = ExitStack()
-
-    @abstractmethod
-    def camera(self) -> Camera:
-        """A camera that is there, not started."""
 
     def absent_camera(self) -> Camera:
         """A camera that is not there, of the kinds that can be absent."""
@@ -44,12 +42,6 @@ class CameraRig(ABC):
     def silence(self) -> None:
         """Have the started camera give no more frames, of the kinds that can fall silent."""
         raise AssertionError(f"a {type(self).__name__} never falls silent")
-
-    def now_ns(self) -> int:
-        return time.monotonic_ns()
-
-    def wait(self, seconds: float) -> None:
-        time.sleep(seconds)
 
 
 class SimRig(CameraRig):

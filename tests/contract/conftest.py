@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from abc import abstractmethod
+from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 
@@ -14,40 +14,32 @@ import pytest
 from hw.arm import Arm, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
 from hw.boundary import session_boundary
+from hw.contract.arm import CONTROL_RATE_HZ, ArmBench
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
-CONTROL_RATE_HZ = 120
-WITHIN_S = 10.0  # generous: the machine may be busy
 
 
-class ArmRig(ABC):
-    """An arm that stands at the ready pose, a way to let time pass, and to let things go wrong."""
+class ArmRig(ArmBench):
+    """A bench on which things can go wrong as well."""
 
+    ready_joints = READY_JOINTS
+    deadman_s = ArmConfig().velocity_deadman_s
     collision: str  # how the arm's controller names it
     gripper_attempts: int  # at a command that the controller refuses
 
     @abstractmethod
     def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
         """Another driver of the same controller, not connected."""
-
-    @abstractmethod
-    def advance(self, seconds: float) -> None:
-        """Let time pass for the arm."""
-
-    @abstractmethod
-    def elapsed_s(self) -> float:
-        """Of the time that `advance` lets pass."""
 
     @abstractmethod
     def is_stopped(self) -> bool:
@@ -80,39 +72,6 @@ class ArmRig(ABC):
     @abstractmethod
     def mend_gripper(self) -> None:
         """Gripper commands are done again."""
-
-    def until(self, condition: Callable[[], bool]) -> bool:
-        """Let time pass until `condition` holds; False if it does not in good time."""
-        deadline_s = self.elapsed_s() + WITHIN_S
-        while self.elapsed_s() < deadline_s:
-            if condition():
-                return True
-            self.advance(0.01)
-        return False
-
-    def next_state(self, arm: Arm, reports: int = 2) -> ArmState:
-        """A state that was measured after this call; never mind what is still on its way."""
-        for _ in range(reports):
-            self._await_report(arm)
-        state = arm.state()
-        assert state is not None
-        return state
-
-    def stream(self, arm: Arm, twist: Twist, seconds: float) -> None:
-        """Send `twist` like a control loop."""
-        for _ in range(round(seconds * CONTROL_RATE_HZ)):
-            arm.send_twist(twist)
-            self.advance(1.0 / CONTROL_RATE_HZ)
-
-    def _await_report(self, arm: Arm) -> None:
-        before = arm.state()
-        received_ns = before.received_ns if before else 0
-
-        def newer() -> bool:
-            state = arm.state()
-            return state is not None and state.received_ns > received_ns
-
-        assert self.until(newer), "the arm's reports have stopped"
 
 
 def raised(boundary: TcpBoundary, height_mm: float) -> TcpBoundary:

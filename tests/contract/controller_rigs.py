@@ -10,14 +10,14 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from abc import abstractmethod
 from contextlib import ExitStack
 from itertools import cycle, repeat
 
 import numpy as np
 import openvr
 
+from hw.contract import ControllerBench
 from hw.controller import Controller
 from hw.desk.gamepad import Gamepad, sdl2
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
@@ -35,7 +35,7 @@ from tams_app.config import (
     OperatorConfig,
 )
 from tams_app.link.messages import HandMessage, decode, encode
-from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.records import ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.operator_process import publish
@@ -51,10 +51,9 @@ TICK_NS = 8 * NS_PER_MS
 WITHIN_S = 20.0  # generous: the machine may be busy
 
 
-class ControllerRig(ABC):
+class ControllerRig(ControllerBench):
     """A controller, the hand that holds it, and a way to let time pass."""
 
-    controller: Controller
     faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
     has_menu = True
     can_be_felt = True
@@ -85,25 +84,8 @@ class ControllerRig(ABC):
         self.inject(SensorFault.FROZEN_POSE)
 
     @abstractmethod
-    def advance(self) -> int:
-        """Let one tick pass; the time now [ns]."""
-
-    @abstractmethod
     def felt(self) -> int:
         """How many vibrations have reached the hand."""
-
-    def sample(self) -> ControllerSample:
-        return self.controller.sample(self.advance())
-
-    def until(self, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
-        """The first sample that `holds`, within good time."""
-        deadline_ns = self.advance() + round(WITHIN_S * NS_PER_S)
-        while True:
-            now_ns = self.advance()
-            sample = self.controller.sample(now_ns)
-            if holds(sample):
-                return sample
-            assert now_ns < deadline_ns, f"still {sample}"
 
 
 class _Holding:

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import pairwise
 
-import numpy as np
 import pytest
 
 from hw.camera import Camera
+from hw.contract import CAMERA_PROMISES, CameraBench, Promise
 from tams_app.errors import DeviceError
-from tams_app.records import Frame
 from tams_app.units import NS_PER_S
-from tests.contract.camera_rigs import SMALL, VIEW, CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
+from tests.contract.camera_rigs import CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
 from tests.hw.v4l2.fake_cameras import CameraProcess, camera_process
-
-PATIENCE_S = 5.0  # generous: the machine may be busy
 
 pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 
@@ -49,10 +45,9 @@ def camera(rig: CameraRig) -> Iterator[Camera]:
     camera.close()
 
 
-def next_of(camera: Camera) -> Frame:
-    frame = camera.next_frame(PATIENCE_S)
-    assert frame is not None
-    return frame
+@pytest.mark.parametrize("promise", CAMERA_PROMISES, ids=lambda promise: promise.__name__)
+def test_every_camera_keeps_what_is_promised(rig: CameraRig, promise: Promise[CameraBench]) -> None:
+    promise(rig)
 
 
 @pytest.mark.parametrize("rig", ["sim", "file", "v4l2"], indirect=True)
@@ -64,73 +59,12 @@ def test_a_camera_that_is_not_there_is_one_sentence_at_the_start(rig: CameraRig)
     camera.close()
 
 
-def test_frames_are_of_the_view_and_of_the_size_asked_for(camera: Camera) -> None:
-    frame = next_of(camera)
-    assert frame.view == VIEW
-    assert frame.image.shape == (SMALL.height, SMALL.width, 3)
-    assert frame.image.dtype == np.uint8
-
-
-def test_indices_and_capture_times_only_grow(rig: CameraRig, camera: Camera) -> None:
-    frames = [next_of(camera) for _ in range(12)]
-    assert all(b.index > a.index for a, b in pairwise(frames))
-    assert all(b.capture_ns > a.capture_ns for a, b in pairwise(frames))
-    assert frames[-1].capture_ns <= rig.now_ns()
-
-
-def test_indices_are_places_on_a_fixed_grid(camera: Camera) -> None:
-    frames = [next_of(camera) for _ in range(12)]
-    offsets = [f.index - f.capture_ns * SMALL.fps / NS_PER_S for f in frames]
-    assert max(offsets) - min(offsets) <= 1.5
-
-
-def test_frames_not_read_are_skipped_and_leave_a_gap(rig: CameraRig, camera: Camera) -> None:
-    before = next_of(camera)
-    rig.wait(0.5)
-    after = next_of(camera)
-    periods = (after.capture_ns - before.capture_ns) * SMALL.fps / NS_PER_S
-    assert periods > 5
-    assert after.index - before.index == pytest.approx(periods, abs=1.5)
-
-
-def test_each_frame_is_the_callers_own(rig: CameraRig, camera: Camera) -> None:
-    frame = next_of(camera)
-    original = frame.image.copy()
-    for _ in range(6):
-        other = next_of(camera)
-        assert not np.shares_memory(other.image, frame.image)
-        other.image[:] = 0
-    np.testing.assert_array_equal(frame.image, original)
-
-
 @pytest.mark.parametrize("rig", ["sim", "v4l2"], indirect=True)
 def test_a_silent_camera_gives_none_after_the_timeout(rig: CameraRig, camera: Camera) -> None:
-    next_of(camera)
+    rig.frames(camera, 1)
     rig.silence()
     while camera.next_frame(0.2) is not None:
         pass
-    start_ns = rig.now_ns()
+    start_ns = rig.clock.now_ns()
     assert camera.next_frame(0.2) is None
-    assert rig.now_ns() - start_ns >= 0.2 * NS_PER_S
-
-
-def test_before_the_start_and_after_the_end_there_are_no_frames(rig: CameraRig) -> None:
-    camera = rig.camera()
-    with pytest.raises(DeviceError, match="not started"):
-        camera.next_frame(0.01)
-    camera.start()
-    camera.close()
-    camera.close()
-    with pytest.raises(DeviceError, match="not started"):
-        camera.next_frame(0.01)
-
-
-def test_a_closed_camera_can_be_opened_again(rig: CameraRig) -> None:
-    first = rig.camera()
-    first.start()
-    next_of(first)
-    first.close()
-    second = rig.camera()
-    second.start()
-    next_of(second)
-    second.close()
+    assert rig.clock.now_ns() - start_ns >= 0.2 * NS_PER_S

@@ -9,11 +9,12 @@ from contextlib import ExitStack
 
 import pytest
 
+from hw.contract import CONTROLLER_PROMISES, ControllerBench, Promise
+from hw.contract.controller import FRESH_WITHIN_NS, is_in_use, is_released
 from tams_app.config import ClutchConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.teleop.clutch import Clutch
-from tams_app.units import NS_PER_MS
 from tests.contract.controller_rigs import (
     CableGamepadRig,
     ControllerRig,
@@ -37,7 +38,6 @@ WITH_BUTTONS = {  # that still stop the arm
     SensorFault.ROLE_SWAPPED,
     SensorFault.TRACKING_FRAME_CHANGED,
 }
-FRESH_WITHIN_NS = 100 * NS_PER_MS  # what the safety logic takes for fresh
 
 
 RIGS: dict[str, type[ControllerRig]] = {
@@ -77,47 +77,11 @@ def held(rig: ControllerRig) -> ControllerRig:
     return rig
 
 
-def is_in_use(sample: ControllerSample) -> bool:
-    return sample.status is ControllerStatus.OK and sample.trigger == 1.0
-
-
-def is_released(sample: ControllerSample) -> bool:
-    pressed = sample.a or sample.b or sample.menu
-    return (sample.trigger, sample.grip, pressed) == (0.0, 0.0, False)
-
-
-def test_a_controller_that_was_not_started_is_disconnected_and_released(
-    rig: ControllerRig,
+@pytest.mark.parametrize("promise", CONTROLLER_PROMISES, ids=lambda promise: promise.__name__)
+def test_every_controller_keeps_what_is_promised(
+    rig: ControllerRig, promise: Promise[ControllerBench]
 ) -> None:
-    sample = rig.sample()
-    assert sample.status is ControllerStatus.DISCONNECTED
-    assert sample.pose is None
-    assert is_released(sample)
-
-
-def test_the_first_sample_after_the_start_is_fresh(rig: ControllerRig) -> None:
-    rig.controller.start()
-    before_ns = rig.advance()
-    sample = rig.until(lambda sample: sample.pose_ns >= before_ns)
-    assert sample.status is ControllerStatus.OK
-    assert sample.pose is not None
-
-
-def test_pose_and_buttons_stay_fresh(held: ControllerRig) -> None:
-    for _ in range(20):
-        asked_ns = held.advance()
-        sample = held.until(lambda s, a=asked_ns: min(s.pose_ns, s.buttons_ns) >= a)  # type: ignore[misc]
-        assert is_in_use(sample)
-
-
-def test_times_never_go_back_and_never_lie_ahead(held: ControllerRig) -> None:
-    pose_ns = buttons_ns = 0
-    for _ in range(30):
-        now_ns = held.advance()
-        sample = held.controller.sample(now_ns)
-        assert pose_ns <= sample.pose_ns <= now_ns + FRESH_WITHIN_NS
-        assert buttons_ns <= sample.buttons_ns <= now_ns + FRESH_WITHIN_NS
-        pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
+    promise(rig)
 
 
 def test_a_tap_between_two_samples_has_been_pressed_once(held: ControllerRig) -> None:
@@ -260,18 +224,6 @@ def test_after_closing_everything_is_released_and_pulses_are_harmless(held: Cont
     assert sample.status is ControllerStatus.DISCONNECTED
     assert sample.pose is None
     assert is_released(sample)
-
-
-def test_a_controller_that_was_closed_can_be_started_again(held: ControllerRig) -> None:
-    held.controller.close()
-    held.controller.start()
-    asked_ns = held.advance()
-    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
-
-
-def test_closing_what_was_never_started_is_harmless(rig: ControllerRig) -> None:
-    rig.controller.close()
-    assert rig.sample().status is ControllerStatus.DISCONNECTED
 
 
 def test_a_start_with_nothing_to_connect_to_is_a_device_error() -> None:

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.robot.rate_ladder import (
-    LADDER_FPS,
     LONGEST_WAIT_NS,
     RAISE_AFTER_NS,
     SETTLING,
@@ -17,8 +16,8 @@ from tams_app.robot.rate_ladder import (
     SUSTAINED,
     Observation,
     RateLadder,
-    rungs,
 )
+from tams_app.runtime.machine_speed import LADDER_FPS, rungs
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed

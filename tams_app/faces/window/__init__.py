@@ -1,6 +1,5 @@
-"""The operator's window: a process of its own that draws, and the application's side of it.
+"""The operator's window: a process of its own that draws with GTK 4 (`process`).
 
-`messages` is what the two sides tell each other. Without a display can be tried: `banner`,
-`figures`, `history`, `keyboard`, `pacing`, `places`. The others draw with GTK 4, in the process
-alone, or are the application's side (`client`, `reports`).
+Without a display can be tried: `keyboard`, `strips`, and of `tams_app.faces` what the window shares
+with other faces: `banner`, `figures`, `history`, `messages`, `pacing`, `places`, `silence`.
 """

@@ -1,4 +1,6 @@
-"""A controller at rest, with the words in which its operator is told what to do."""
+"""A pedal that knows no place, with the words in which its operator is told what to do."""
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,22 +10,31 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop.hands import HANDS, HandWords
 
+AWAY = ControllerSample(
+    ControllerStatus.DISCONNECTED, None, 0, 0, 0.0, 0.0, a=False, b=False, menu=False
+)
+PLACE = Pose(np.array([0.0, 1.0, 0.0]), Rotation.identity())
+
 
 class Pedal(Controller):
+    pressed = False
+    _started = False
+
     def start(self) -> None:
-        """There is nothing to connect to."""
+        self._started = True
 
     def sample(self, now_ns: int) -> ControllerSample:
-        pose = Pose(np.array([0.0, 1.0, 0.0]), Rotation.identity())
-        return ControllerSample(
-            ControllerStatus.OK, pose, now_ns, now_ns, 0.0, 0.0, False, False, False
-        )
+        if not self._started:
+            return AWAY
+        status, trigger = ControllerStatus.OK, float(self.pressed)
+        times = {"pose_ns": now_ns, "buttons_ns": now_ns}
+        return replace(AWAY, status=status, pose=PLACE, trigger=trigger, **times)
 
     def pulse(self, haptic: Haptic) -> None:
         """It cannot be felt."""
 
     def close(self) -> None:
-        """There is nothing to let go of."""
+        self._started = False
 
 
 def make(_parts: ControllerParts) -> Controller:
