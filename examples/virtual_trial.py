@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from tams_app.config import load_config
-from tams_app.session.virtual.trial import run_virtual_trial
+from tams_app.session.virtual.runner import run_virtual_trial
 
 overrides = {"network": "s3", "strategy": "tams", "seed": 4}
 if len(sys.argv) > 1:

@@ -148,7 +148,8 @@ class Watched:
         self.told: list[str] = []
         self.ended: list[str] = []
         event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
-        nothing = {"sample": None, "offset": None, "event": event}
+        held = SimpleNamespace(pressed=())
+        nothing = {"sample": held, "offset": None, "event": event}
         self.link: Any = SimpleNamespace(state_heard_ns=self.clock.now_ns(), **{**nothing, **link})
         self.watch = RobotWatch(
             config,

@@ -22,7 +22,7 @@ from tams_app.runtime.worker import Worker
 
 pytestmark = pytest.mark.waiting
 
-PROJECT = Path(__file__).resolve().parents[2]
+PROJECT = Path(__file__).resolve().parents[3]
 
 
 @pytest.fixture
