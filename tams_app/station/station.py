@@ -49,7 +49,7 @@ class Station:
         `make` makes what the operator holds; None: the configured device, or the simulated one.
         """
         self._config, self._clock, self._parts, self._log = config, clock, parts, log
-        self._displays, self._make = displays, make or self._configured
+        self._displays, self._make = displays, make
         video = config.video
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         parts.stack.callback(self.screen.close)
@@ -66,7 +66,8 @@ class Station:
         where things are; "": they must see.
         """
         config, parts = self._config, self._parts
-        if not config.operator_is_simulated or config.rig.hand_trajectory is not None:
+        is_there = self._make is not None or config.rig.hand_trajectory is not None
+        if is_there or not config.operator_is_simulated:
             return
         self._simulated = operator = RigOperator(
             config,
@@ -107,7 +108,7 @@ class Station:
         if self._simulated is not None:
             self._simulated.wait_ready()
             self._introduce(self._simulated.choice.kind, self._simulated.choice.sentence)
-        elif self._config.operator_is_simulated:
+        elif self._make is None and self._config.operator_is_simulated:
             self._introduce("recorded", "the operator is a recorded hand, which sees nothing")
         elif self._config.rig.enabled:
             device = self._config.controller.device
@@ -116,7 +117,8 @@ class Station:
 
     def take_controller(self) -> Controller:
         """What the operator holds, started; DeviceError if it is not there."""
-        controller = self._make(self._config)
+        make = self._make or self._configured
+        controller = make(self._config)
         self.keyboard = keyboard_of(controller)
         self._parts.stack.callback(controller.close)
         controller.start()
