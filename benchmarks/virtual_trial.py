@@ -29,7 +29,7 @@ from tams_app.config import load_config
 from tams_app.recording.writer import DirectRecorder
 from tams_app.robot.control import ControlLoop
 from tams_app.robot.observers import TRIAL_RATE_HZ, TrialObserver
-from tams_app.session.virtual import trial as trial_module
+from tams_app.session.virtual import runner
 from tams_app.session.virtual.runner import run_virtual_trial
 from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.session.virtual.video import FrameScores
@@ -53,7 +53,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "arm and physics": ((InProcessArm, "_catch_up"),),
     "hand, control, phase": ((ControlLoop, "tick"),),
     "recording": ((DirectRecorder, "record"), (DirectRecorder, "close")),
-    "reading back, summary": ((trial_module, "read_log"), (trial_module, "save_summary")),
+    "reading back, summary": ((runner, "read_log"), (runner, "save_summary")),
 }
 REFERENCE = "11 by 11 Gaussian window over 640 by 480 float32, separable"
 _REFERENCE_ROUNDS = 5

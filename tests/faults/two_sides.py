@@ -16,6 +16,7 @@ from tams_app.config import Config, load_config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.messages import StateMessage
 from tams_app.recording import SessionLog
+from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.operate import OperatorSide, operate
 from tams_app.teleop.safety import ArmingState, Reason
@@ -126,9 +127,17 @@ class HandSide:
     @property
     def state(self) -> StateMessage | None:
         """What the robot's side told last; None before it has."""
-        side = self.session.side
-        assert isinstance(side, OperatorSide)
-        return side.link.state
+        side = self.session._side  # None while it starts
+        assert side is None or isinstance(side, OperatorSide)
+        return None if side is None else side.link.state
+
+    def received(self, view: str) -> Image | None:
+        """The newest frame of that view; None before the first."""
+        station = self.session.side.station
+        assert station is not None
+        receivers = station._receivers
+        shown = None if receivers is None else receivers.shown(view)
+        return None if shown is None else shown.image
 
     @property
     def arming(self) -> str:

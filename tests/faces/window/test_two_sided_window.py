@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from tams_app.console import app
-from tams_app.records import ControllerStatus, Image
+from tams_app.records import ControllerStatus
 from tests.faces.window.photographs import SAME, banner_is, difference
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 from tests.faults.applications import until
@@ -55,13 +55,9 @@ def _drive(side: HandSide, screen: Screen) -> None:
     until(lambda: side.state is not None, "the robot's state")
     screen.focus("TAMS")
 
-    def received(view: str) -> Image | None:
-        shown = None if session._video is None else session._video.shown(view)
-        return None if shown is None else shown.image
-
     def shows_all(state: str) -> bool:
         photograph = screen.photograph()
-        images = {view: received(view) for view in session.config.video.views}
+        images = {view: side.received(view) for view in session.config.video.views}
         return banner_is(photograph, state) and all(
             image is not None and difference(photograph, view, image) < SAME
             for view, image in images.items()
