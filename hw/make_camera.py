@@ -21,6 +21,8 @@ SOURCES: Registry[Callable[[str, CameraConfig, VideoConfig], FrameSource]] = Reg
     },
 )
 
+NOT_LIVE = ("file", "pattern")  # sources that show no arm: a real one does not move by them
+
 
 def make_camera(
     view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: Note

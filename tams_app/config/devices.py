@@ -110,7 +110,7 @@ class CameraConfig(Section):
     """Where one view's frames come from."""
 
     source: Word = "v4l2"
-    """What kind of camera it is: `v4l2`, `file` or `pattern`."""
+    """What kind of camera it is: `v4l2`, `file` or `pattern`, or a word of another distribution."""
     name: str = ""
     """Name of a V4L2 device. Each one given of name, serial and path must match."""
     serial: str = ""

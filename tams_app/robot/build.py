@@ -1,4 +1,4 @@
-"""What a session checks and makes of its configuration before anything runs."""
+"""What a session checks and makes of its configuration: devices, codecs, the control loop."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
 from hw.controller import Controller
-from hw.make_camera import SOURCES
+from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
@@ -114,7 +114,7 @@ def check_views(config: Config, dry_run: bool) -> None:
         return
     for view in config.video.views:
         source = config.cameras[view].source
-        if source != "v4l2":
+        if source in NOT_LIVE:
             raise ConfigError(
                 f"cameras.{view}.source is {source}, which does not show the arm that would move: "
                 "give the view a camera, or add --dry-run"

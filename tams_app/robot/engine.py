@@ -24,8 +24,8 @@ VIDEO_DELAY_FACT = "video_delay_ns"
 class Engine:
     """Control, policy, observers and judge of one session; it makes no thread and no file.
 
-    Its owner runs the loops: `robot_side.RobotSide` gives each a thread, `virtual.VirtualTrial`
-    events. A phase change goes from the control loop through the
+    Its owner runs the loops: `side.RobotSide` gives each a thread, a `VirtualRobotSide` of
+    `tams_app.session.virtual` events. A phase change goes from the control loop through the
     listeners straight to the policy loop, which sets the encoders' targets.
     """
 

@@ -1,6 +1,6 @@
 """One view from jitter buffer and decoder to the newest frame, live and in virtual time.
 
-`receiver.VideoReceiver` puts it behind sockets, `virtual_time` under a virtual clock.
+`receiver.VideoReceiver` puts it behind sockets, `tams_app.video.virtual` under a virtual clock.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One view into the encoder and out of it, the same live and in virtual time.
 
-`sender.VideoSender` puts it behind sockets, `virtual_time` under a virtual clock.
+`sender.VideoSender` puts it behind sockets, `tams_app.video.virtual` under a virtual clock.
 """
 
 from __future__ import annotations
