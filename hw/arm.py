@@ -73,6 +73,9 @@ class Arm(ABC):
     def send_twist(self, twist: Twist) -> None:
         """Move the TCP until the next command or the end of the deadman time.
 
+        One that is not finite, or beyond the `ArmLimits` of its kind, is not followed: `link` tells
+        it as REFUSED, and nothing moves until the arm is enabled again.
+
         Args:
             twist: of the TCP in the base frame [m/s, rad/s].
         """

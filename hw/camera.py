@@ -36,6 +36,9 @@ class Camera(ABC):
             `index` is its place on the camera's time grid, `fps` places a second from its first
             frame on, or as many as the camera was told to give since: a frame that the camera
             missed leaves a gap, and no index comes twice.
+
+        Raises:
+            DeviceError: it was not started, or was closed.
         """
 
     @abstractmethod

@@ -45,8 +45,8 @@ class CameraBench(ABC):
 @contextmanager
 def _started(bench: CameraBench) -> Iterator[Camera]:
     camera = bench.camera()
-    camera.start()
     try:
+        camera.start()
         yield camera
     finally:
         camera.close()
@@ -102,11 +102,13 @@ def each_frame_is_the_callers_own(bench: CameraBench) -> None:
 
 def before_the_start_and_after_the_end_there_are_no_frames(bench: CameraBench) -> None:
     camera = bench.camera()
-    refused(lambda: camera.next_frame(0.01), "not started")
-    camera.start()
-    camera.close()
-    camera.close()
-    refused(lambda: camera.next_frame(0.01), "not started")
+    try:
+        refused(lambda: camera.next_frame(0.01))
+        camera.start()
+    finally:
+        camera.close()
+        camera.close()
+    refused(lambda: camera.next_frame(0.01))
 
 
 def a_closed_camera_can_be_opened_again(bench: CameraBench) -> None:

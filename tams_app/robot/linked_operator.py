@@ -109,11 +109,6 @@ class LinkedOperator(StreamedOperator):
         event = self.event
         return event is not None and event.connected and not event.left
 
-    @property
-    def port(self) -> int:
-        """Where the operator's side must call."""
-        return 0 if self._gateway is None else self._gateway.port
-
     def poll(self) -> str:
         return ""  # the gateway is one of the helper processes that are watched
 

@@ -39,8 +39,9 @@ GATE_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
 class RobotSide:
-    """`launch`, `stream`, `connect`, `begin`, in this order; then `poll`, in the end `stop_arm`.
+    """`launch`, `stream`, `wait_ready`, `connect`, `begin`, in this order; then `poll`.
 
+    In the end `stop_arm`, then `finish`.
     What it starts is one of `parts`, which end it.
     """
 
@@ -242,8 +243,10 @@ class RobotSide:
 
     def finish(self, reason: str, failed: bool) -> None:
         """The arm has stopped: record the verdict, tell the operator why the session is over."""
-        self._log.record(self._engine.trial.outcome(reason))
-        self._operator.end(reason, failed)
+        try:
+            self._log.record(self._engine.trial.outcome(reason))
+        finally:
+            self._operator.end(reason, failed)
 
     def _await_stop(self, arm: Arm, control: Worker) -> None:
         """Wait, but not for long, until the log has the arm's report that it has stopped."""

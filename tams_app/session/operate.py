@@ -45,7 +45,8 @@ def operate(
         ours, views = call.config, call.config.video.views
         log = session.open_log(ours, is_real=not call.welcome.simulated)
         call.record(log)
-        station = Station(ours, clock, parts, log, session.displays, make_hand)
+        is_rig = call.welcome.simulated
+        station = Station(ours, clock, parts, log, session.displays, is_rig, make_hand)
         link = LinkedRobot(
             clock,
             call.gateway,

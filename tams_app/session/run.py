@@ -27,7 +27,7 @@ def run(
 
     def compose(session: Session) -> BothSides:
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
-        station = Station(config, clock, parts, log, session.displays)
+        station = Station(config, clock, parts, log, session.displays, config.rig.enabled)
         robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         station.launch(confirms=not arm_at_once, world_memory=robot.launch())
         quality = LiveQuality(config.video, station.screen, parts.logs, log.record, log.note)

@@ -207,9 +207,10 @@ class Session(Ending):
 
         What fails on the way is kept in `failure`, unless there is one already.
         """
+        side = self.side
+        self.parts.stack.callback(lambda: side.finish(self.end_reason, bool(self.failure)))
         try:
             self.stop_arm()
-            self.side.finish(self.end_reason, bool(self.failure))
         finally:
             self._unwind()
 

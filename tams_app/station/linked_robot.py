@@ -48,10 +48,10 @@ _SLEPT = "this computer was suspended: what the controller told before is not se
 
 
 class LinkedRobot:
-    """Uses a gateway that has been answered; all but `event` is for the hand's thread.
+    """Uses a gateway that has been answered; `step` and `run` are for the hand's thread.
 
-    `run` is that thread's body. `state`: what the robot's side told last, None before it. `sample`:
-    what was sent last.
+    `run` is that thread's body; the others are from any. `state`: what the robot's side told last,
+    None before it. `sample`: what was sent last.
     """
 
     def __init__(

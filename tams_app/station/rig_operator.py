@@ -44,7 +44,8 @@ class RigOperator:
 
         `on_glance` and `on_failure` are called in a thread of their own.
         """
-        self.choice = choose_operator(config.rig.operator.kind, this_machine)
+        wanted = config.rig.operator.kind if world_memory else "seeing"
+        self.choice = choose_operator(wanted, this_machine)
         sees = self.choice.kind == "seeing"
         self._screen = screen if sees else None
         memory_name = new_block_name()  # of the controller

@@ -67,6 +67,8 @@ def call_robot(
 
     `say` shows a sentence at once.
     """
+    if config.rig.hand_trajectory is not None:
+        raise ConfigError("rig.hand_trajectory: a recorded hand sees nothing, `operate` must see")
     gateway = Gateway("operator", endpoint, b"", parts.logs)
     parts.stack.callback(gateway.close)
     gateway.launch()

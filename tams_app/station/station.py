@@ -29,7 +29,7 @@ MakeHand = Callable[[Config], Controller]
 
 
 class Station:
-    """`launch`, `receive`, `wait_ready`, `take_controller`, each once and in this order.
+    """`launch` and `receive` in either order, then `wait_ready`, `take_controller`; each once.
 
     `screen`: the memory of the frames shown, for windows, for a simulated operator who looks at
     them, and for those who score them. `keyboard`: the controller, where a window has to feed it.
@@ -42,14 +42,15 @@ class Station:
         parts: Parts,
         log: Journal,
         displays: Displays,
+        is_rig: bool,
         make: MakeHand | None = None,
     ) -> None:
-        """`displays`: what shows the frames to a person.
+        """`displays`: what shows the frames to a person. `is_rig`: the robot is simulated.
 
         `make` makes what the operator holds; None: the configured device, or the simulated one.
         """
         self._config, self._clock, self._parts, self._log = config, clock, parts, log
-        self._displays, self._make = displays, make
+        self._displays, self._is_rig, self._make = displays, is_rig, make
         video = config.video
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         parts.stack.callback(self.screen.close)
@@ -110,9 +111,9 @@ class Station:
             self._introduce(self._simulated.choice.kind, self._simulated.choice.sentence)
         elif self._make is None and self._config.operator_is_simulated:
             self._introduce("recorded", "the operator is a recorded hand, which sees nothing")
-        elif self._config.rig.enabled:
-            device = self._config.controller.device
-            self._introduce("person", f"a person drives the rig: {device}")
+        else:
+            device, what = self._config.controller.device, "rig" if self._is_rig else "arm"
+            self._introduce("person", f"a person drives the {what}: {device}")
         self.screen.hide()  # all other processes that read it have it open
 
     def take_controller(self) -> Controller:

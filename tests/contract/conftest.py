@@ -17,6 +17,7 @@ from hw.boundary import session_boundary
 from hw.contract.arm import CONTROL_RATE_HZ, ArmBench
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
+from hw.lite6.commands import LIMITS as LITE6_LIMITS
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
@@ -24,6 +25,7 @@ from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
+from tests.contract.toy_arm import LIMITS as TOY_LIMITS
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
@@ -32,7 +34,9 @@ READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
 class ArmRig(ArmBench):
     """A bench on which things can go wrong as well."""
 
+    limits = LITE6_LIMITS
     ready_joints = READY_JOINTS
+    still_mm, still_rad = 1e-3, 1e-6  # nothing trembles here
     deadman_s = ArmConfig().velocity_deadman_s
     collision: str  # how the arm's controller names it
     gripper_attempts: int  # at a command that the controller refuses
@@ -194,6 +198,7 @@ class VirtualRig(Lite6Rig):
 class ToyRig(ArmRig):
     """The second arm, by its word in the configuration."""
 
+    limits = TOY_LIMITS
     collision = "T7"
     gripper_attempts = 1
 

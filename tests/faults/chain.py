@@ -105,7 +105,7 @@ class Chain:
         clock = MonotonicClock()
         log = SessionRecords(clock, NoLog(on_shown))
         self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
-        self._station = Station(config, clock, self._parts, log, Displays())
+        self._station = Station(config, clock, self._parts, log, Displays(), is_rig=True)
         self.operator = LocalOperator(self._station, config, AVDEC)
         self.uplink = Senders(
             config, network, clock, log, _forget, self.operator, logs, _forget, self._fail, epoch_ns

@@ -32,12 +32,12 @@ class OutsideArm(ArmBench):
 
     def __init__(self) -> None:
         self._config = ArmConfig(model="outside")
+        self.limits = arm_kind("outside").limits
         self.ready_joints = np.radians(np.array(self._config.ready_joints_deg))
         self.deadman_s = self._config.velocity_deadman_s
         self._clock = VirtualClock()
         boundary = session_boundary(self._config, LimitsConfig())
         self._arm = simulated_arm(self._config, self._clock, self.ready_joints, boundary)
-        assert arm_kind("outside").title == "Outside"
 
     def make_arm(self) -> Arm:
         return self._arm

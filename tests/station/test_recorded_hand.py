@@ -56,6 +56,6 @@ def test_the_live_operator_takes_the_configured_hand(tmp_path):
     config = load_config(None, {"rig.hand_trajectory": str(path)})
     clock = VirtualClock()
     log = SessionRecords(clock, Unkept())
-    station = Station(config, clock, Parts(tmp_path, pytest.fail, 0), log, Displays())
+    station = Station(config, clock, Parts(tmp_path, pytest.fail, 0), log, Displays(), True)
     station.launch()
     assert isinstance(station.take_controller(), ReplayedController)

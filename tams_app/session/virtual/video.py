@@ -1,4 +1,4 @@
-"""The video of one trial in virtual time, and its scores; beside it `session.senders`, live."""
+"""The video of one trial in virtual time, and its scores; beside it `robot.senders`, live."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
-from tams_app.records import Frame, ShownFrame
+from tams_app.records import Frame
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.link import Link
@@ -150,10 +150,6 @@ class VirtualVideo:
             else:
                 self._send_reports(due_ns)
         self._clock.move_to(now_ns)
-
-    def shown(self, view: str) -> ShownFrame | None:
-        """The newest frame of `view` on the operator's screen; None before the first."""
-        return self.receivers[view].shown
 
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far by all views together, padding included."""

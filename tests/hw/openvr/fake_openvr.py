@@ -48,7 +48,7 @@ class FakeDevice:
     activity: int = openvr.k_EDeviceActivityLevel_UserInteraction
     matrix: np.ndarray = field(default_factory=lambda: np.eye(3, 4))
     trembles: bool = False  # another pose each time it is asked for, a micrometre away
-    pressed: int = 0  # legacy button bits
+    pressed: int = 0  # bits of the controller state
     axes: list[tuple[float, float]] = field(default_factory=lambda: [(0.0, 0.0)] * 5)
 
     def put(self, position: tuple[float, float, float], rotation: Rotation | None = None) -> None:
@@ -81,7 +81,6 @@ class FakeRuntime:
         self.bound = {"trigger", "grip", "a", "b", "menu"}  # actions with a component of ours
         self.actions: dict[tuple[str, str], float] = {}  # (hand, action) → value, else 0
         self.vibrations: list[tuple[str, float, float, float]] = []  # hand, s, Hz, amplitude
-        self.pulses: list[tuple[int, int]] = []  # legacy: device, µs
         self.joined_as: list[int] = []  # application types, in order
         self.launched = False  # an application started a runtime that was not running
         self.connections = 0
@@ -293,7 +292,6 @@ class FakeRuntime:
             "getTrackedDeviceActivityLevel": lambda i: devices[i].activity,
             "isInputAvailable": self._may_read,
             "acknowledgeQuit_Exiting": self._acknowledge_quit,
-            "triggerHapticPulse": lambda i, axis, us: self.pulses.append((i, us)),
             "getStringTrackedDeviceProperty": self._string,
             "getBoolTrackedDeviceProperty": lambda i, p, e: devices[i].battery is not None,
             "getFloatTrackedDeviceProperty": lambda i, p, e: devices[i].battery or 0.0,

@@ -89,9 +89,9 @@ def test_the_screen_changes_at_its_time_and_not_before() -> None:
             video.push(frame(index, capture_ns=video.now_ns))
         due_ns = video.now_ns + 20 * NS_PER_MS
         video.advance_to(due_ns - 1)
-        before = video.shown("eih")
+        before = video.receivers["eih"].shown
         video.advance_to(due_ns)
-        after = video.shown("eih")
+        after = video.receivers["eih"].shown
     assert before is not None
     assert after is not None
     assert (before.index, after.index, after.shown_ns) == (last - 1, last, due_ns)

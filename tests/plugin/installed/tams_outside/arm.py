@@ -1,4 +1,4 @@
-"""An arm: the Lite 6's maker sells it under another name, with a longer reach in its leaflet."""
+"""An arm: the Lite 6's maker sells it under another name, with a shorter reach in its leaflet."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from hw.lite6.kind import Lite6Kind
 
 class Outside(Lite6Kind):
     title = "Outside"
-    limits = replace(LIMITS, tcp_speed_mm_s=300.0)
+    limits = replace(LIMITS, reach_mm=435.0)
     rig = ""
 
 
