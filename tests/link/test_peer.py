@@ -98,6 +98,7 @@ def test_new_keys_have_nothing_of_the_old_ones() -> None:
     assert len(numbers) == 5
 
 
+@pytest.mark.verify
 @settings(max_examples=30)
 @given(st.integers(0, 2**32), st.floats(0, 0.5), st.floats(0, 0.5))
 def test_keys_are_replaced_through_any_loss(seed: int, up_loss: float, down_loss: float) -> None:

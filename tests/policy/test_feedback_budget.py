@@ -194,6 +194,7 @@ def test_views_that_send_less_than_they_may_do_not_lower_it(share):
     assert min(after) >= 0.95 * before
 
 
+@pytest.mark.verify
 @pytest.mark.parametrize("kbps", [3000, 6000, 12_000])
 @pytest.mark.parametrize("share", [0.74, 0.8, 0.9])
 def test_encoders_that_stay_below_their_targets_do_not_pull_it_down(kbps, share):

@@ -11,7 +11,7 @@ from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.session.virtual.runs import run, short
 
-pytestmark = [pytest.mark.untimed, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.untimed, pytest.mark.verify, pytest.mark.timeout(600)]
 
 LINK_KBPS = 6000  # of s2
 FOUND_NS = 2 * NS_PER_S
