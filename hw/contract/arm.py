@@ -1,4 +1,8 @@
-"""What every arm keeps to: on a real one these moves need half a metre of free space around it."""
+"""What every arm keeps to.
+
+On a real arm these are real moves, without deadman or guard: they need half a metre of free space
+around it, and a hand on the emergency stop.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +15,10 @@ import numpy as np
 
 from hw.arm import Arm, ArmLimits
 from hw.contract.promise import Promise, check, refused, require
+from tams_app.config.motion import ControlConfig
 from tams_app.records import Activity, ArmState, LinkFault, Pose, Twist, Vector
 
-CONTROL_RATE_HZ = 120
+CONTROL_RATE_HZ = ControlConfig().rate_hz
 SIDEWAYS = Twist((0.0, 0.05, 0.0), (0.0, 0.0, 0.0))
 _WITHIN_S = 10.0  # generous: the machine may be busy
 _WINDOWS = 5  # of a speed: the median counts
@@ -38,7 +43,7 @@ class ArmBench(ABC):
 
     @abstractmethod
     def make_arm(self) -> Arm:
-        """A driver of it, not connected; whoever asks closes it."""
+        """A driver of it, not connected; the caller closes it."""
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
@@ -336,5 +341,10 @@ ARM_PROMISES: tuple[Promise[ArmBench], ...] = (
 
 
 def check_arm(make_bench: Callable[[], AbstractContextManager[ArmBench]]) -> None:
-    """Check all of them; ContractError with a line for each not kept. On a real arm: a minute."""
+    """Check all of them; ContractError with a line for each not kept.
+
+    A real arm moves for about a minute, without deadman or guard, and is asked for what it must
+    refuse. Check a simulation of it first; then have half a metre of free space around it, and a
+    hand on the emergency stop.
+    """
     check(ARM_PROMISES, make_bench)

@@ -8,15 +8,16 @@ from contextlib import AbstractContextManager
 
 from hw.contract.promise import Promise, check, require
 from hw.controller import Controller
+from tams_app.config.motion import FreshnessConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-FRESH_WITHIN_NS = 100 * NS_PER_MS  # what the safety logic takes for fresh
+FRESH_WITHIN_NS = round(FreshnessConfig().buttons_ms * NS_PER_MS)  # by the safety logic
 _WITHIN_NS = 20 * NS_PER_S  # generous: the machine may be busy
 
 
 class ControllerBench(ABC):
-    """A controller that somebody holds, its deadman pressed, and a way to let time pass."""
+    """A controller in use, its deadman held down, and a way to let time pass."""
 
     controller: Controller
 

@@ -1,4 +1,4 @@
-"""What an operator's side says over the link: samples, what it shows, requests; on the robot's."""
+"""Messages of an operator's side, as the robot's side takes them in: samples, frames, requests."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tams_app.video.core.frame_identity import SentFrames
 
 
 class LinkedHand:
-    """The newest sample, the frames that count there, and each request once; one thread's.
+    """The newest sample, the frames that count there, and each request once; for one thread.
 
     `controller`: the one in the operator's hand, which asks `receive` for what has come. `hand`:
     what they drive with, of `HANDS`. `message`: the newest, whether it counted or not, heard at

@@ -1,4 +1,4 @@
-"""What the robot's side tells an operator over the link: its state, pulses, sentences, its end."""
+"""Messages to an operator over the link: the state, pulses, sentences, and the session's end."""
 
 from __future__ import annotations
 

@@ -20,8 +20,9 @@ from tams_app.station.requests import Requests
 from tams_app.station.robot_call import call_robot
 from tams_app.station.robot_watch import RobotWatch
 from tams_app.station.station import MakeHand, Station
+from tams_app.units import NS_PER_MS
 
-_STOP_TOLD_NS = 100_000_000
+_STOP_TOLD_NS = 100 * NS_PER_MS
 
 
 def operate(
@@ -59,6 +60,7 @@ def operate(
         decoder = build.codecs(ours, log.note, encodes=False).decoder
         identify, feedback = link.identify(views), call.welcome.feedback
         receivers = station.receive(call.rule, feedback, identify, decoder)
+        parts.stack.callback(receivers.close)
         receivers.start(link.connect(ours.video, receivers.ports))
 
         def send(stop: threading.Event) -> None:

@@ -103,7 +103,7 @@ def virtual_records(
 ) -> Iterator[SessionRecords]:
     """The log of a session in virtual time that begins now, at `wall_start_ns` by the wall's clock.
 
-    It is written by whoever records, and closed at the end of the context.
+    Each record is written in the thread that makes it; the end of the context closes the log.
     """
     keeping, now_ns = config.recording, clock.now_ns()
     header = session_header(config, now_ns, wall_start_ns - now_ns)

@@ -43,7 +43,7 @@ def robot(
             return made
 
         operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at)
-        session.tell_too(operator.note)
+        session.forward_notes(operator.note)
         side.stream(operator, build.codecs(config, log.note), link=config.link)
         session.go_on()
         side.wait_ready()

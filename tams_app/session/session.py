@@ -81,7 +81,7 @@ class Session(Ending):
         self._compose = compose
         self._side: Side | None = None
         self._log: Recorders | None = None
-        self._tell: Callable[[str], None] = lambda _text: None
+        self._forward: Callable[[str], None] = lambda _text: None
 
     # --- start ----------------------------------------------------------------------------------
 
@@ -123,12 +123,12 @@ class Session(Ending):
             log.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         return log
 
-    def tell_too(self, tell: Callable[[str], None]) -> None:
-        """Who else gets each sentence for people, from any thread, from now on."""
-        self._tell = tell
+    def forward_notes(self, receive: Callable[[str], None]) -> None:
+        """From now on hand each sentence for people to `receive` as well; from any thread."""
+        self._forward = receive
 
     def ready(self, side: Side) -> None:
-        """All is made but the control loop: record its load, and let the collector forget it."""
+        """Everything is made but the control loop: monitor the load, and freeze the collector."""
         log, pids = self.log, {**self.parts.pids, **side.pids}
         if log.bridge_pid is not None:
             pids["ros2"] = log.bridge_pid
@@ -222,4 +222,4 @@ class Session(Ending):
 
     def _show_note(self, text: str) -> None:
         self.sentences.note(text)
-        self._tell(text)
+        self._forward(text)

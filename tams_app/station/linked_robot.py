@@ -141,8 +141,10 @@ class LinkedRobot:
     def _identify(self, place: int, timestamp: int) -> SentFrame | None:
         """In a receiver's thread."""
         state = self.state
-        first_ns = None if state is None else dict(enumerate(state.first_capture_ns)).get(place)
-        if state is None or first_ns is None:
+        if state is None or place >= len(state.first_capture_ns):
+            return None
+        first_ns = state.first_capture_ns[place]
+        if first_ns is None:
             return None
         return SentFrame(timestamp, capture_of(timestamp, first_ns, state.sent_ns), 0)
 

@@ -44,14 +44,15 @@ class Receivers:
         self._fresh = FreshVideo(config.views, displays)
         self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
         self._host = config.bind_host
-        self._stack = ExitStack()
         self._receivers: dict[str, VideoReceiver] = {}
-        for view in config.views:
-            receiver = VideoReceiver(
-                view, config, rule, clock, identify[view], self._shown, feedback, decoder
-            )
-            self._stack.callback(receiver.close)
-            self._receivers[view] = receiver
+        with ExitStack() as stack:  # where one cannot bind, the others let go of their ports
+            for view in config.views:
+                receiver = VideoReceiver(
+                    view, config, rule, clock, identify[view], self._shown, feedback, decoder
+                )
+                stack.callback(receiver.close)
+                self._receivers[view] = receiver
+            self._stack = stack.pop_all()
 
     @property
     def ports(self) -> dict[str, ViewPorts]:

@@ -90,7 +90,7 @@ class Station:
         identify: Mapping[str, Callable[[int], SentFrame | None]],
         decoder: Decoder,
     ) -> Receivers:
-        """Bind the receivers, which the session closes; the arguments are those of `Receivers`."""
+        """Bind the receivers, which the caller closes; the arguments are those of `Receivers`."""
         self._receivers = receivers = Receivers(
             self._config.video,
             rule,
@@ -101,7 +101,6 @@ class Station:
             decoder,
             self._displays,
         )
-        self._parts.stack.callback(receivers.close)
         return receivers
 
     def wait_ready(self) -> None:

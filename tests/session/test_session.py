@@ -13,6 +13,7 @@ from tams_app.errors import TamsError
 from tams_app.robot.control import Signals
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.run import run
+from tams_app.session.session import Session
 
 pytestmark = pytest.mark.waiting
 
@@ -61,3 +62,31 @@ def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
     assert isinstance(session.signals, Signals)
     pending = session.signals.take()
     assert (pending.estop, pending.confirm, pending.faults) == (True, False, ())
+
+
+class Ended:
+    """What runs here: its arm does not acknowledge the stop."""
+
+    station, pids = None, {}
+
+    def __init__(self) -> None:
+        self.finished: list[tuple[str, bool]] = []
+
+    def stop_arm(self, failed: bool) -> None:
+        raise TamsError("the arm did not acknowledge the stop")
+
+    def finish(self, reason: str, failed: bool) -> None:
+        self.finished.append((reason, failed))
+
+
+def test_the_other_side_is_told_of_the_end_also_where_stopping_the_arm_fails(
+    tmp_path: Path,
+) -> None:
+    config = load_config(None, {"control.realtime_priority": 0})
+    ended: Any = Ended()
+    session = Session(config, VirtualClock(), tmp_path, Signals(), lambda _session: ended)
+    session.start()
+    session.end("the trial is over")
+    with pytest.raises(TamsError, match="did not acknowledge"):
+        session.close()
+    assert ended.finished == [("the trial is over", False)]

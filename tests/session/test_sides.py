@@ -335,6 +335,17 @@ def test_a_stop_that_was_not_acknowledged_is_asked_for_in_the_next_session_of_th
     assert sides.stopped == 1
 
 
+def test_where_the_operators_side_fails_the_hand_is_put_down_at_once():
+    sides = Sides()
+    sides.hand.trigger = 1.0
+    sides.run(1.0)
+    assert sides.sample.trigger == 1.0
+    sides.requests.fail()
+    sides.run(0.05)
+    assert sides.sample.status is ControllerStatus.DISCONNECTED
+    assert sides.sample.trigger == 0.0
+
+
 def test_each_pulse_is_felt_once():
     sides = Sides()
     sides.run(1.0)

@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from tams_app.config import Config, load_config
-from tams_app.errors import TamsError
+from tams_app.errors import ConfigError, TamsError
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.silence import as_known, silence_of
 from tams_app.faces.terminal.line import status_words
@@ -33,6 +33,7 @@ from tams_app.station.robot_watch import RobotWatch
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.udp import requested_ports
 
 pytestmark = pytest.mark.waiting
 
@@ -265,6 +266,29 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, en
 
     start(other, tmp_path, say=say)
     assert "a key that the robot's side does not accept" in said[0]
+
+
+def test_a_recorded_hand_which_sees_nothing_is_refused(endpoint, tmp_path):
+    config = simulated(**{"rig.hand_trajectory": str(tmp_path / "session.mcap")})
+    assert "a recorded hand sees nothing" in start(endpoint, tmp_path, config)
+
+
+def test_where_one_receiver_cannot_bind_the_others_let_go_of_their_ports() -> None:
+    config = simulated(**{"video.first_port": 46_400}).video
+    last = requested_ports(config, config.views[-1])
+
+    def receivers() -> Receivers:
+        identify = dict.fromkeys(config.views, lambda _timestamp: None)
+        rule = RepairRule(True, 60, 300.0)
+        return Receivers(
+            config, rule, True, VirtualClock(), identify, lambda _shown: None, AVDEC, Displays()
+        )
+
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind((last.host, last.rtp))
+        with pytest.raises(ConfigError, match="cannot use UDP port"):
+            receivers()
+    receivers().close()
 
 
 def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):

@@ -205,3 +205,21 @@ def test_a_stopped_process_leaves_samples_that_grow_old(seeing: Person) -> None:
         os.kill(pid, signal.SIGCONT)
     old_ns = samples[-1].buttons_ns
     assert seeing.until(lambda sample: sample.buttons_ns > old_ns) is not None
+
+
+def test_an_operator_without_the_rig_s_world_must_see_whatever_is_configured(
+    tmp_path: Path,
+) -> None:
+    config = load_config(None, {"rig.operator.kind": "scripted"})
+    operator = RigOperator(
+        config,
+        MonotonicClock(),
+        "",
+        FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480)),
+        tmp_path,
+        confirms=True,
+        on_glance=lambda _glance: None,
+        on_failure=lambda _name, _failure: None,
+    )
+    assert operator.choice.kind == "seeing"
+    operator.close()

@@ -59,3 +59,13 @@ def test_the_live_operator_takes_the_configured_hand(tmp_path):
     station = Station(config, clock, Parts(tmp_path, pytest.fail, 0), log, Displays(), True)
     station.launch()
     assert isinstance(station.take_controller(), ReplayedController)
+
+
+@pytest.mark.parametrize(("is_rig", "what"), [(True, "rig"), (False, "arm")])
+def test_a_person_is_told_whether_they_drive_the_rig_or_an_arm(tmp_path, is_rig, what):
+    config = load_config(None, {"controller.device": "keyboard"})
+    told = []
+    log = SessionRecords(VirtualClock(), Unkept(), show=told.append)
+    parts = Parts(tmp_path, pytest.fail, 0)
+    Station(config, VirtualClock(), parts, log, Displays(), is_rig).wait_ready()
+    assert told == [f"a person drives the {what}: keyboard"]
