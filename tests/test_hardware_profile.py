@@ -11,7 +11,7 @@ from hw.sim.layout import BLOCK_HEIGHT_M, draw_layout
 from hw.sim.operator.task import GRASP_ABOVE_CENTRE_M, RELEASE_HEIGHT_M, TRAVEL_HEIGHT_M
 from tams_app.config import CONFIG_DIRECTORY, dump_config, load_config
 from tams_app.errors import ConfigError
-from tams_app.robot.build import check_ready_pose
+from tams_app.robot.build import check_ready_pose, check_views
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.workspace import Workspace
 
@@ -119,3 +119,17 @@ def test_the_profile_s_own_rotation_is_the_guide_s_first():
     axis, matrix = documented_rotations()[0]
     assert axis == "+x"
     np.testing.assert_array_equal(load_config(PROFILE).hand.rotation, matrix)
+
+
+@pytest.mark.parametrize(
+    ("source", "is_refused"), [("file", True), ("pattern", True), ("outside", False)]
+)
+def test_a_real_arm_moves_by_any_camera_but_those_that_show_no_arm(source, is_refused):
+    config = load_config(PROFILE)
+    camera = next(iter(config.cameras.values())).model_copy(update={"source": source})
+    config = config.model_copy(update={"cameras": dict.fromkeys(config.video.views, camera)})
+    if is_refused:
+        with pytest.raises(ConfigError, match="does not show the arm"):
+            check_views(config, dry_run=False)
+    else:
+        check_views(config, dry_run=False)
