@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -9,18 +10,19 @@ from contextlib import ExitStack
 from hw.arm import Arm
 from hw.arms import arm_kind
 from hw.boundary import reach_boundary
-from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from tams_app.config import Config
-from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError, TamsError
+from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError
 from tams_app.faces.terminal.keys import TerminalKeys, handled_signals
 from tams_app.printing import Console
+from tams_app.robot.arm_gate import GATE_TIMEOUT_S
 from tams_app.robot.build import check_ready_pose
-from tams_app.robot.guarding import SILENCE_NS
+from tams_app.robot.control import Signals
+from tams_app.robot.guarding import Guarding
 from tams_app.robot.home_run import HomeRun
 from tams_app.robot.homing import HomingState
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.ending import Ending
 from tams_app.runtime.mailbox import BoundedQueue
-from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
 from tams_app.session.awake import KeptAwake
 
@@ -28,21 +30,6 @@ _POLL_S = 0.02
 _LAST_WORDS_S = 1.0
 _CAPACITY = 64
 _ENTER = b"\r\n"
-
-
-class _EndRequest:
-    """Whether a signal asked to end; asked for in the loops, where the arm can be stopped."""
-
-    def __init__(self) -> None:
-        self._reason = ""
-
-    def ask(self, reason: str) -> None:
-        self._reason = self._reason or reason
-
-    def check(self) -> None:
-        """SignalledError if one did."""
-        if self._reason:
-            raise SignalledError(f"{self._reason} before the arm was in its ready pose")
 
 
 def run_home(config: Config, terminal_fd: int = 0, console: Console | None = None) -> int:
@@ -53,44 +40,67 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
     if config.rig.enabled:
         raise ConfigError("home moves a real arm: give --config with a file of your hardware")
     check_ready_pose(config)
-    clock = MonotonicClock()
-    request = _EndRequest()
-    with (
-        handled_signals(request.ask, lambda: request.ask("stopped by SIGUSR1")),
-        ExitStack() as stack,
-    ):
+    clock, signals = MonotonicClock(), Signals()
+    ending = Ending(clock)
+
+    def go_on() -> None:
+        """SignalledError if a signal asked to end."""
+        if ending.requested_end:
+            raise SignalledError(f"{ending.requested_end} before the arm was in its ready pose")
+
+    def stop_at_once() -> None:
+        ending.request_end("stopped by SIGUSR1")
+        signals.estop()
+
+    with handled_signals(ending.request_end, stop_at_once), ExitStack() as stack:
         keys = TerminalKeys(terminal_fd)
         stack.callback(keys.close)
         keys.open()
         if not keys.active:
             raise SetupError("home needs a terminal of its own: the arm moves while Enter is held")
-        dialogue = Dialogue(keys, console or Console(), request.check)
+        dialogue = Dialogue(keys, console or Console(), go_on)
         stack.callback(dialogue.close)
         dialogue.start()
         awake = KeptAwake(dialogue.say)
         stack.callback(awake.close)
         awake.start()
-        specification = guard_specification(config.arm, config.limits)
-        process = HelperProcess("guard", "hw.guard.process", specification, None)
-        stack.callback(process.stop)
         boundary = reach_boundary(config.arm, config.limits)
         kind = arm_kind(config.arm.model)
         arm = kind.make_arm(config.arm, clock, config.control.rate_hz, boundary)
-        stack.push(_closing(arm))
-        dialogue.say(f"Connecting to the arm at {config.arm.host} ...")
-        connect_with_consent(arm, dialogue.confirms)
-        request.check()
-        process.start()
-        memory = GuardMemory(str(process.wait_ready()["memory"]))
-        guard = GuardLink(memory, SILENCE_NS, lambda: process.exit_code is None)
-        stack.callback(guard.close)
-        # what was pushed last is undone first: the arm must stand before the guard lets go
-        stack.push(_closing(arm))
-        run = HomeRun(
-            config, clock, arm, guard, dialogue.read_keys, dialogue.say, dialogue.all_shown
+        guard = Guarding(
+            config.arm,
+            config.limits,
+            None,
+            signals,
+            lambda _level, text: dialogue.say(text),
+            math.radians(config.arm.ready_speed_deg_s),
         )
+        dialogue.say(f"Connecting to the arm at {config.arm.host} ...")
+        guard.join(arm, stack, lambda: connect_with_consent(arm, dialogue.confirms))
+        go_on()
+        run = HomeRun(
+            config,
+            clock,
+            arm,
+            guard,
+            signals,
+            dialogue.read_keys,
+            dialogue.say,
+            dialogue.all_shown,
+        )
+
+        def failed(name: str, failure: BaseException) -> None:
+            dialogue.say(f"{name}: {failure!r}")
+            signals.fail()
+
+        gate = Worker("arm-gate", run.gate.run, failed)
+        stack.callback(gate.stop, GATE_TIMEOUT_S)
+        gate.start()
         dialogue.discard_keys()
-        return 0 if run.run() is HomingState.DONE else 1
+        state = run.run()
+        if state is not HomingState.DONE:
+            go_on()
+        return 0 if state is HomingState.DONE else 1
 
 
 class Dialogue:
@@ -151,17 +161,10 @@ class Dialogue:
         return not answer.strip(_ENTER)
 
     def _print(self, stop: threading.Event) -> None:
-        while texts := self._wait_for_texts(stop):
+        while (texts := self._texts.take_all(_POLL_S)) or not stop.is_set():
             for text in texts:
                 self._console.print(text, highlight=False, markup=False, soft_wrap=True)
                 self._printed += 1
-
-    def _wait_for_texts(self, stop: threading.Event) -> list[str]:
-        """The next texts; none when it is to stop and nothing is left."""
-        while not stop.is_set():
-            if texts := self._texts.take_all(_POLL_S):
-                return texts
-        return self._texts.take_all()
 
 
 def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
@@ -176,18 +179,3 @@ def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
             raise
         arm.clear_errors()
         arm.connect()
-
-
-def _closing(arm: Arm) -> Callable[[object, BaseException | None, object], None]:
-    """Closes the arm; that its stop was not acknowledged must not hide what happened before."""
-
-    def close(_kind: object, error: BaseException | None, _trace: object) -> None:
-        try:
-            arm.close()
-        except DeviceError as unstopped:
-            if not isinstance(error, TamsError):
-                raise
-            before, after = str(error).rstrip("."), str(unstopped)
-            raise DeviceError(f"{before}; and {after[0].lower()}{after[1:]}") from error
-
-    return close

@@ -13,6 +13,7 @@ from tams_app.errors import DeviceError
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 
+GATE_TIMEOUT_S = 10.0  # of its end: enabling the arm may be under way
 _WAIT_S = 0.05
 
 
@@ -20,18 +21,22 @@ class ArmGate:
     """Stops the arm, and enables it and clears its errors when the arming logic asks.
 
     A stop outdates every request made before it: an ENABLE that was queued or under way when the
-    arm was stopped never leaves it enabled. Only one ENABLE and one CLEAR_ERRORS are queued or
-    under way at a time. An arm outside `boundary` is not enabled: its controller would end the
-    first motion with an error.
+    arm was stopped never leaves it enabled, and that the arm refused it then is no error. Beside
+    those that are outdated only one ENABLE and one CLEAR_ERRORS are queued or under way at a time.
+    An arm outside `boundary` is not enabled: its controller would end the first motion with an
+    error.
     """
 
     def __init__(
         self,
         arm: Arm,
-        boundary: TcpBoundary,
+        boundary: TcpBoundary | None,
         note: Callable[[str, str], None],
+        enable: Callable[[], None] | None = None,
     ) -> None:
+        """`enable`: what an ENABLE does in place of `Arm.enable`."""
         self._arm = arm
+        self._make_ready = enable or arm.enable
         self._boundary = boundary
         self._note = note
         self._requests: BoundedQueue[tuple[Request, int]] = BoundedQueue(4)
@@ -53,6 +58,7 @@ class ArmGate:
         with self._lock:
             self._stops += 1
             self.ready = False
+            self._pending.discard(Request.ENABLE)  # outdated: the next one need not wait for it
         self._arm.stop()
 
     def run(self, stop: threading.Event) -> None:
@@ -74,16 +80,21 @@ class ArmGate:
                 self._arm.clear_errors()
                 self._note("info", "arm errors cleared")
         except DeviceError as error:
-            self._note("error", str(error))
+            if not self._is_outdated(request, stops):
+                self._note("error", str(error))
         finally:
             with self._lock:
-                self._pending.discard(request)
+                if not self._is_outdated(request, stops):
+                    self._pending.discard(request)
+
+    def _is_outdated(self, request: Request, stops: int) -> bool:
+        return request is Request.ENABLE and stops != self._stops
 
     def _enable(self, stops: int) -> None:
         if stops != self._stops:
             return
         self._check_inside()
-        self._arm.enable()
+        self._make_ready()
         with self._lock:
             self.ready = stops == self._stops
         if self.ready:
@@ -93,8 +104,8 @@ class ArmGate:
 
     def _check_inside(self) -> None:
         """DeviceError if the TCP is where the controller would not let it move."""
-        state = self._arm.state()
-        if state is None or self._boundary.contains(state.tcp.position):
+        state, boundary = self._arm.state(), self._boundary
+        if state is None or boundary is None or boundary.contains(state.tcp.position):
             return  # without a report the control loop holds the arm
         x, y, z = (state.tcp.position * 1000.0).tolist()
         raise DeviceError(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
 
+from hw.arm import Arm
 from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from hw.guard.motion import Cause, Motion
 from tams_app.config import ArmConfig, LimitsConfig
+from tams_app.errors import DeviceError, TamsError
 from tams_app.records import ArmState
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import Note
@@ -37,10 +41,14 @@ class Guarding(Listener):
         self,
         arm: ArmConfig,
         limits: LimitsConfig,
-        log_directory: Path,
+        log_directory: Path | None,
         signals: Signals,
         note: Note,
+        home_rad_s: float | None = None,
     ) -> None:
+        """`home_rad_s`: of the fastest joint; an ENGAGED arm moves to its ready pose by itself then
+        and follows no hand.
+        """
         specification = guard_specification(arm, limits)
         self.process = HelperProcess("guard", "hw.guard.process", specification, log_directory)
         self._signals = signals
@@ -48,7 +56,21 @@ class Guarding(Listener):
         self._latched = False
         self._silent = False  # while the arm was armed, and has not answered since
         self._link: GuardLink | None = None
+        self._home_rad_s = home_rad_s
+        self._timeout_ns = round(arm.guard.heartbeat_timeout_ms * NS_PER_MS)
+        self._beat_ns = 0
         self._commanded = (Motion.REST, False, 0.0)  # in the last tick: motion, deadman, speed
+
+    def join(self, arm: Arm, stack: ExitStack, connect: Callable[[], None]) -> None:
+        """Start the guard, `connect` the arm, and wait for the guard; `stack` ends both.
+
+        In reverse: the arm must stand before the guard lets go of it.
+        """
+        stack.callback(self.close)
+        self.start()
+        stack.push(_closing(arm))
+        connect()
+        self.wait_ready()
 
     def start(self) -> None:
         """Start the process without waiting; see `wait_ready`."""
@@ -65,9 +87,7 @@ class Guarding(Listener):
 
         What was commanded is in the next beat.
         """
-        motion = Motion.FOLLOW if output.arming is ArmingState.ENGAGED else Motion.REST
-        speed = 0.0 if output.twist is None else float(np.linalg.norm(output.twist.linear))
-        self._commanded = (motion, output.deadman, speed)
+        self._commanded = self._command(output)
         link = self._link
         wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
         if link is None or link.armed == wanted:
@@ -82,6 +102,7 @@ class Guarding(Listener):
         link = self._link
         if link is None:
             return
+        self._beat_ns = now_ns
         link.beat(now_ns, *self._commanded)
         if link.latched and not self._latched:
             reason = _REASONS[link.cause]
@@ -99,8 +120,39 @@ class Guarding(Listener):
         elif link.arm_lost:
             self._signals.trip(Reason.GUARD_BLIND)  # in each tick, until it is back
 
+    def watches(self, now_ns: int) -> bool:
+        """Whether the guard has acknowledged this arming and has had no cause to stop the arm.
+
+        From any thread; the last beat may be too old for it by now.
+        """
+        link = self._link
+        is_beaten = now_ns - self._beat_ns <= self._timeout_ns
+        return link is not None and link.acknowledged and not link.latched and is_beaten
+
+    def _command(self, output: TeleopOutput) -> tuple[Motion, bool, float]:
+        engaged, home_rad_s = output.arming is ArmingState.ENGAGED, self._home_rad_s
+        if engaged and home_rad_s is not None:
+            return Motion.HOME, output.deadman, home_rad_s
+        speed = 0.0 if output.twist is None else float(np.linalg.norm(output.twist.linear))
+        return Motion.FOLLOW if engaged else Motion.REST, output.deadman, speed
+
     def close(self) -> None:
         """Disarm and end the guard; the arm must have been stopped before."""
         if self._link is not None:
             self._link.close()
         self.process.stop()
+
+
+def _closing(arm: Arm) -> Callable[[object, BaseException | None, object], None]:
+    """Closes the arm; that its stop was not acknowledged must not hide what happened before."""
+
+    def close(_kind: object, error: BaseException | None, _trace: object) -> None:
+        try:
+            arm.close()
+        except DeviceError as unstopped:
+            if not isinstance(error, TamsError):
+                raise
+            before, after = str(error).rstrip("."), str(unstopped)
+            raise DeviceError(f"{before}; and {after[0].lower()}{after[1:]}") from error
+
+    return close

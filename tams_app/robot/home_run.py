@@ -3,44 +3,29 @@
 from __future__ import annotations
 
 import math
-import threading
 from collections.abc import Callable
-from typing import Protocol
 
 import numpy as np
 
 from hw.arm import Arm
-from hw.guard.motion import Cause, Motion
+from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Activity
-from tams_app.robot.homing import (
-    Action,
-    Homing,
-    HomingInput,
-    HomingPath,
-    HomingState,
-    path_to_ready,
-)
-from tams_app.runtime.clock import Clock, SleepWatch
-from tams_app.runtime.worker import Worker
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.policy.inference import make_inference
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
+from tams_app.robot.guarding import Guarding
+from tams_app.robot.homing import Homing, HomingPath, HomingState, advice_at_home
+from tams_app.rotation import Rotation
+from tams_app.runtime.clock import Clock
+from tams_app.teleop.safety import Reason
+from tams_app.units import NS_PER_S
 
 POLL_S = 0.01  # also the period of the guard's heartbeat
 PROGRESS_NS = NS_PER_S
-START_TIMEOUT_S = 10.0  # of the replies and reports that starting waits for
 _DEADMAN = b"\r\n"
-_TOO_BUSY = "The guard stopped the arm: this computer was too busy; close other programs."
-_SLEPT = "This computer was suspended; see where the arm is, then start again."
-_STOPPED = {
-    Cause.NONE: _TOO_BUSY,
-    Cause.SILENT: _TOO_BUSY,
-    Cause.UNASKED: "The guard stopped the arm: it moved unasked; find out what else commands it.",
-    Cause.TOO_FAST: "The guard stopped the arm: it moved faster than it may; find out why.",
-    Cause.OUTSIDE: "The guard stopped the arm: it came below limits.floor_mm; find out why.",
-    Cause.SLEPT: _SLEPT,
-}
-_COMMANDED = (HomingState.STARTING, HomingState.MOVING)  # the arm moves, and the key is held
+_POSE = Pose(np.zeros(3), Rotation.identity())  # a key has none, and steers nothing
 
 _SAY = {
     HomingState.WAITING: "The arm stands. Hold Enter to go on; space, Esc or any other key ends.",
@@ -51,31 +36,39 @@ _SAY = {
 }
 
 
-class Guard(Protocol):
-    """What stops the arm if this process does not live on; `hw.guard.link.GuardLink` is one."""
+class EnterKey(Controller):
+    """A terminal as the operator's hand: Enter is its trigger, any other key an emergency stop."""
 
-    latched: bool
-    cause: Cause  # of the latch
+    def __init__(self, signals: Signals) -> None:
+        self._signals = signals
+        self._pressed = False
 
-    @property
-    def acknowledged(self) -> bool: ...
+    def feed(self, keys: bytes) -> None:
+        """What the terminal has sent since the last tick."""
+        if keys.strip(_DEADMAN):
+            self._signals.estop()
+        self._pressed = bool(keys)
 
-    def arm(self) -> None: ...
+    def sample(self, now_ns: int) -> ControllerSample:
+        pressed, status = float(self._pressed), ControllerStatus.OK
+        return ControllerSample(status, _POSE, now_ns, now_ns, pressed, 0.0, False, False, False)
 
-    def disarm(self) -> None: ...
+    def start(self) -> None:
+        """The terminal is open already."""
 
-    def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None: ...
+    def pulse(self, haptic: Haptic) -> None:
+        """It has nothing to shake."""
 
-    def alive(self, now_ns: int) -> bool: ...
+    def close(self) -> None:
+        """Who opened the terminal closes it."""
 
 
 class HomeRun:
-    """One motion to the ready pose: the loop around `Homing`, for the main thread.
+    """One motion to the ready pose: `Homing` in a session's control loop, for the main thread.
 
-    `read_keys(timeout_s)` returns what the terminal sent meanwhile. Starting the move may wait for
-    the arm, which the key and the heartbeat cannot: it is done in a thread. Nor can they wait for
-    a screen: `say` must not block. `all_shown` tells when the operator can have read it, and until
-    then a press starts nothing.
+    `gate` is to be run in a thread: what waits for the arm's replies keeps neither key nor
+    heartbeat waiting. Nor can they wait for a screen: `say` must not block. `all_shown` tells when
+    the operator can have read it. `read_keys(timeout_s)` returns what the terminal sent meanwhile.
     """
 
     def __init__(
@@ -83,151 +76,81 @@ class HomeRun:
         config: Config,
         clock: Clock,
         arm: Arm,
-        guard: Guard,
+        guard: Guarding,
+        signals: Signals,
         read_keys: Callable[[float], bytes],
         say: Callable[[str], None],
         all_shown: Callable[[], bool],
     ) -> None:
+        """`arm` is connected, and `guard` ready: it knows `signals` and the speed on this way."""
         self._clock, self._arm, self._guard = clock, arm, guard
-        self._read_keys, self._say, self._all_shown = read_keys, say, all_shown
-        self._config = config
-        self._sleep = SleepWatch(clock)
-        self._watch_ns = round(config.arm.guard.heartbeat_timeout_ms * NS_PER_MS)
-        self._beat_ns = 0
-        self._stopped_ns = 0  # when the arm was told to stop last
+        self._read_keys, self._say = read_keys, say
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
-        self._starting: Worker | None = None
-        self._said: HomingState | None = None
+        state = arm.state()
+        if state is None:
+            raise DeviceError("The arm sends no reports; restart its control box.")
+        self._homing = homing = Homing(config, state.joints, guard.watches, all_shown)
+        self._shown: tuple[HomingPath | None, HomingState | None] = (None, None)
         self._progress_ns = 0
-        self._path = path_to_ready(config, self._joints())
-        self._homing = Homing(self._path.goal)
+        self._key = EnterKey(signals)
+        self.gate = ArmGate(arm, None, self._note, self._begin)
+        self._control = ControlLoop(
+            config,
+            clock,
+            self._key,
+            arm,
+            self.gate,
+            SteadyVideo(),
+            signals,
+            homing,
+            make_inference(config.policy.phases),
+            (guard,),
+        )
 
     def run(self) -> HomingState:
         """DONE or ENDED, the arm stopped; DeviceError, with the arm stopped, if it failed."""
-        self._say(describe_path(self._path, self._speed_rad_s))
+        homing = self._homing
         try:
-            while not self._homing.over:
-                self._step(self._read_keys(POLL_S))
+            self._show()
+            while not homing.over:
+                self._key.feed(self._read_keys(POLL_S))
+                self._control.tick(self._clock.now_ns())
+                self._show()
         finally:
-            self._arm.stop()
-            if self._starting is not None:
-                self._starting.join(START_TIMEOUT_S)
-        if self._homing.state is HomingState.FAILED:
-            raise DeviceError(self._homing.reason)
-        return self._homing.state
+            self.gate.stop()
+        if homing.state is HomingState.FAILED:
+            raise DeviceError(homing.failure)
+        return homing.state
 
-    def _step(self, keys: bytes) -> None:
-        now_ns = self._clock.now_ns()
-        self._beat(now_ns)
-        began, refused = self._start_result()
-        problem = self._guard_problem(now_ns)
-        if problem:  # what the guard did is the reason; that the arm then refused follows from it
-            refused = ""
-        action = self._homing.step(
-            HomingInput(
-                now_ns,
-                self._counts(keys),
-                any(key not in _DEADMAN for key in keys),
-                self._arm.state(),
-                self._arm.link(),
-                began,
-                refused,
-                self._guard.acknowledged,
-                problem,
-            )
-        )
-        if action is Action.STOP:
-            self._stopped_ns = now_ns
-            self._arm.stop()
-        elif action is Action.ARM:
-            self._arm_guard()
-        elif action is Action.START:
-            self._starting = Worker("arm-homing", self._begin_move, lambda *_: None)
-            self._starting.start()
-        if self._homing.state is HomingState.WAITING and self._has_stopped():
-            self._guard.disarm()  # from here on the arm may be guided by hand
-        self._tell(now_ns)
+    def _begin(self) -> None:
+        """In the gate's thread: a guard that stopped the arm while it got ready did so only once.
 
-    def _counts(self, keys: bytes) -> bool:
-        """Whether the deadman key was pressed, for what the operator has seen."""
-        if self._homing.state is HomingState.WAITING and not self._all_shown():
-            return False
-        return any(key in _DEADMAN for key in keys)
-
-    def _arm_guard(self) -> None:
-        """Have the guard watch, if the path from here is still the one that was shown.
-
-        An arm that was moved by hand meanwhile gets a path of its own, shown and held for anew.
+        Its stop may have come before the move, and this loop may stand still.
         """
-        path = path_to_ready(self._config, self._joints())
-        if not self._path.passes(path.start):
-            self._path, self._homing = path, Homing(path.goal)
-            self._said = None
-            self._say(describe_path(path, self._speed_rad_s))
-            return
-        self._guard.arm()
-        self._beat(self._clock.now_ns())
-
-    def _beat(self, now_ns: int) -> None:
-        commands = self._homing.state in _COMMANDED
-        motion = Motion.HOME if commands else Motion.REST
-        self._guard.beat(now_ns, motion, commands, self._speed_rad_s if commands else 0.0)
-        self._beat_ns = now_ns
-
-    def _begin_move(self, _stop: threading.Event) -> None:
-        """In the thread: a guard that stopped the arm while it got ready stops it only once."""
-        self._arm.begin_move_to_joints(self._path.goal.tolist(), self._speed_rad_s)
-        if self._clock.now_ns() - self._beat_ns > self._watch_ns:
+        self._arm.begin_move_to_joints(self._homing.path.goal.tolist(), self._speed_rad_s)
+        if not self._guard.watches(self._clock.now_ns()):
             self._arm.stop()
-            raise DeviceError(_TOO_BUSY)
+            raise DeviceError(advice_at_home(Reason.GUARD_STOPPED))
 
-    def _start_result(self) -> tuple[bool, str]:
-        """Whether the move that was started has begun, or why not; once."""
-        starting = self._starting
-        if starting is None or starting.alive:
-            return False, ""
-        self._starting = None
-        if isinstance(starting.failure, DeviceError):
-            return False, str(starting.failure)
-        if starting.failure is not None:
-            raise starting.failure
-        return True, ""
+    def _note(self, level: str, text: str) -> None:
+        """Of the gate: an error is a move that did not begin."""
+        if level == "error":
+            self._homing.refusal = text
 
-    def _has_stopped(self) -> bool:
-        """Whether the arm has reported so since it was told to."""
-        arm = self._arm.state()
-        return (
-            arm is not None
-            and arm.activity is Activity.STOPPED
-            and arm.received_ns > self._stopped_ns
-        )
-
-    def _guard_problem(self, now_ns: int) -> str:
-        if self._sleep.slept():
-            return _SLEPT
-        if not self._guard.alive(now_ns):
-            return "The guard process does not answer; start again."
-        if self._guard.latched and self._homing.state is not HomingState.WAITING:
-            return _STOPPED[self._guard.cause]
-        return ""
-
-    def _tell(self, now_ns: int) -> None:
-        state = self._homing.state
-        if state is not self._said:
-            self._said = state
-            if state in _SAY:
-                self._say(_SAY[state])
+    def _show(self) -> None:
+        homing, now_ns = self._homing, self._clock.now_ns()
+        path, state = self._shown
+        self._shown = homing.path, homing.state
+        if homing.path is not path:
+            self._say(describe_path(homing.path, self._speed_rad_s))
+        if homing.state is not state or homing.path is not path:
+            if homing.state in _SAY:
+                self._say(_SAY[homing.state])
             self._progress_ns = now_ns
         elif state is HomingState.MOVING and now_ns - self._progress_ns >= PROGRESS_NS:
             self._progress_ns = now_ns
-            left = float(np.abs(self._path.goal - self._joints()).max())
-            self._say(f"{math.degrees(left):.0f}° to go")
-
-    def _joints(self) -> np.ndarray:
-        state = self._arm.state()
-        if state is None:
-            raise DeviceError("The arm sends no reports; restart its control box.")
-        return state.joints
+            if (arm := self._arm.state()) is not None:
+                self._say(f"{math.degrees(homing.path.left_rad(arm.joints)):.0f}° to go")
 
 
 def describe_path(path: HomingPath, speed_rad_s: float) -> str:

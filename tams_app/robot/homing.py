@@ -1,21 +1,26 @@
 """The decisions of moving to the ready pose, which happens only while the operator holds a key.
 
-Pure: time, key presses and the arm's state come in, ARM, START and STOP come out; `home_run.py`
-acts.
+Pure, and in the place of `teleop.loop.Teleop` in the control loop: what a session stops for is
+judged by the session's own rules; here are the path, the held key and the order of a start.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from enum import Enum, StrEnum
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import numpy as np
 
 from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmState, CommandLink, Vector
+from tams_app.records import Activity, ArmState, Vector
+from tams_app.teleop.hands import HANDS
+from tams_app.teleop.records import TeleopInput, TeleopOutput
+from tams_app.teleop.safety import ArmingState, Reason, Request
+from tams_app.teleop.watch import Watch
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 # A key that is held repeats: after up to 0.66 s (X11's default), then every 25 to 100 ms.
@@ -25,10 +30,19 @@ HOLD_NS = 300 * NS_PER_MS  # of repeats: some quick taps are no held key
 
 ARRIVED_RAD = 0.005
 OFF_PATH_RAD = math.radians(2.0)  # further from the path that was shown, it is another one
-SILENT_NS = 300 * NS_PER_MS  # of the arm's reports, which come every 10 ms
 NO_MOTION_NS = NS_PER_S  # a controller that stands still for so long has given up
 _SAMPLES = 100
 _FLOOR_TOLERANCE_M = 0.001
+
+_STANDS_STILL = "The arm stands still on its path; look for what holds it."
+_TOLD_BY_THE_LINK = (Reason.ARM_LINK_LOST, Reason.ARM_REFUSES, Reason.GRIPPER_FAILED)
+_WORDS = replace(HANDS["keyboard"], release="start again")
+
+
+def advice_at_home(reason: Reason) -> str:
+    """What happened and what to do, in the session's words; here each stop ends the command."""
+    sentence = reason.sentence(_WORDS).replace("start again, then confirm", "then start again")
+    return sentence.replace("start the session again", "start again")
 
 
 class HeldKey:
@@ -75,6 +89,10 @@ class HomingPath:
         """Time for it at `speed_rad_s` of the fastest joint, without ramps [s]."""
         return self.travel_rad / speed_rad_s
 
+    def left_rad(self, joints: Vector) -> float:
+        """What the joint that has furthest to go has left from `joints` [rad]."""
+        return float(np.abs(joints - self.goal).max())
+
     def passes(self, joints: Vector) -> bool:
         """Whether `joints` [rad] lie on it: from there the rest of it is the same path."""
         change = self.goal - self.start
@@ -109,22 +127,12 @@ def path_to_ready(config: Config, joints: Vector) -> HomingPath:
     return path
 
 
-class Action(Enum):
-    """What is to be done now."""
-
-    NONE = "none"
-    ARM = "arm"  # the guard
-    START = "start"
-    STOP = "stop"
-
-
 class HomingState(StrEnum):
     """How far the motion to the ready pose has come."""
 
     WAITING = "waiting"  # for the key
     ARMING = "arming"  # until the guard has said that it watches
     STARTING = "starting"
-    CANCELLING = "cancelling"  # released while it was starting
     MOVING = "moving"
     DONE = "done"
     ENDED = "ended"  # by the operator, before it was there
@@ -132,129 +140,141 @@ class HomingState(StrEnum):
 
 
 _OVER = (HomingState.DONE, HomingState.ENDED, HomingState.FAILED)
-
-
-@dataclass(frozen=True, slots=True)
-class HomingInput:
-    """What one step is decided on."""
-
-    now_ns: int
-    pressed: bool  # the deadman key; what is read at once is one press
-    other_key: bool
-    arm: ArmState | None
-    link: CommandLink
-    began: bool = False  # the move that was started is under way
-    refused: str = ""  # ... or was refused, and why
-    guarded: bool = False  # the guard has acknowledged the newest arming
-    guard: str = ""  # what is wrong with the guard
+_ARMING = {
+    HomingState.ARMING: ArmingState.READY,  # what arms the guard
+    HomingState.STARTING: ArmingState.ENGAGED,
+    HomingState.MOVING: ArmingState.ENGAGED,
+    HomingState.FAILED: ArmingState.FAULT,
+}
 
 
 class Homing:
-    """ARM once the key is held, START once guarded, STOP on release; over when the arm is there."""
+    """Arms once the key is held, starts once guarded, stops on release; over when the arm is there.
 
-    def __init__(self, goal: Vector) -> None:
-        """`goal`: joints [rad], shape (6,)."""
-        self._goal = goal
+    An ENABLE is to begin the move. The sample's trigger is a press of the key: what is read at once
+    is one. An emergency stop is any other key. An arm that was stopped has to report so before
+    anything starts again; until then the guard watches it.
+    """
+
+    def __init__(
+        self,
+        config: Config,
+        joints: Vector,
+        guarded: Callable[[int], bool],
+        shown: Callable[[], bool],
+    ) -> None:
+        """From `joints` [rad]; DeviceError if the way to the ready pose is none.
+
+        `guarded`: whether the guard watches at a time [ns]. `shown`: whether the operator can have
+        read everything, the path above all: until then a press starts nothing.
+        """
+        self._config = config
+        self._guarded, self._shown = guarded, shown
+        self._watch = Watch(config, video_floor_ns=0)
         self._key = HeldKey()
         self._began_ns = 0
+        self._stopped_ns: int | None = None  # since then the arm has not yet reported its stop
+        self.path = path_to_ready(config, joints)
         self.state = HomingState.WAITING
-        self.reason = ""  # why it failed, in one sentence
+        self.refusal = ""  # why the arm did not begin the move, from any thread
+        self.failure = ""  # why it failed, in one sentence
 
     @property
     def over(self) -> bool:
         return self.state in _OVER
 
-    def step(self, tick: HomingInput) -> Action:
-        """Take in what happened; what is to be done about it."""
-        if self.over:
-            return Action.NONE
-        if tick.pressed:
-            self._key.press(tick.now_ns)
-        if tick.other_key:
-            return self._finish(HomingState.ENDED)
-        if problem := self._problem(tick):
-            return self._finish(HomingState.FAILED, problem)
-        held = self._key.held(tick.now_ns)
-        match self.state:
-            case HomingState.WAITING:
-                return self._waiting(tick, held)
-            case HomingState.ARMING:
-                return self._arming(tick, held)
-            case HomingState.STARTING:
-                return self._starting(tick, held)
-            case HomingState.MOVING:
-                return self._moving(tick, held)
-            case _:
-                return self._cancelling(tick)
+    def step(self, told: TeleopInput) -> TeleopOutput:
+        """Take in what happened; DeviceError if the way from where the arm is now is none."""
+        arm, stopped_ns, before = told.arm, self._stopped_ns, self.state
+        if arm is not None and stopped_ns is not None and arm.received_ns > stopped_ns:
+            self._stopped_ns = None if arm.activity is Activity.STOPPED else stopped_ns
+        request = Request.NONE if self.over else self._step(told)
+        if self.over or (self.state is HomingState.WAITING and before is not HomingState.WAITING):
+            self._stopped_ns = told.now_ns
+        stop, arming = self._stopped_ns is not None, _ARMING.get(self.state, ArmingState.DISARMED)
+        held = arming is ArmingState.ENGAGED
+        return TeleopOutput(
+            None, None, stop, request, arming, None, "", held, False, 1.0, False, None
+        )
 
-    def _waiting(self, tick: HomingInput, held: bool) -> Action:
-        if tick.arm is not None and self._is_there(tick.arm):
-            return self._finish(HomingState.DONE)
-        if not held:
-            return Action.NONE
-        self.state = HomingState.ARMING
-        return Action.ARM
+    def _step(self, told: TeleopInput) -> Request:
+        if told.sample.trigger > 0.0 and (self.state is not HomingState.WAITING or self._shown()):
+            self._key.press(told.now_ns)
+        if told.estop:
+            self.state = HomingState.ENDED
+        elif (reason := _first(self._watch.faults(told, ArmingState.DISARMED))) is not None:
+            self._fail_for(reason, told)
+        elif self.state is HomingState.WAITING:
+            self._wait(told)
+        else:
+            return self._go(told)
+        return Request.NONE
 
-    def _arming(self, tick: HomingInput, held: bool) -> Action:
-        if not held:
+    def _wait(self, told: TeleopInput) -> None:
+        if told.arm is not None and self._is_there(told.arm):
+            self.state = HomingState.DONE
+        elif told.arm is not None and self._key.held(told.now_ns) and self._may_start(told):
+            self._arm(told.arm)
+
+    def _may_start(self, told: TeleopInput) -> bool:
+        return self._stopped_ns is None and self._hold(told) is None
+
+    def _arm(self, arm: ArmState) -> None:
+        """If the path from here is still the one that was shown.
+
+        An arm that was moved by hand meanwhile gets a path of its own, shown and held for anew.
+        """
+        path = path_to_ready(self._config, arm.joints)
+        if self.path.passes(path.start):
+            self.state, self.refusal = HomingState.ARMING, ""
+        else:
+            self.path, self._key = path, HeldKey()
+
+    def _go(self, told: TeleopInput) -> Request:
+        """Between the key's being held and its release."""
+        if (hold := self._hold(told)) is not None:
+            self._fail_for(hold, told)
+        elif self.refusal:
+            self._fail(self.refusal)
+        elif not self._key.held(told.now_ns):
             self.state = HomingState.WAITING
-            return Action.STOP
-        if not tick.guarded:
-            return Action.NONE
-        self.state = HomingState.STARTING
-        return Action.START
+        elif self.state is HomingState.ARMING and self._guarded(told.now_ns):
+            self.state = HomingState.STARTING
+            return Request.ENABLE
+        elif self.state is HomingState.STARTING and told.arm_ready:
+            self.state, self._began_ns = HomingState.MOVING, told.now_ns
+        elif self.state is HomingState.MOVING:
+            self._follow(told)
+        return Request.NONE
 
-    def _starting(self, tick: HomingInput, held: bool) -> Action:
-        if not held:
-            self.state = HomingState.CANCELLING
-            return Action.STOP
-        if tick.began:
-            self.state = HomingState.MOVING
-            self._began_ns = tick.now_ns
-        return Action.NONE
-
-    def _cancelling(self, tick: HomingInput) -> Action:
-        if not (tick.began or tick.refused):
-            return Action.NONE
-        self.state = HomingState.WAITING
-        return Action.STOP  # the one before may have come before the start
-
-    def _moving(self, tick: HomingInput, held: bool) -> Action:
-        if not held:
-            self.state = HomingState.WAITING
-            return Action.STOP
-        arm = tick.arm
+    def _follow(self, told: TeleopInput) -> None:
+        arm = told.arm
         if arm is None or arm.received_ns <= self._began_ns:
-            return Action.NONE  # a report from before the start says nothing
+            return  # a report from before the start says nothing
         if arm.activity.is_halted:
-            return self._finish(
-                HomingState.FAILED, "The arm was stopped from elsewhere; find out why, then again."
-            )
-        if arm.activity is Activity.IDLE and self._is_there(arm):
-            return self._finish(HomingState.DONE)
-        if arm.activity is Activity.IDLE and tick.now_ns - self._began_ns > NO_MOTION_NS:
-            return self._finish(
-                HomingState.FAILED,
-                "The arm stands still on its path; look for what holds it.",
-            )
-        return Action.NONE
+            self._fail_for(Reason.ARM_STOPPED, told)
+        elif arm.activity is Activity.IDLE and self._is_there(arm):
+            self.state = HomingState.DONE
+        elif arm.activity is Activity.IDLE and told.now_ns - self._began_ns > NO_MOTION_NS:
+            self._fail(_STANDS_STILL)
 
-    def _problem(self, tick: HomingInput) -> str:
-        """Why it cannot go on, in one sentence; "" if it can."""
-        if tick.refused and self.state is not HomingState.CANCELLING:
-            return tick.refused
-        arm = tick.arm
-        if arm is not None and arm.fault is not None:
-            return arm.fault.sentence
-        if tick.link.failure or tick.guard:
-            return tick.link.failure or tick.guard
-        if arm is None or tick.now_ns - arm.received_ns > SILENT_NS:
-            return "The arm has stopped reporting; check its power and network cable."
-        return ""
+    def _hold(self, told: TeleopInput) -> Reason | None:
+        return _first(self._watch.holds(told, ArmingState.DISARMED))
 
     def _is_there(self, arm: ArmState) -> bool:
-        return float(np.abs(arm.joints - self._goal).max()) < ARRIVED_RAD
+        return self.path.left_rad(arm.joints) < ARRIVED_RAD
 
-    def _finish(self, state: HomingState, reason: str = "") -> Action:
-        self.state, self.reason = state, reason
-        return Action.STOP
+    def _fail_for(self, reason: Reason, told: TeleopInput) -> None:
+        fault = None if told.arm is None else told.arm.fault
+        if reason is Reason.ARM_ERROR and fault is not None:
+            self._fail(fault.sentence)
+        else:
+            told_by_the_link = reason in _TOLD_BY_THE_LINK
+            self._fail(told.link.failure if told_by_the_link else advice_at_home(reason))
+
+    def _fail(self, sentence: str) -> None:
+        self.state, self.failure = HomingState.FAILED, sentence
+
+
+def _first(reasons: list[Reason]) -> Reason | None:
+    return min(reasons, key=tuple(Reason).index, default=None)

@@ -12,7 +12,7 @@ from tams_app.config import Config, LinkConfig
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Activity, Frame, PacketRecord, SessionState
 from tams_app.robot import build
-from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.dry_run import DryRunArm
@@ -35,7 +35,6 @@ STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
-GATE_TIMEOUT_S = 10.0  # enabling the arm may be under way
 
 
 class RobotSide:
@@ -156,18 +155,14 @@ class RobotSide:
         guard = Guarding(
             self._devices.arm_config(), config.limits, parts.logs, self._signals, log.note
         )
-        parts.stack.callback(guard.close)
-        guard.start()
         arm = self._devices.make_arm()
         boundary = session_boundary(config.arm, config.limits)
         if self._dry_run:
             arm = DryRunArm(arm, config.arm, self._clock, boundary)
             log.note("warning", "dry run: the arm does not move, its commands go to a model of it")
-        parts.stack.callback(arm.close)
-        arm.connect()
+        guard.join(arm, parts.stack, arm.connect)
         parts.hurry(arm.realtime_thread_ids)
         self._arm, self._gate = arm, ArmGate(arm, boundary, log.note)
-        guard.wait_ready()
         parts.watch("guard", guard.process)
         return ConnectedDevices(arm, self._gate, self._devices.truth, guard)
 

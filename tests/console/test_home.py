@@ -25,11 +25,10 @@ from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import home
 from tams_app.console.home import run_home
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
 from tams_app.faces.terminal.keys import TerminalKeys
-from tams_app.robot import homing
+from tams_app.robot import guarding
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
@@ -71,7 +70,9 @@ class Lab:
             }
         )
         rig = config.rig.model_copy(update={"enabled": False})
-        return config.model_copy(update={"arm": arm, "rig": rig})
+        # a machine that stands still for a moment is not what stops the arm here
+        fresh = config.freshness.model_copy(update={"arm_state_ms": 2000.0})
+        return config.model_copy(update={"arm": arm, "rig": rig, "freshness": fresh})
 
     def hold_enter(self) -> None:
         """An operator who holds Enter from now on."""
@@ -133,8 +134,7 @@ def _lab() -> Iterator[Lab]:
     made = Lab()
     with pytest.MonkeyPatch.context() as patch:
         # a machine that stands still for a moment is not what stops the arm here
-        patch.setattr(homing, "SILENT_NS", 2 * NS_PER_S)
-        patch.setattr(home, "SILENCE_NS", 2 * NS_PER_S)
+        patch.setattr(guarding, "SILENCE_NS", 2 * NS_PER_S)
         try:
             yield made
         finally:
@@ -325,6 +325,29 @@ def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
     before, after, state = stalled_at
     assert state == State.STOPPED
     assert np.degrees(np.abs(after - before).max()) < 40.0  # of 55: less than half of the stall
+
+
+def test_sigusr1_stops_the_arm_at_once_also_while_the_keys_are_not_read(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = TerminalKeys.read_bytes
+    stopped: list[bool] = []
+
+    def stall(keys: TerminalKeys, timeout_s: float) -> bytes:
+        if lab.model.moving and not stopped:
+            os.kill(os.getpid(), signal.SIGUSR1)
+            deadline_s = time.monotonic() + lab.heartbeat_timeout_ms / 2000
+            while lab.model.state != State.STOPPED and time.monotonic() < deadline_s:
+                time.sleep(0.01)
+            stopped.append(lab.model.state == State.STOPPED)
+        return read(keys, timeout_s)
+
+    monkeypatch.setattr(TerminalKeys, "read_bytes", stall)
+    lab.heartbeat_timeout_ms = 4000.0  # it is not the guard that stops the arm
+    lab.hold_enter()
+    with pytest.raises(TamsError, match="SIGUSR1 before the arm was in its ready pose"):
+        lab.run()
+    assert stopped == [True]
 
 
 class PressedBefore(io.StringIO):

@@ -113,6 +113,45 @@ def test_an_arm_that_refuses_is_noted_and_not_ready(gate, arm, notes):
     assert gate.ready
 
 
+def test_a_refusal_of_what_a_stop_has_outdated_is_no_error(gate, arm, notes):
+    def stop_and_refuse():
+        gate.stop()
+        raise DeviceError("stopped meanwhile")
+
+    arm.during = stop_and_refuse
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert notes == []
+    assert not gate.ready
+
+
+def test_an_enable_after_a_stop_is_taken_while_the_one_before_is_under_way(gate, arm):
+    def stop_and_ask_again():
+        arm.during = lambda: None
+        gate.stop()
+        gate.request(Request.ENABLE)
+        gate.request(Request.ENABLE)
+
+    arm.during = stop_and_ask_again
+    gate.request(Request.ENABLE)
+    gate.serve()
+    gate.request(Request.ENABLE)
+    gate.serve()
+    gate.serve()
+    assert arm.calls == ["enable", "stop", "stop", "enable"]
+    assert gate.ready
+
+
+def test_what_enables_the_arm_can_be_given(arm, notes):
+    gate = ArmGate(
+        arm, None, lambda level, text: notes.append(text), lambda: arm.calls.append("move")
+    )
+    gate.request(Request.ENABLE)
+    gate.serve()
+    assert arm.calls == ["move"]
+    assert gate.ready
+
+
 def test_clearing_errors_is_carried_out(gate, arm):
     gate.request(Request.CLEAR_ERRORS)
     gate.serve()

@@ -1,5 +1,7 @@
 """The guard follows the arm's arming."""
 
+import contextlib
+from contextlib import ExitStack
 from dataclasses import replace
 
 import pytest
@@ -7,6 +9,7 @@ import pytest
 from hw.guard.link import GuardLink, GuardMemory
 from hw.guard.motion import Cause, Motion
 from tams_app.config import load_config
+from tams_app.errors import DeviceError
 from tams_app.records import Twist
 from tams_app.robot.control import Signals
 from tams_app.robot.guarding import Guarding
@@ -175,3 +178,96 @@ def test_each_beat_says_what_the_tick_before_commanded(tmp_path):
     assert motions == (rest, follow, rest)
     assert deadmen == (False, True, False)
     assert speeds == pytest.approx((0.0, 0.05, 0.0))
+
+
+def test_on_the_way_home_a_beat_says_so_and_how_fast_a_joint_may_turn(tmp_path):
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None, home_rad_s=0.2)
+    guard._link = link = ScriptedLink()
+    for arming in (ArmingState.READY, ArmingState.ENGAGED, ArmingState.DISARMED):
+        held = arming is ArmingState.ENGAGED
+        guard.on_output(0, replace(output(arming), twist=None, stop=True, deadman=held), None)
+        guard.before_tick(0)
+    assert link.beats == [
+        (Motion.REST, False, 0.0),
+        (Motion.HOME, True, 0.2),
+        (Motion.REST, False, 0.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("acknowledged", "latched", "after_ms", "watches"),
+    [
+        (True, False, 0, True),
+        (True, False, 100, True),
+        (True, False, 101, False),
+        (False, False, 0, False),
+        (True, True, 0, False),
+    ],
+)
+def test_the_guard_watches_once_it_has_answered_and_while_it_has_no_cause_to_stop(
+    tmp_path, acknowledged, latched, after_ms, watches
+):
+    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None)
+    assert not guard.watches(0)
+    guard._link = ScriptedLink()
+    guard._link.acknowledged = acknowledged
+    guard.before_tick(0)
+    guard._link.latched = latched
+    assert guard.watches(after_ms * 1_000_000) is watches
+
+
+class NotedGuarding(Guarding):
+    def __init__(self, calls, directory):
+        super().__init__(*ARM_AND_LIMITS, directory, Signals(), lambda level, text: None)
+        self.calls = calls
+
+    def start(self):
+        self.calls.append("guard starts")
+
+    def wait_ready(self):
+        self.calls.append("guard ready")
+
+    def close(self):
+        self.calls.append("guard ends")
+
+
+class NotedArm:
+    def __init__(self, calls, refusal=""):
+        self.calls, self.refusal = calls, refusal
+
+    def connect(self):
+        self.calls.append("arm connects")
+
+    def close(self):
+        self.calls.append("arm stands")
+        if self.refusal:
+            raise DeviceError(self.refusal)
+
+
+def test_the_arm_stands_before_its_guard_ends_also_where_connecting_failed(tmp_path):
+    for fails in (False, True):
+        calls = []
+        arm = NotedArm(calls)
+
+        def connect(arm=arm, fails=fails):
+            arm.connect()
+            if fails:
+                raise DeviceError("it does not answer")
+
+        with contextlib.suppress(DeviceError), ExitStack() as stack:
+            NotedGuarding(calls, tmp_path).join(arm, stack, connect)
+            calls.append("in use")
+        assert calls[:2] == ["guard starts", "arm connects"]
+        assert calls[-2:] == ["arm stands", "guard ends"]
+        assert calls[2:-2] == ([] if fails else ["guard ready", "in use"])
+
+
+def test_an_unacknowledged_stop_is_told_beside_what_happened_before(tmp_path):
+    def lose(arm):
+        with ExitStack() as stack:
+            NotedGuarding([], tmp_path).join(arm, stack, arm.connect)
+            raise DeviceError("The arm is gone.")
+
+    with pytest.raises(DeviceError) as failed:
+        lose(NotedArm([], "The arm did not acknowledge its last stop."))
+    assert str(failed.value) == "The arm is gone; and the arm did not acknowledge its last stop."

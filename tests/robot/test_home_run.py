@@ -19,10 +19,12 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Vector
-from tams_app.robot.home_run import HomeRun
-from tams_app.robot.homing import HomingState
+from tams_app.robot.control import Signals
+from tams_app.robot.guarding import Guarding
+from tams_app.robot.home_run import POLL_S, HomeRun
+from tams_app.robot.homing import HomingState, advice_at_home
 from tams_app.runtime.clock import VirtualClock
-from tams_app.runtime.worker import Worker
+from tams_app.teleop.safety import Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -31,52 +33,45 @@ REPEAT_NS = 40 * NS_PER_MS
 FIRST_REPEAT_NS = 660 * NS_PER_MS
 
 
-class AtOnce(Worker):
-    """Does what it is given before `start` returns."""
+class WatchedLink:
+    """Notes what the guard's process would get."""
 
-    def start(self) -> None:
-        self._run()
-
-
-@pytest.fixture(autouse=True)
-def starts_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tams_app.robot.home_run.Worker", AtOnce)
-
-
-class WatchedGuard:
-    """Notes what the guard would hear."""
+    arm_lost = False
 
     def __init__(self) -> None:
-        self.armed = 0
-        self.watches = False
+        self.armings = 0
+        self.armed = False
         self.beats: list[int] = []
         self.latched = False
         self.cause = Cause.NONE
         self.commanded: list[tuple[Motion, bool, float]] = []
-        self.is_alive = True
+        self.ended = False
         self.answers_after = 1  # beats of an arming
         self.beats_of_arming = 0
 
     @property
     def acknowledged(self) -> bool:
-        return self.beats_of_arming > self.answers_after
+        return self.armed and self.beats_of_arming > self.answers_after
 
     def arm(self) -> None:
-        self.armed += 1
-        self.watches = True
+        self.armings += 1
+        self.armed = True
         self.beats_of_arming = 0
         self.latched = False
 
     def disarm(self) -> None:
-        self.watches = False
+        self.armed = False
 
     def beat(self, now_ns: int, motion: Motion, deadman: bool, speed: float) -> None:
         self.beats.append(now_ns)
         self.commanded.append((motion, deadman, speed))
-        self.beats_of_arming += self.armed > 0
+        self.beats_of_arming += self.armed
 
-    def alive(self, now_ns: int) -> bool:
-        return self.is_alive
+    def answers(self, now_ns: int) -> bool:
+        return not (self.armed and self.ended)
+
+    def is_fresh(self, now_ns: int) -> bool:
+        return not self.ended
 
 
 class Bench:
@@ -91,9 +86,21 @@ class Bench:
         self.model = ControllerModel(IdealPlant(), HOME_JOINTS)
         boundary = reach_boundary(self.config.arm, self.config.limits)
         self.arm = InProcessArm(self.config.arm, self.clock, self.model, boundary)
-        self.guard = WatchedGuard()
+        self.signals = Signals()
+        speed_rad_s = np.radians(self.config.arm.ready_speed_deg_s)
+        self.guarding = Guarding(
+            self.config.arm,
+            self.config.limits,
+            None,
+            self.signals,
+            lambda _level, text: self.said.append(text),
+            speed_rad_s,
+        )
+        self.guard = WatchedLink()
+        self.guarding._link = self.guard  # type: ignore[assignment]
         self.said: list[str] = []
         self.shown = True
+        self.served_from_s = 0.0  # from when the gate has time for what is asked of it
         self._held, self._other = held, other
         self._next_press_ns = 0
         self._was_held = False
@@ -105,11 +112,13 @@ class Bench:
             self.config,
             self.clock,
             self.arm,
-            self.guard,
+            self.guarding,
+            self.signals,
             self._keys,
             self.said.append,
             lambda: self.shown,
         )
+        self.serve = run.gate.serve
         return run.run()
 
     def reports_joints(self, joints: Vector, when: Callable[[float], bool]) -> None:
@@ -131,6 +140,8 @@ class Bench:
         """A terminal: one press when the key goes down, then its repeats."""
         assert self.elapsed_s() < 120.0, "it does not end"
         self.arm.advance(round(timeout_s * NS_PER_S))
+        if self.elapsed_s() >= self.served_from_s:
+            self.serve()
         self.every_step()
         if self._other is not None and (keys := self._other(self.elapsed_s())):
             return keys
@@ -174,7 +185,7 @@ def test_the_guard_is_armed_before_the_arm_moves_and_beaten_all_the_way() -> Non
     )
     bench.run()
     assert not any(moved_unarmed)
-    assert bench.guard.armed == 1
+    assert bench.guard.armings == 1
     gaps_ms = np.diff(bench.guard.beats) / NS_PER_MS
     assert gaps_ms.max() < bench.config.arm.guard.heartbeat_timeout_ms / 2
 
@@ -191,7 +202,7 @@ def test_letting_go_stops_the_arm_and_holding_again_brings_it_home() -> None:
     assert bench.run() is HomingState.DONE
     np.testing.assert_array_equal(stood[0], stood[-1])
     assert np.abs(stood[0] - HOME_JOINTS).max() > 0.1
-    assert bench.guard.armed == 2
+    assert bench.guard.armings == 2
 
 
 def test_a_tap_moves_nothing_and_escape_ends() -> None:
@@ -228,7 +239,7 @@ def test_without_a_guard_that_watches_the_arm_is_stopped(what: str) -> None:
 
     def lose() -> None:
         if bench.elapsed_s() > 2.0:
-            bench.guard.is_alive, bench.guard.latched = what != "gone", what == "latched"
+            bench.guard.ended, bench.guard.latched = what == "gone", what == "latched"
 
     bench.every_step = lose
     with pytest.raises(DeviceError, match="guard"):
@@ -279,14 +290,14 @@ def test_key_presses_that_piled_up_are_one_press() -> None:
         other=escape_at(3.0, lambda at: b"\r" * 50 if at < 0.1 or 0.5 < at < 0.52 else b""),
     )
     assert bench.run() is HomingState.ENDED
-    assert bench.guard.armed == 0
+    assert bench.guard.armings == 0
 
 
 def test_nothing_starts_before_the_path_can_be_read() -> None:
     bench = Bench(held=lambda _: True, other=escape_at(5.0))
     bench.shown = False
     assert bench.run() is HomingState.ENDED
-    assert bench.guard.armed == 0
+    assert bench.guard.armings == 0
     np.testing.assert_array_equal(bench.model.joints, HOME_JOINTS)
 
 
@@ -313,24 +324,81 @@ def test_without_the_guards_word_the_arm_never_starts(monkeypatch: pytest.Monkey
     bench = Bench(held=lambda _: True, other=escape_at(5.0))
     bench.guard.answers_after = 10**9
     assert bench.run() is HomingState.ENDED
-    assert bench.guard.armed == 1
+    assert bench.guard.armings == 1
     assert asked == []
 
 
-def test_the_guard_is_beaten_at_once_when_it_is_armed() -> None:
+def test_the_first_beat_of_an_arming_comes_within_a_period() -> None:
     bench = Bench(held=lambda _: True)
-    beats = []
+    armed: list[tuple[int, int]] = []
     arm_guard = bench.guard.arm
 
     def arm() -> None:
         arm_guard()
-        beats.append(len(bench.guard.beats))
+        armed.append((bench.clock.now_ns(), len(bench.guard.beats)))
 
     bench.guard.arm = arm  # type: ignore[method-assign]
-    stepped = []
-    bench.every_step = lambda: stepped.append(len(bench.guard.beats)) if len(beats) == 1 else None
     bench.run()
-    assert stepped[0] == beats[0] + 1
+    ((armed_ns, beats),) = armed
+    assert bench.guard.beats[beats] - armed_ns <= POLL_S * NS_PER_S
+
+
+@pytest.mark.parametrize(
+    ("cause", "reason"),
+    [
+        (Cause.SILENT, Reason.GUARD_STOPPED),
+        (Cause.UNASKED, Reason.ARM_MOVED_UNASKED),
+        (Cause.TOO_FAST, Reason.ARM_TOO_FAST),
+        (Cause.OUTSIDE, Reason.ARM_OUTSIDE),
+        (Cause.SLEPT, Reason.COMPUTER_SLEPT),
+    ],
+)
+def test_why_the_guard_stopped_the_arm_is_told_in_the_words_of_a_session(
+    cause: Cause, reason: Reason
+) -> None:
+    bench = Bench(held=lambda _: True)
+
+    def latch() -> None:
+        if bench.elapsed_s() > 3.0 and not bench.guard.latched:
+            bench.guard.latched, bench.guard.cause = True, cause
+
+    bench.every_step = latch
+    with pytest.raises(DeviceError) as failed:
+        bench.run()
+    assert str(failed.value) == advice_at_home(reason)
+    assert bench.model.state == State.STOPPED
+
+
+def test_a_computer_that_slept_stops_the_arm() -> None:
+    bench = Bench(held=lambda _: True)
+
+    def sleep() -> None:
+        if bench.model.moving:
+            bench.clock.suspend_ns(NS_PER_S)
+
+    bench.every_step = sleep
+    with pytest.raises(DeviceError, match="suspended"):
+        bench.run()
+    assert bench.model.state == State.STOPPED
+
+
+def test_a_start_that_was_cancelled_never_begins_and_the_next_one_need_not_wait_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The key is let go and held again while the arm has not begun to get ready."""
+    begin = InProcessArm.begin_move_to_joints
+    bench = Bench(held=lambda at: not 2.0 < at < 2.5)
+    bench.served_from_s = 6.0
+    begun_s: list[float] = []
+
+    def note(arm: InProcessArm, joints: list[float], speed: float) -> None:
+        begun_s.append(bench.elapsed_s())
+        begin(arm, joints, speed)
+
+    monkeypatch.setattr(InProcessArm, "begin_move_to_joints", note)
+    assert bench.run() is HomingState.DONE
+    assert bench.guard.armings == 2
+    assert begun_s == [pytest.approx(6.0, abs=0.05)]
 
 
 def test_an_arm_that_was_moved_by_hand_is_shown_its_new_path_before_it_moves() -> None:
@@ -350,7 +418,7 @@ def test_an_arm_that_was_moved_by_hand_is_shown_its_new_path_before_it_moves() -
     assert bench.run() is HomingState.DONE
     assert len(paths_shown_s) == 2
     assert moved_s[0] - paths_shown_s[1] > 0.3  # the key was held anew
-    assert bench.guard.armed == 1
+    assert bench.guard.armings == 1
 
 
 def test_between_two_presses_the_guard_leaves_an_arm_alone_that_stands() -> None:
@@ -359,13 +427,13 @@ def test_between_two_presses_the_guard_leaves_an_arm_alone_that_stands() -> None
     watched: list[tuple[float, bool, bool]] = []
 
     def watch() -> None:
-        watched.append((bench.elapsed_s(), bench.model.moving, bench.guard.watches))
+        watched.append((bench.elapsed_s(), bench.model.moving, bench.guard.armed))
 
     bench.every_step = watch
     assert bench.run() is HomingState.DONE
     assert all(watches for _, moving, watches in watched if moving)
     assert {watches for at, _, watches in watched if 4.5 < at < 6.0} == {False}
-    assert bench.guard.armed == 2
+    assert bench.guard.armings == 2
 
 
 def test_an_arm_that_was_guided_to_where_its_path_dips_under_the_floor_does_not_start() -> None:
@@ -375,7 +443,7 @@ def test_an_arm_that_was_guided_to_where_its_path_dips_under_the_floor_does_not_
     bench.reports_joints(low, lambda at: at > 1.0)
     with pytest.raises(DeviceError, match="dip"):
         bench.run()
-    assert bench.guard.armed == 0
+    assert bench.guard.armings == 0
 
 
 def test_a_move_that_begins_after_the_heartbeat_fell_silent_is_stopped(
@@ -390,7 +458,7 @@ def test_a_move_that_begins_after_the_heartbeat_fell_silent_is_stopped(
         bench.clock.sleep_until_ns(bench.clock.now_ns() + NS_PER_S)
 
     monkeypatch.setattr(InProcessArm, "begin_move_to_joints", late)
-    with pytest.raises(DeviceError, match="too busy"):
+    with pytest.raises(DeviceError, match="close other programs"):
         bench.run()
     assert bench.model.state == State.STOPPED
 

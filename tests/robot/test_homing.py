@@ -12,21 +12,17 @@ from hw.lite6.kinematics import HOME_JOINTS
 from tams_app.config import Config, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmFault, ArmState, CommandLink, LinkFault, Pose
-from tams_app.robot.homing import (
-    Action,
-    HeldKey,
-    Homing,
-    HomingInput,
-    HomingState,
-    path_to_ready,
-)
+from tams_app.robot.control import Signals
+from tams_app.robot.home_run import EnterKey
+from tams_app.robot.homing import HeldKey, Homing, HomingState, advice_at_home, path_to_ready
 from tams_app.rotation import Rotation
+from tams_app.teleop.records import TeleopInput, TeleopOutput
+from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
 
-GOAL = np.zeros(6)
-AWAY = np.full(6, 0.5)
+CONFIG = load_config(None)
 LINK = CommandLink(0, 0, 0, 0, "")
 MS = NS_PER_MS
 
@@ -82,10 +78,17 @@ class Bench:
     """A homing at 50 steps a second, with an arm that is where the test says."""
 
     def __init__(self) -> None:
-        self.homing = Homing(GOAL)
+        self.guarded = True
+        self.shown = True
+        self.ready = False  # the move is under way
+        self.homing = Homing(CONFIG, HOME_JOINTS, lambda _: self.guarded, lambda: self.shown)
         self.now_ns = NS_PER_S
-        self.joints = AWAY
+        self.joints = HOME_JOINTS
         self.activity = Activity.IDLE
+
+    @property
+    def state(self) -> HomingState:
+        return self.homing.state
 
     def arm(self, fault: ArmFault | None = None) -> ArmState:
         return ArmState(
@@ -98,168 +101,238 @@ class Bench:
             gripper_closed=None,
         )
 
-    def step(self, pressed: bool = True, **changes: Any) -> Action:
+    def step(self, pressed: bool = True, **changes: Any) -> TeleopOutput:
         self.now_ns += 20 * MS
-        tick = HomingInput(self.now_ns, pressed, False, self.arm(), LINK, guarded=True)
-        return self.homing.step(replace(tick, **changes))
+        key = EnterKey(Signals())
+        key.feed(b"\r" if pressed else b"")
+        told = TeleopInput(
+            now_ns=self.now_ns,
+            sample=key.sample(self.now_ns),
+            arm=self.arm(),
+            link=LINK,
+            arm_ready=self.ready,
+            video_age_ns=0,
+            confirm=False,
+            estop=False,
+        )
+        return self.homing.step(replace(told, **changes))
 
-    def hold(self) -> Action:
-        """Step with the key pressed until something is to be done."""
+    def hold(self) -> Bench:
+        """Step with the key pressed until the guard is armed."""
         for _ in range(100):
-            if (action := self.step()) is not Action.NONE:
-                return action
+            if self.step().arming is ArmingState.READY:
+                return self
         raise AssertionError("nothing happens")
 
     def starting(self) -> Bench:
-        assert self.hold() is Action.ARM
-        assert self.step() is Action.START
+        assert self.hold().step().request is Request.ENABLE
         return self
 
     def moving(self) -> Bench:
         self.starting()
-        self.activity = Activity.MOVING
-        assert self.step(began=True) is Action.NONE
-        assert self.homing.state is HomingState.MOVING
+        self.activity, self.ready = Activity.MOVING, True
+        assert not self.step().stop
+        assert self.state is HomingState.MOVING
         return self
+
+    def release(self) -> int:
+        """Let go until it stops: how many steps later that is."""
+        for steps in range(100):
+            if self.step(pressed=False).stop:
+                self.ready = False
+                return steps
+        raise AssertionError("it does not stop")
 
 
 def test_nothing_moves_without_the_key() -> None:
     bench = Bench()
-    assert {bench.step(pressed=False) for _ in range(100)} == {Action.NONE}
-    assert bench.homing.state is HomingState.WAITING
+    outputs = [bench.step(pressed=False) for _ in range(100)]
+    assert {output.request for output in outputs} == {Request.NONE}
+    assert {output.arming for output in outputs} == {ArmingState.DISARMED}
+    assert bench.state is HomingState.WAITING
 
 
 def test_it_starts_once_however_long_starting_takes() -> None:
     bench = Bench()
-    actions = [bench.step() for _ in range(100)]
-    assert actions.count(Action.ARM) == actions.count(Action.START) == 1
-    assert actions.index(Action.ARM) < actions.index(Action.START)
-    assert bench.homing.state is HomingState.STARTING
+    outputs = [bench.step() for _ in range(100)]
+    arming = [output.arming for output in outputs]
+    requests = [output.request for output in outputs]
+    assert requests.count(Request.ENABLE) == 1
+    assert arming.index(ArmingState.READY) < requests.index(Request.ENABLE)
+    assert bench.state is HomingState.STARTING
 
 
 def test_it_does_not_start_before_the_guard_has_said_that_it_watches() -> None:
-    bench = Bench()
-    assert bench.hold() is Action.ARM
-    assert {bench.step(guarded=False) for _ in range(50)} == {Action.NONE}
-    assert bench.step(guarded=True) is Action.START
+    bench = Bench().hold()
+    bench.guarded = False
+    assert {bench.step().request for _ in range(50)} == {Request.NONE}
+    bench.guarded = True
+    assert bench.step().request is Request.ENABLE
 
 
 def test_letting_go_before_the_guard_watches_starts_nothing() -> None:
-    bench = Bench()
-    assert bench.hold() is Action.ARM
-    actions = {bench.step(pressed=False, guarded=False) for _ in range(50)}
-    assert actions == {Action.NONE, Action.STOP}
-    assert bench.homing.state is HomingState.WAITING
-    assert bench.step(pressed=False, guarded=True) is Action.NONE
+    bench = Bench().hold()
+    bench.guarded = False
+    bench.release()
+    assert bench.state is HomingState.WAITING
+    bench.guarded = True
+    assert bench.step(pressed=False).request is Request.NONE
 
 
 def test_letting_go_stops_within_a_quarter_second_and_holding_again_goes_on() -> None:
     bench = Bench().moving()
-    steps = 0
-    while bench.step(pressed=False) is Action.NONE:
-        steps += 1
-    assert steps * 20 <= 250
-    assert bench.homing.state is HomingState.WAITING
+    assert bench.release() * 20 <= 250
+    assert bench.state is HomingState.WAITING
     bench.activity = Activity.STOPPED
     bench.starting()
 
 
-def test_letting_go_while_it_starts_stops_at_once_and_again_when_it_has_started() -> None:
-    bench = Bench().starting()
-    while bench.step(pressed=False) is not Action.STOP:
-        assert bench.homing.state is HomingState.STARTING
-    assert bench.step() is Action.NONE
-    assert bench.step() is Action.NONE  # held again, but the start before is still under way
-    assert bench.step(began=True) is Action.STOP
-    assert bench.homing.state is HomingState.WAITING
+def test_after_a_release_nothing_starts_before_the_arm_has_reported_that_it_stopped() -> None:
+    bench = Bench().moving()
+    bench.release()
+    outputs = [bench.step() for _ in range(100)]
+    assert all(output.stop for output in outputs)
+    assert {output.arming for output in outputs} == {ArmingState.DISARMED}
+    bench.activity = Activity.STOPPED
+    bench.starting()
 
 
-def test_a_start_that_was_cancelled_and_refused_for_it_is_no_failure() -> None:
+def test_letting_go_while_it_starts_stops_at_once_and_no_start_is_taken_for_the_next() -> None:
     bench = Bench().starting()
-    while bench.step(pressed=False) is not Action.STOP:
-        pass
-    assert bench.step(pressed=False, refused="The arm was stopped meanwhile.") is Action.STOP
-    assert bench.homing.state is HomingState.WAITING
+    bench.release()
+    assert bench.state is HomingState.WAITING
+    bench.activity = Activity.STOPPED
+    bench.starting()
+    assert {bench.step().request for _ in range(20)} == {Request.NONE}
+    assert bench.state is HomingState.STARTING
+
+
+def test_a_refusal_from_before_a_start_is_none_of_it() -> None:
+    bench = Bench().starting()
+    bench.release()
+    bench.homing.refusal = "The arm was stopped meanwhile."
+    bench.activity = Activity.STOPPED
+    bench.starting()
 
 
 def test_it_is_done_when_the_arm_stands_at_the_goal() -> None:
     bench = Bench().moving()
-    bench.joints = GOAL
-    assert bench.step() is Action.NONE  # there, but still moving
+    bench.joints = bench.homing.path.goal
+    assert not bench.step().stop  # there, but still moving
     bench.activity = Activity.IDLE
-    assert bench.step() is Action.STOP
-    assert bench.homing.state is HomingState.DONE
-    assert bench.step() is Action.NONE
+    assert bench.step().stop
+    assert bench.state is HomingState.DONE
+    assert bench.step().request is Request.NONE
 
 
 def test_an_arm_that_is_there_already_is_not_moved() -> None:
     bench = Bench()
-    bench.joints = GOAL
-    assert bench.step(pressed=False) is Action.STOP
-    assert bench.homing.state is HomingState.DONE
+    bench.joints = bench.homing.path.goal
+    assert bench.step(pressed=False).stop
+    assert bench.state is HomingState.DONE
 
 
 @pytest.mark.parametrize("moving", [True, False])
 def test_any_other_key_ends_it(moving: bool) -> None:
     bench = Bench().moving() if moving else Bench()
-    assert bench.step(other_key=True) is Action.STOP
-    assert bench.homing.state is HomingState.ENDED
-    assert bench.step(pressed=True) is Action.NONE
+    assert bench.step(estop=True).stop
+    assert bench.state is HomingState.ENDED
+    assert bench.step().request is Request.NONE
+
+
+def test_any_other_key_is_an_emergency_stop_and_enter_is_none() -> None:
+    for keys, stops in (
+        (b"\r\n", False),
+        (b"", False),
+        (b" ", True),
+        (b"\x1b", True),
+        (b"\rq", True),
+    ):
+        signals = Signals()
+        EnterKey(signals).feed(keys)
+        assert signals.take().estop is stops
+
+
+GONE = replace(LINK, failure="Lost.", fault=LinkFault.LOST)
 
 
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
-        ({"refused": "The arm refused the move."}, "refused the move"),
-        ({"link": replace(LINK, failure="Lost.", fault=LinkFault.LOST)}, "Lost"),
-        ({"guard": "The guard is gone."}, "guard"),
-        ({"arm": None}, "reporting"),
+        ({"link": GONE}, "Lost"),
+        ({"faults": (Reason.GUARD_LOST,)}, "guard"),
+        ({"faults": (Reason.GUARD_STOPPED,), "link": GONE}, "guard"),
+        ({"faults": (Reason.COMPUTER_SLEPT,)}, "suspended"),
+        ({"arm": None}, "reports"),
     ],
-    ids=["refused", "link lost", "guard gone", "no reports"],
+    ids=["link lost", "guard gone", "guard before what follows", "slept", "no reports"],
 )
 def test_what_goes_wrong_stops_the_arm_and_is_told(changes: dict[str, Any], reason: str) -> None:
     bench = Bench().moving()
-    assert bench.step(**changes) is Action.STOP
-    assert bench.homing.state is HomingState.FAILED
-    assert reason in bench.homing.reason
+    assert bench.step(**changes).stop
+    assert bench.state is HomingState.FAILED
+    assert reason in bench.homing.failure
+
+
+def test_a_refused_start_stops_the_arm_and_is_told() -> None:
+    bench = Bench().starting()
+    bench.homing.refusal = "The arm refused the move."
+    assert bench.step().stop
+    assert bench.homing.failure == "The arm refused the move."
 
 
 def test_an_error_of_the_controller_is_told_with_its_number() -> None:
     bench = Bench().moving()
-    assert bench.step(arm=bench.arm(ArmFault(31, "C31 (collision): remove it"))) is Action.STOP
-    assert "C31" in bench.homing.reason
+    assert bench.step(arm=bench.arm(ArmFault(31, "C31 (collision): remove it"))).stop
+    assert "C31" in bench.homing.failure
 
 
-def test_reports_that_freeze_stop_the_arm() -> None:
+def test_reports_that_freeze_stop_the_arm_as_early_as_in_a_session() -> None:
     bench = Bench().moving()
+    frozen, began_ns = bench.arm(), bench.now_ns
+    while not bench.step(arm=frozen).stop:
+        pass
+    assert bench.now_ns - began_ns == pytest.approx(CONFIG.freshness.arm_state_ms * MS, abs=20 * MS)
+    assert "reports are late" in bench.homing.failure
+
+
+def test_while_the_arm_reports_late_nothing_starts_and_once_it_is_silent_it_is_over() -> None:
+    bench = Bench()
     frozen = bench.arm()
-    actions = [bench.step(arm=frozen) for _ in range(17)]
-    assert actions.count(Action.STOP) == 1
-    assert "reporting" in bench.homing.reason
+    for _ in range(50):
+        assert bench.step(arm=frozen).arming is ArmingState.DISARMED
+    assert bench.step(arm=frozen).stop
+    assert "stopped reporting" in bench.homing.failure
 
 
 def test_an_arm_that_was_stopped_from_elsewhere_is_not_started_again() -> None:
     bench = Bench().moving()
     bench.activity = Activity.STOPPED
-    assert bench.step() is Action.STOP
-    assert "from elsewhere" in bench.homing.reason
+    assert bench.step().stop
+    assert "from elsewhere" in bench.homing.failure
 
 
 def test_a_report_from_before_the_start_is_not_taken_for_a_stop() -> None:
     bench = Bench()
     bench.activity = Activity.STOPPED
     bench.starting()
-    old = bench.arm()
-    bench.step(began=True)
-    assert bench.step(arm=old) is Action.NONE
+    old, bench.ready = bench.arm(), True
+    assert not bench.step().stop
+    assert not bench.step(arm=old).stop
 
 
 def test_an_arm_that_stands_still_on_its_way_is_a_failure() -> None:
     bench = Bench().moving()
     bench.activity = Activity.IDLE
-    actions = [bench.step() for _ in range(60)]
-    assert Action.STOP in actions
-    assert "stands still" in bench.homing.reason
+    assert any(bench.step().stop for _ in range(60))
+    assert "stands still" in bench.homing.failure
+
+
+@pytest.mark.parametrize("reason", list(Reason))
+def test_what_to_do_fits_a_command_that_has_ended(reason: Reason) -> None:
+    words = advice_at_home(reason)
+    for foreign in ("confirm", "session again", "{", "trigger", "Shift"):
+        assert foreign not in words
 
 
 # --- the path -----------------------------------------------------------------------------------
