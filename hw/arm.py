@@ -63,18 +63,28 @@ class Arm(ABC):
 
     @abstractmethod
     def state(self) -> ArmState | None:
-        """The newest report, None before the first; does not block."""
+        """The newest report of the controller; does not block.
+
+        Returns:
+            Joints [rad], shape (6,), TCP in the base frame [m], activity, fault and when it was
+            received [ns]; None before the first report and after `close`.
+        """
 
     @abstractmethod
     def link(self) -> CommandLink:
-        """Health of the command connection; does not block."""
+        """Health of the command connection; does not block.
+
+        Returns:
+            How many commands were sent, their last round trip [ns], and the fault with its sentence
+            ("" while there is none); LOST before `connect`.
+        """
 
     @abstractmethod
     def send_twist(self, twist: Twist) -> None:
         """Move the TCP until the next command or the end of the deadman time.
 
-        One that is not finite, or beyond the `ArmLimits` of its kind, is not followed: `link` tells
-        it as REFUSED, and nothing moves until the arm is enabled again.
+        One that is not finite, or beyond the `ArmLimits` of its kind, is not followed: `link`
+        reports it as REFUSED, and nothing moves until the arm is enabled again.
 
         Args:
             twist: of the TCP in the base frame [m/s, rad/s].
@@ -82,7 +92,11 @@ class Arm(ABC):
 
     @abstractmethod
     def set_gripper(self, closed: bool) -> None:
-        """Close or open the gripper."""
+        """Close or open the gripper; without effect while the arm is stopped.
+
+        Args:
+            closed: True to close, False to open.
+        """
 
     @abstractmethod
     def stop(self) -> None:
@@ -125,24 +139,37 @@ class SimulatedArm(Arm):
 
     @abstractmethod
     def skip_standstill(self, longest_ns: int) -> None:
-        """Leave out what is more than `longest_ns` behind the clock: the process stood still."""
+        """Skip simulated time after the process stood still.
+
+        Args:
+            longest_ns: how far the simulation may stay behind the clock [ns]; what is older is
+                left out.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """Measured joints [rad], and whether a joint met more force than it may."""
+    """The measured state of a simulated arm after one step."""
 
     joints: Joints
+    """Joint angles [rad], six."""
     collision: bool
+    """A joint met more force than it may."""
 
 
 class Plant(Protocol):
     """Joints and gripper of a simulated arm; its controller calls `step` once per cycle."""
 
     def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
-        """Advance by `duration_ns` towards `joints_target` [rad].
+        """Advance by one cycle of the controller.
 
-        `closing`: whether the gripper is driven closed or open; None: not driven.
+        Args:
+            joints_target: six joint angles [rad] to be reached at the end of the cycle.
+            closing: True drives the gripper closed, False open; None: it is not driven.
+            duration_ns: length of the cycle [ns], positive.
+
+        Returns:
+            The state at the end of the cycle.
         """
 
 
@@ -154,35 +181,70 @@ class ArmKinematics(Protocol):
         """Largest joint speeds [rad/s], shape (6,)."""
 
     def tcp_pose(self, joints: Vector) -> Pose:
-        """The TCP in the base frame [m], for `joints` [rad], shape (6,)."""
+        """Forward kinematics.
+
+        Args:
+            joints: joint angles [rad], shape (6,).
+
+        Returns:
+            The TCP in the base frame: position [m] and rotation.
+        """
 
     def jacobian(self, joints: Vector) -> NDArray[np.float64]:
-        """Joint speeds [rad/s] to the TCP's twist (vx, vy, vz, wx, wy, wz), shape (6, 6)."""
+        """The geometric Jacobian in the base frame.
+
+        Args:
+            joints: joint angles [rad], shape (6,).
+
+        Returns:
+            Shape (6, 6): from joint speeds [rad/s] to the TCP's twist (vx, vy, vz [m/s], wx, wy,
+            wz [rad/s]).
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class ArmLimits:
-    """What an arm can do at most, after its maker's manual; the configuration must stay within."""
+    """The largest ranges and speeds of an arm, from its maker's manual.
 
-    joint_lower_deg: tuple[float, ...]  # six
+    The configuration must stay within them.
+    """
+
+    joint_lower_deg: tuple[float, ...]
+    """Lower end of each of the six joints [degrees]."""
     joint_upper_deg: tuple[float, ...]
-    joint_speed_rad_s: float  # of every joint
+    """Upper end of each of the six joints [degrees]."""
+    joint_speed_rad_s: float
+    """Of every joint [rad/s]."""
     tcp_speed_mm_s: float
+    """Of the TCP [mm/s]."""
     tcp_acceleration_mm_s2: float
-    reach_mm: float  # of the flange, from the base axis
-    shoulder_mm: float  # height above the base
-    stretched_mm: float  # from the shoulder to the flange of the stretched arm
+    """Of the TCP [mm/s²]."""
+    reach_mm: float
+    """Of the flange, from the base axis [mm]."""
+    shoulder_mm: float
+    """Height of the shoulder above the base [mm]."""
+    stretched_mm: float
+    """From the shoulder to the flange of the stretched arm [mm]."""
 
 
 @dataclass(frozen=True, slots=True)
 class TcpBoundary:
-    """A box that the TCP must not leave, in the base frame, in whole millimetres: x, y, z."""
+    """A box in the base frame that the TCP must not leave."""
 
     lower_mm: tuple[int, int, int]
+    """Its least x, y and z, in whole millimetres."""
     upper_mm: tuple[int, int, int]
+    """Its greatest x, y and z, in whole millimetres."""
 
     def contains(self, position: Numbers) -> bool:
-        """Whether `position` [m], shape (3,), is inside."""
+        """Test whether a position is inside, its faces included.
+
+        Args:
+            position: in the base frame [m], shape (3,).
+
+        Returns:
+            True if it is.
+        """
         return all(
             low <= value * 1000.0 <= high
             for value, low, high in zip(position, self.lower_mm, self.upper_mm, strict=True)
@@ -192,25 +254,36 @@ class TcpBoundary:
 class StopChannel(Protocol):
     """A connection of its own that does nothing but stop the arm, for the guard process.
 
-    Made with host, port, reply time-out [s] and the name of its thread.
+    It is made with host, port, reply time-out [s] and, by keyword, the `name` of its thread.
     """
 
     @property
     def failure(self) -> str:
-        """Why a stop would not get through at the moment, in one sentence; "" if it would."""
+        """The cause that keeps a stop from getting through now, in one sentence; "" if none."""
 
     @property
     def pending(self) -> bool:
-        """A stop was asked for and is not acknowledged yet."""
+        """True while a stop that was requested is not acknowledged."""
 
     def start(self) -> None:
-        """Connect; DeviceError if the arm does not answer."""
+        """Connect.
+
+        Raises:
+            DeviceError: the arm does not answer.
+        """
 
     def request_stop(self) -> None:
         """Stop the arm, repeated until acknowledged; does not block, from any thread."""
 
     def wait_acknowledged(self, timeout_s: float) -> bool:
-        """Wait until every stop asked for is acknowledged; False after `timeout_s`."""
+        """Wait until every stop that was requested is acknowledged.
+
+        Args:
+            timeout_s: how long at most [s].
+
+        Returns:
+            False if the time has passed before.
+        """
 
     def close(self) -> None:
         """Disconnect; may be called twice."""
@@ -218,21 +291,30 @@ class StopChannel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundArm:
-    """What answers at an arm's address."""
+    """The device that answers at an arm's address."""
 
-    problem: str  # why it cannot be used, in one sentence; "" if it can
-    description: str  # what it is, in one line
+    problem: str
+    """Why it cannot be used, in one sentence; "" if it can."""
+    description: str
+    """The device in one line."""
 
 
 class ArmKind(ABC):
     """One model of arm: its limits, and the makers of all that belongs to it."""
 
-    title: str  # as its maker calls it
+    title: str
+    """The maker's name for the model."""
     limits: ArmLimits
-    stop_channel: str  # "module:name" of the `StopChannel`, which the guard process loads
-    report_watch: str  # "module:name" of the `hw.arm_report.ReportWatch`, which it loads as well
-    simulation: str  # "module:name" of the maker that `hw.arms.simulated_arm` calls
-    rig: str = ""  # module of the helper process that simulates arm and scene; "": there is none
+    """The bounds that configuration and commands are checked against."""
+    stop_channel: str
+    """"module:name" of the `StopChannel`, which the guard process loads."""
+    report_watch: str
+    """"module:name" of the `hw.arm_report.ReportWatch`, which the guard process loads as well."""
+    simulation: str
+    """"module:name" of the maker of a `SimulatedArm`, with the arguments of
+    `hw.arms.simulated_arm`."""
+    rig: str = ""
+    """Module of the helper process that simulates arm and scene; "": there is none."""
 
     @abstractmethod
     def make_arm(
@@ -242,22 +324,45 @@ class ArmKind(ABC):
         control_rate_hz: float,
         boundary: TcpBoundary | None,
     ) -> Arm:
-        """The driver of the arm at `config.host`, not connected yet.
+        """Make the driver of the arm at `config.host`.
 
         Args:
-            clock: which stamps the reports.
-            control_rate_hz: a reply that takes longer than one period counts as slow.
+            config: `arm` of the configuration.
+            clock: stamps the reports.
+            control_rate_hz: of the control loop [Hz]; a reply that takes longer than one period
+                counts as slow.
             boundary: set in the controller on connecting; None leaves the controller's as it is.
+
+        Returns:
+            A driver, not connected yet.
         """
 
     @abstractmethod
     def kinematics(self, config: ArmConfig) -> ArmKinematics:
-        """The kinematics with the configured tool."""
+        """Make the kinematics with the configured tool.
+
+        Args:
+            config: `arm` of the configuration; `tcp_offset_mm_deg` is the tool.
+
+        Returns:
+            Forward kinematics and Jacobian of flange and tool.
+        """
 
     def figure(self) -> ArmFigure | None:
-        """How the arm looks, for viewers of the log; None: they are shown its TCP alone."""
+        """Make the shape of the arm, for viewers of the log.
+
+        Returns:
+            Solids of its links and how joints place them; None: viewers show the TCP alone.
+        """
         return None
 
     @abstractmethod
     def find(self, config: ArmConfig) -> FoundArm:
-        """Look what answers at `config.host`, without moving, stopping or changing it."""
+        """Look up what answers at `config.host`, for `doctor`; it neither moves nor changes it.
+
+        Args:
+            config: `arm` of the configuration.
+
+        Returns:
+            A description, and the problem if the arm cannot be used.
+        """

@@ -6,25 +6,37 @@ from typing import NamedTuple, Protocol
 
 
 class ArmReport(NamedTuple):
-    """Where the arm is, after its own controller."""
+    """The place of an arm as its own controller reports it."""
 
-    position: tuple[float, float, float]  # of the TCP in the base frame [m]
-    joints: tuple[float, ...]  # [rad]
+    position: tuple[float, float, float]
+    """Of the TCP in the base frame [m]."""
+    joints: tuple[float, ...]
+    """Joint angles [rad], six."""
 
 
 class ReportWatch(Protocol):
     """A connection of its own that reads nothing but the arm's reports, for the guard process.
 
-    Made with host and report port.
+    It is made with host and report port.
     """
 
     def start(self) -> None:
-        """Connect; DeviceError if the arm sends no reports there."""
+        """Connect.
+
+        Raises:
+            DeviceError: the arm sends no reports there.
+        """
 
     def newest(self, now_ns: int) -> ArmReport | None:
-        """The newest report that came since the last call, None if there is none.
+        """The newest report that came since the last call; does not block.
 
-        Does not block; a connection that is gone or silent is made anew. Numbers are finite.
+        A connection that is gone or silent is made anew.
+
+        Args:
+            now_ns: the time [ns], CLOCK_MONOTONIC.
+
+        Returns:
+            The report, its numbers finite; None if there was none.
         """
 
     def close(self) -> None:

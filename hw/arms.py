@@ -20,6 +20,12 @@ ARM_KINDS: Registry[ArmKind] = Registry("arm.model", "tams.arms", {"lite6": "hw.
 def arm_kind(model: str) -> ArmKind:
     """The kind of arm that the configuration calls `model`.
 
+    Args:
+        model: a key of `ARM_KINDS`.
+
+    Returns:
+        The kind, whose module is imported by this.
+
     Raises:
         ConfigError: there is no such model; the sentence names those there are.
     """
@@ -34,13 +40,21 @@ def simulated_arm(
     plant: Plant | None = None,
     gripper_closed: bool | None = None,
 ) -> SimulatedArm:
-    """An arm of `config.model` in this process, not connected yet: for virtual time, a dry run.
+    """Make a simulated arm in this process, for virtual time and dry runs.
 
     Args:
+        config: `arm` of the configuration, with its `model`.
+        clock: the time that the simulation follows.
         joints: where it stands [rad], shape (6,).
         boundary: set in the controller on connecting; None leaves the controller's as it is.
         plant: what follows the joint targets; None: joints that are there at once.
         gripper_closed: what the gripper was commanded before; None: nothing.
+
+    Returns:
+        The arm, not connected yet.
+
+    Raises:
+        ConfigError: there is no such model.
     """
     make = pkgutil.resolve_name(arm_kind(config.model).simulation)
     arm: SimulatedArm = make(config, clock, joints, boundary, plant, gripper_closed)

@@ -36,7 +36,11 @@ class Controller(ABC):
 
     @abstractmethod
     def pulse(self, haptic: Haptic) -> None:
-        """Play a vibration pattern on the controller; does not block."""
+        """Play a vibration pattern on the controller; does not block.
+
+        Args:
+            haptic: the event to be felt; a device without vibration ignores it.
+        """
 
     @abstractmethod
     def close(self) -> None:

@@ -27,7 +27,7 @@ NOT_LIVE = ("file", "pattern")  # sources that show no arm: a real one does not 
 def make_camera(
     view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: Note
 ) -> GstCamera:
-    """The camera of one view, not started yet.
+    """Make the camera of one view.
 
     Args:
         view: the view's name; it is on every frame.
@@ -37,7 +37,10 @@ def make_camera(
         note: called with level and sentence when the camera stops delivering and when it is back,
             in the thread that calls `next_frame`.
 
+    Returns:
+        The camera, not started yet.
+
     Raises:
-        ConfigError: its settings cannot go together.
+        ConfigError: its settings cannot go together, or there is no such source.
     """
     return GstCamera(view, SOURCES[config.source](view, config, video), video, clock, note)

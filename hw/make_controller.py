@@ -11,24 +11,44 @@ from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
 from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
-Note = Callable[[str, str], None]  # level and sentence
+Note = Callable[[str, str], None]
+"""Writes into the log: level (info, warning or error) and sentence."""
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerParts:
-    """What a controller may be made of."""
+    """The parts that a maker of controllers is given."""
 
     config: ControllerConfig
+    """`controller` of the configuration."""
     hand: HandConfig
+    """`hand`: how motions of the hand become motions of the arm."""
     clutch: ClutchConfig
+    """`clutch`: how far [0 to 1] trigger and grip are pulled when they count as pressed."""
     clock: Clock
+    """The session's clock, by which samples are stamped."""
     note: Note
+    """For what the operator should read, such as a device that came back."""
 
 
 def make_controller(
     config: ControllerConfig, hand: HandConfig, clutch: ClutchConfig, clock: Clock, note: Note
 ) -> Controller:
-    """The configured controller, not started yet; `auto` is the tracked one."""
+    """Make the configured controller.
+
+    Args:
+        config: `controller`; its `device` is a key of `DEVICES`, or `auto`: the tracked one.
+        hand: `hand` of the configuration.
+        clutch: `clutch` of the configuration.
+        clock: the session's.
+        note: called with level and sentence, from any thread.
+
+    Returns:
+        The controller, not started yet.
+
+    Raises:
+        ConfigError: there is no such device.
+    """
     device = "openvr" if config.device == "auto" else config.device
     return DEVICES[device](ControllerParts(config, hand, clutch, clock, note))
 

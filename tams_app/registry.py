@@ -1,4 +1,4 @@
-"""What the words of the configuration stand for: what TAMS brings, and other distributions."""
+"""Objects that words of the configuration name: those of TAMS and of other distributions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ T = TypeVar("T")
 
 
 class Registry(MutableMapping[str, T], Generic[T]):
-    """By name, in the order of the configuration's reference, then those of other distributions.
+    """Objects by name: built-in ones in the order of the reference, then other distributions'.
 
     A name stands for the object itself or for "module:object", which is imported when it is asked
     for: a session loads only what it uses. Other distributions enter theirs as entry points of
@@ -22,14 +22,31 @@ class Registry(MutableMapping[str, T], Generic[T]):
     """
 
     def __init__(self, key: str, group: str, built_in: Mapping[str, T | str]) -> None:
-        """`key`: of the configuration, as errors name it."""
+        """Make a registry; nothing is imported or searched by this.
+
+        Args:
+            key: of the configuration, as errors name it.
+            group: of the entry points.
+            built_in: by name, the object or "module:object".
+        """
         self.key, self.group = key, group
         self._known: dict[str, T | str] = dict(built_in)
         self._searched = False
         self._contested: dict[str, int] = {}  # by how many distributions
 
     def __getitem__(self, name: str) -> T:
-        """ConfigError if there is none of that name, or it cannot be loaded."""
+        """Look an object up, and import it if need be.
+
+        Args:
+            name: a word of the configuration.
+
+        Returns:
+            The object.
+
+        Raises:
+            ConfigError: there is none of that name, it cannot be loaded, or several distributions
+                have it.
+        """
         if name not in self._known:
             self._search()
         if name not in self._known:
@@ -48,7 +65,18 @@ class Registry(MutableMapping[str, T], Generic[T]):
             raise ConfigError(f"{self.key}: {name!r} cannot be loaded: {error!r}") from error
 
     def get(self, name: str, default: Any = None) -> Any:
-        """What `name` stands for; `default` if it stands for nothing."""
+        """Look an object up that may be missing.
+
+        Args:
+            name: a word of the configuration.
+            default: returned if there is none of that name.
+
+        Returns:
+            The object, or `default`.
+
+        Raises:
+            ConfigError: it cannot be loaded, or several distributions have it.
+        """
         if name not in self:
             return default
         return self[name]
@@ -73,7 +101,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
         return name in self._known
 
     def _search(self) -> None:
-        """Look once what is installed."""
+        """Look the installed distributions through, once."""
         if self._searched:
             return
         self._searched = True

@@ -1,4 +1,4 @@
-"""What every device keeps to, for the authors of drivers: `check_arm`, `check_camera`,
+"""The contracts of devices, for the authors of drivers: `check_arm`, `check_camera`,
 `check_controller`.
 
 Each checks one promise after the other on a device of its own and raises `ContractError` with a

@@ -1,4 +1,4 @@
-"""What every arm keeps to.
+"""The contract of every arm.
 
 On a real arm these are real moves, without deadman or guard: they need half a metre of free space
 around it, and a hand on the emergency stop.
@@ -28,33 +28,48 @@ _TURN_RAD_S = 0.4
 
 
 class ArmBench(ABC):
-    """An arm that stands at its ready pose, and a way to let time pass.
-
-    limits: what it can do at most; what is beyond must be refused, and is asked for.
-    ready_joints: shape (6,) [rad]. deadman_s: for how long a twist counts. still_mm, still_rad: by
-    how much an arm that stands still may seem to move.
-    """
+    """An arm that stands at its ready pose, and a way to let time pass."""
 
     limits: ArmLimits
+    """Its largest ranges and speeds; 1.2 times as much is commanded and must be refused."""
     ready_joints: Vector
+    """Joint angles [rad] at the beginning, shape (6,)."""
     deadman_s: float
-    still_mm = 0.1
-    still_rad = 1e-3
+    """How long a twist counts without another [s]."""
+    still_mm: float = 0.1
+    """How far the TCP of an arm that stands still may seem to move [mm]."""
+    still_rad: float = 1e-3
+    """The same of a joint [rad]."""
 
     @abstractmethod
     def make_arm(self) -> Arm:
-        """A driver of it, not connected; the caller closes it."""
+        """Make a driver of the arm.
+
+        Returns:
+            A driver, not connected; the caller closes it.
+        """
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
-        """Let time pass for the arm."""
+        """Let time pass for the arm: sleep, or advance a simulation.
+
+        Args:
+            seconds: how much [s].
+        """
 
     @abstractmethod
     def elapsed_s(self) -> float:
-        """Of the time that `advance` lets pass."""
+        """The time that `advance` has let pass [s], from any start."""
 
     def until(self, condition: Callable[[], bool]) -> bool:
-        """Let time pass until `condition` holds; False if it does not in good time."""
+        """Let time pass until a condition holds.
+
+        Args:
+            condition: checked every 10 ms.
+
+        Returns:
+            False if it does not hold within 10 s.
+        """
         deadline_s = self.elapsed_s() + _WITHIN_S
         while self.elapsed_s() < deadline_s:
             if condition():
@@ -63,7 +78,18 @@ class ArmBench(ABC):
         return False
 
     def next_state(self, arm: Arm, reports: int = 2) -> ArmState:
-        """A state that was measured after this call; never mind what is still on its way."""
+        """Wait for a report that was measured after this call.
+
+        Args:
+            arm: a connected driver.
+            reports: how many to wait for: the first may have been on its way.
+
+        Returns:
+            The newest report.
+
+        Raises:
+            ContractError: none comes within 10 s.
+        """
         for _ in range(reports):
             before = arm.state()
             received_ns = before.received_ns if before else 0
@@ -74,14 +100,20 @@ class ArmBench(ABC):
         return state
 
     def stream(self, arm: Arm, twist: Twist, seconds: float) -> None:
-        """Send `twist` like a control loop."""
+        """Send a twist like a control loop, 120 times a second.
+
+        Args:
+            arm: an enabled driver.
+            twist: of the TCP in the base frame [m/s, rad/s].
+            seconds: for how long [s].
+        """
         for _ in range(round(seconds * CONTROL_RATE_HZ)):
             arm.send_twist(twist)
             self.advance(1.0 / CONTROL_RATE_HZ)
 
 
 def distance_mm(first: Pose, second: Pose) -> float:
-    """Between two places of the TCP."""
+    """The distance between two places of the TCP."""
     return float(np.linalg.norm(first.position - second.position)) * 1000.0
 
 
@@ -341,10 +373,16 @@ ARM_PROMISES: tuple[Promise[ArmBench], ...] = (
 
 
 def check_arm(make_bench: Callable[[], AbstractContextManager[ArmBench]]) -> None:
-    """Check all of them; ContractError with a line for each not kept.
+    """Check that a driver of an arm keeps all of `ARM_PROMISES`.
 
     A real arm moves for about a minute, without deadman or guard, and is asked for what it must
     refuse. Check a simulation of it first; then have half a metre of free space around it, and a
     hand on the emergency stop.
+
+    Args:
+        make_bench: makes a bench for each promise, with the arm at its ready pose, and releases it.
+
+    Raises:
+        ContractError: a line for each promise that is not kept.
     """
     check(ARM_PROMISES, make_bench)

@@ -1,4 +1,4 @@
-"""What every camera keeps to."""
+"""The contract of every camera."""
 
 from __future__ import annotations
 
@@ -22,18 +22,36 @@ _GRID = 1.5  # periods between a frame's index and its capture time
 
 
 class CameraBench(ABC):
-    """Makes cameras of `view` with frames of `video`."""
+    """A maker of cameras of one view."""
 
     view: str
+    """The name that their frames must carry."""
     video: VideoConfig
+    """Size [pixels] and rate [frames/s] that their frames must have."""
     clock: Clock = MonotonicClock()
+    """The clock of their capture times."""
 
     @abstractmethod
     def camera(self) -> Camera:
-        """A camera that is there, not started; one at a time."""
+        """Make a camera whose device is there.
+
+        Returns:
+            A camera, not started; the one before has been closed.
+        """
 
     def frames(self, camera: Camera, count: int) -> list[Frame]:
-        """The next frames; ContractError if one does not come."""
+        """Read the next frames.
+
+        Args:
+            camera: a started camera.
+            count: how many.
+
+        Returns:
+            That many frames.
+
+        Raises:
+            ContractError: one does not come within 5 s.
+        """
         found = []
         for _ in range(count):
             frame = camera.next_frame(_WITHIN_S)
@@ -129,5 +147,12 @@ CAMERA_PROMISES: tuple[Promise[CameraBench], ...] = (
 
 
 def check_camera(make_bench: Callable[[], AbstractContextManager[CameraBench]]) -> None:
-    """Check all of them; ContractError with a line for each not kept. Takes about 5 s."""
+    """Check that a camera keeps all of `CAMERA_PROMISES`; takes about 5 s.
+
+    Args:
+        make_bench: makes a bench for each promise and releases it.
+
+    Raises:
+        ContractError: a line for each promise that is not kept.
+    """
     check(CAMERA_PROMISES, make_bench)

@@ -1,4 +1,4 @@
-"""What every controller in an operator's hand keeps to."""
+"""The contract of every controller in an operator's hand."""
 
 from __future__ import annotations
 
@@ -20,17 +20,32 @@ class ControllerBench(ABC):
     """A controller in use, its deadman held down, and a way to let time pass."""
 
     controller: Controller
+    """Not started yet; its deadman is held from then on."""
 
     @abstractmethod
     def advance(self) -> int:
-        """Let one tick of about 8 ms pass; the time now [ns]."""
+        """Let one tick of about 8 ms pass.
+
+        Returns:
+            The time after it [ns], by the clock of the samples.
+        """
 
     def sample(self) -> ControllerSample:
         """The sample of the next tick."""
         return self.controller.sample(self.advance())
 
     def until(self, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
-        """The first sample that `holds`; ContractError if there is none in good time."""
+        """Sample at every tick until a condition holds.
+
+        Args:
+            holds: the condition of a sample.
+
+        Returns:
+            The first sample of which it holds.
+
+        Raises:
+            ContractError: there is none within 20 s.
+        """
         deadline_ns = self.advance() + _WITHIN_NS
         while True:
             now_ns = self.advance()
@@ -41,12 +56,12 @@ class ControllerBench(ABC):
 
 
 def is_in_use(sample: ControllerSample) -> bool:
-    """Whether the deadman is held and known to be."""
+    """Test whether the deadman is held and known to be."""
     return sample.status is ControllerStatus.OK and sample.trigger == 1.0
 
 
 def is_released(sample: ControllerSample) -> bool:
-    """Whether nothing reads as pressed."""
+    """Test whether nothing reads as pressed."""
     pressed = sample.a or sample.b or sample.menu
     return (sample.trigger, sample.grip, pressed) == (0.0, 0.0, False)
 
@@ -134,5 +149,12 @@ CONTROLLER_PROMISES: tuple[Promise[ControllerBench], ...] = (
 
 
 def check_controller(make_bench: Callable[[], AbstractContextManager[ControllerBench]]) -> None:
-    """Check all of them; ContractError with a line for each not kept."""
+    """Check that a controller keeps all of `CONTROLLER_PROMISES`.
+
+    Args:
+        make_bench: makes a bench for each promise and releases it.
+
+    Raises:
+        ContractError: a line for each promise that is not kept.
+    """
     check(CONTROLLER_PROMISES, make_bench)

@@ -13,17 +13,32 @@ Promise: TypeAlias = Callable[[Bench], None]
 
 
 class ContractError(TamsError):
-    """A device does not do what its interface says."""
+    """A device breaks its interface's contract: a line for each promise that is not kept."""
 
 
 def require(holds: bool, otherwise: str) -> None:
-    """ContractError with `otherwise` unless it `holds`."""
+    """Fail a promise unless a condition holds.
+
+    Args:
+        holds: the condition.
+        otherwise: the sentence of the error.
+
+    Raises:
+        ContractError: it does not hold.
+    """
     if not holds:
         raise ContractError(otherwise)
 
 
 def refused(action: Callable[[], object]) -> None:
-    """ContractError unless `action` raises a DeviceError of one line."""
+    """Fail a promise unless an action is refused.
+
+    Args:
+        action: must raise a `DeviceError` of one line.
+
+    Raises:
+        ContractError: it does not, or in several lines.
+    """
     try:
         action()
     except DeviceError as error:
@@ -35,7 +50,15 @@ def refused(action: Callable[[], object]) -> None:
 def check(
     promises: Sequence[Promise[Bench]], make_bench: Callable[[], AbstractContextManager[Bench]]
 ) -> None:
-    """Check each promise on a bench of its own; ContractError with a line for each not kept."""
+    """Check each promise on a bench of its own.
+
+    Args:
+        promises: functions of a bench, whose names are the sentences that errors begin with.
+        make_bench: makes a bench and, on leaving the context, releases what belongs to it.
+
+    Raises:
+        ContractError: a line for each promise that is not kept; all are checked all the same.
+    """
     broken = []
     for promise in promises:
         with make_bench() as bench:

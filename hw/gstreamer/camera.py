@@ -18,38 +18,62 @@ REOPEN_NS = NS_PER_S
 _FIRST_FRAME_TIMEOUT_NS = 5 * NS_PER_S
 _LOOK_NS = 50 * NS_PER_MS
 
-Note = Callable[[str, str], None]  # level (info, warning or error) and sentence
+Note = Callable[[str, str], None]
+"""Writes into the log: level (info, warning or error) and sentence."""
 
 
 class FrameSource(Protocol):
-    """Where the frames come from, and how to open that."""
+    """A device or file that frames come from; `GstCamera` opens and watches it."""
 
-    noisy: bool  # a real sensor: two equal frames are one frame twice
-    endless: bool  # its end is a failure; else it begins anew at once
+    noisy: bool
+    """It is a real sensor, of which two equal frames are one frame delivered twice."""
+    endless: bool
+    """Its end is a failure; else it is opened anew at once."""
 
     @property
     def label(self) -> str:
-        """What people call it."""
+        """The name by which people know it, for messages."""
 
     def open(self) -> GstCapture:
-        """Start capturing; DeviceError in one sentence if it is not there or refuses."""
+        """Start capturing; called again after each failure.
+
+        Returns:
+            A running chain, whose frames have the size of the `VideoConfig`; the camera closes it.
+
+        Raises:
+            DeviceError: it is not there or refuses, in one sentence.
+            SetupError: a GStreamer element is missing.
+        """
 
     def complaints(self) -> list[str]:
-        """Now that frames come: what the device does not do as it was told."""
+        """Settings that the device did not keep, read once after each opening when frames come.
+
+        Returns:
+            The ends of sentences that begin with the camera's name; empty if all is well.
+        """
 
 
 class GstCamera(Camera):
-    """View `view` from `source`; start and close in one thread, next_frame in one other.
+    """A camera made of a `FrameSource`; start and close in one thread, next_frame in one other.
 
     A source that fails, falls silent or repeats itself is opened again about once a second, with
     the same settings; meanwhile next_frame gives None, and the stale video holds the arm. A frame
-    that a sensor delivers again is left out at once. Each change is told once to `note`. The time
-    grid goes on over it all, so no index comes twice.
+    that a sensor delivers again is left out at once. Each change is reported once to `note`. The
+    time grid goes on over it all, so no index comes twice.
     """
 
     def __init__(
         self, view: str, source: FrameSource, video: VideoConfig, clock: Clock, note: Note
     ) -> None:
+        """Make a camera that is not started yet.
+
+        Args:
+            view: the name that its frames carry.
+            source: opened by `start`.
+            video: size [pixels] and rate [frames/s] of the frames.
+            clock: CLOCK_MONOTONIC, by which the frames are timed.
+            note: called with level and sentence when frames stay away and when they are back.
+        """
         self.view = view
         self._source = source
         self._shape = (video.height, video.width, 3)
@@ -66,7 +90,11 @@ class GstCamera(Camera):
         self._complained: set[str] = set()
 
     def start(self) -> None:
-        """Open the source and wait for its first frame; DeviceError if there is none."""
+        """Open the source and wait for its first frame.
+
+        Raises:
+            DeviceError: there is none within 5 s, or the source refuses.
+        """
         self._started = True
         try:
             self._await_first_frame(self._open())

@@ -16,19 +16,20 @@ _ELEMENTS = ("videoconvert", "videoscale", "appsink")
 
 @dataclass(frozen=True, slots=True)
 class RawFrame:
-    """BGR pixels, row by row without padding, and when they were taken (CLOCK_MONOTONIC, ns)."""
+    """One frame as a chain delivers it."""
 
     capture_ns: int
+    """When it was taken [ns], CLOCK_MONOTONIC."""
     pixels: Image
+    """BGR, uint8, flat, row by row without padding: height · width · 3 values."""
 
 
 class GstCapture:
-    """A running chain, made of `source` (a launch description that ends in raw video).
+    """A running GStreamer chain from a source to BGR frames of the view's size.
 
     Times: the pipeline runs on GStreamer's system clock, which is CLOCK_MONOTONIC, so a frame
     was taken at base time + running time of its buffer. v4l2src makes that the kernel's timestamp:
-    with a USB camera the arrival of the frame's first data, after its exposure. `paced`: the
-    source does not keep time by itself, so frames are held until they are due.
+    with a USB camera the arrival of the frame's first data, after its exposure.
     The newest frame replaces one not pulled yet.
     """
 
@@ -39,9 +40,18 @@ class GstCapture:
         paced: bool = False,
         properties: dict[str, dict[str, Any]] | None = None,
     ) -> None:
-        """Open and start; DeviceError with the reason if the source refuses at once.
+        """Open and start.
 
-        `properties`: of the named elements, for values that a description cannot quote.
+        Args:
+            source: a launch description (as of gst-launch-1.0) that ends in raw video.
+            video: size [pixels] that the frames are scaled to.
+            paced: the source does not keep time by itself, so frames are held until they are due.
+            properties: by name of an element in `source`, for values that a description cannot
+                quote.
+
+        Raises:
+            DeviceError: the source refuses at once, with its reason.
+            SetupError: a GStreamer element is missing.
         """
         gst.require_elements(_ELEMENTS)
         Gst = gst.load().Gst
@@ -59,7 +69,14 @@ class GstCapture:
             raise DeviceError(str(error)) from error
 
     def pull(self, timeout_ns: int) -> RawFrame | None:
-        """The newest frame not pulled yet; None if none came in time or none will come."""
+        """Wait for the newest frame not pulled yet.
+
+        Args:
+            timeout_ns: how long at most [ns].
+
+        Returns:
+            The frame; None if none came in time or none will come (`ended`).
+        """
         sample = self._sink.try_pull_sample(max(0, timeout_ns))
         if sample is None:
             return None
@@ -79,7 +96,7 @@ class GstCapture:
 
     @property
     def failure(self) -> str:
-        """Why there will be no more frames; "" if nothing went wrong."""
+        """The cause for which there will be no more frames; "" if nothing went wrong."""
         self._failure = self._failure or gst.poll_bus(self._pipeline)
         return self._failure
 

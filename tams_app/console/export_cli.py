@@ -15,7 +15,11 @@ if TYPE_CHECKING:
     from tams_app.printing import Console
 
 Export: TypeAlias = Callable[[Sequence[Path], Path | None, str, "Console"], None]
-"""Writes logs into a folder (None: its default); the words say what they show."""
+"""Writes session logs (`session.mcap`, one of each session) in another program's format.
+
+Its arguments: the logs; the folder to write to, None for a default beside them; the task in words;
+a console for the lines of the result. It raises `ConfigError` for arguments that it cannot use.
+"""
 
 _TASK = "Pick up the block and place it in the container."
 

@@ -1,4 +1,4 @@
-"""What shows a session to the operator: the words of `faces` in the configuration."""
+"""The interface of faces, and the faces by their word for `faces` in the configuration."""
 
 from __future__ import annotations
 
@@ -15,17 +15,24 @@ class Shown(Protocol):
     """A face: launched before the session has the processor, opened once it has started."""
 
     def launch(self) -> None:
-        """Start what takes long.
+        """Start what takes long, such as a process.
 
         Raises:
             SetupError: it cannot show anything here.
         """
 
     def open(self) -> None:
-        """Begin to show the session; what the operator steers by enters `displays`."""
+        """Begin to show the session.
+
+        A face that the operator steers by adds itself to `FacedSession.displays`.
+        """
 
     def say(self, note: str) -> None:
-        """Show a sentence."""
+        """Show a sentence.
+
+        Args:
+            note: one line for the operator.
+        """
 
     def refresh(self) -> None:
         """Show what is new; called some 20 times a second in the main thread."""
@@ -35,7 +42,11 @@ class Shown(Protocol):
 
 
 MakeFace = Callable[[FacedSession, ShownTrial | None, ShownReplay | None], Shown | None]
-"""None: it has nothing to show of this session. In a trial no figures may be shown."""
+"""Makes a face of the session, of its trial and of its replay, None where it is neither.
+
+In a trial no figures may be shown (`tams_app.records.without_figures`). It returns None if it has
+nothing to show of this session.
+"""
 
 FACES: Registry[MakeFace] = Registry(
     "faces",
@@ -48,7 +59,14 @@ FACES: Registry[MakeFace] = Registry(
 
 
 def check_faces(config: Config) -> None:
-    """ConfigError if one of the configured faces does not exist, or one that is needed is not."""
+    """Check that the configured faces exist, and those that are needed are among them.
+
+    Args:
+        config: the whole configuration.
+
+    Raises:
+        ConfigError: one does not exist, is named twice, or is missing.
+    """
     for name in config.faces:
         _ = FACES[name]
     if len(set(config.faces)) < len(config.faces):

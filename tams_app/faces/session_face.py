@@ -1,4 +1,4 @@
-"""A face of a session: what it is told of the session, and what becomes of a session without it."""
+"""The session as a face sees it, and a face of a session that is a process of its own."""
 
 from __future__ import annotations
 
@@ -38,56 +38,88 @@ _SAID, _LONGEST_SENTENCE = 3, 500
 
 
 class FacedSession(AskedSession, Protocol):
-    """What a face needs of a session."""
+    """The session as a face sees it."""
 
     config: Config
+    """Its whole configuration."""
     folder: Path
+    """Its folder in the logs, which exists."""
 
     @property
     def displays(self) -> Displays:
-        """What shows the frames to the person who steers."""
+        """The displays that the operator steers by; a face adds itself when it opens."""
 
     @property
-    def screen(self) -> FrameBlock: ...
+    def screen(self) -> FrameBlock:
+        """Shared memory with the newest decoded frame of each view."""
 
     @property
-    def keyboard(self) -> KeyboardController | None: ...
+    def keyboard(self) -> KeyboardController | None:
+        """The controller that a window's keys drive; None: another controller is in use."""
 
-    def fail(self, sentence: str) -> None: ...
+    def fail(self, sentence: str) -> None:
+        """End the session as failed.
 
-    def note(self, level: str, text: str) -> None: ...
+        Args:
+            sentence: the cause.
+        """
 
-    def elapsed_s(self) -> float: ...
+    def note(self, level: str, text: str) -> None:
+        """Write a sentence into the log and show it.
 
-    def state(self) -> SessionState: ...
+        Args:
+            level: info, warning or error.
+            text: the sentence.
+        """
+
+    def elapsed_s(self) -> float:
+        """Time since the session's start [s]; of a replay the time in its log."""
+
+    def state(self) -> SessionState:
+        """The session as it stands."""
 
 
 class ShownTrial(Protocol):
-    """A trial of a study, of whose session nothing else may be told."""
+    """A trial of a study: all that a face may show of its session."""
 
     @property
     def actions(self) -> Mapping[Command, Action]:
-        """For commands that are for a trial only."""
+        """The actions of the commands that exist in a trial only."""
 
     def facts_of(self, state: SessionState) -> TrialFacts:
-        """The trial as it stands."""
+        """The trial as it stands.
+
+        Args:
+            state: of its session, now.
+
+        Returns:
+            Who does which trial, its time and what was marked.
+        """
 
 
 class ShownReplay(Protocol):
-    """A session that is a replay: what is shown of that, and what is asked of it."""
+    """A session that is a replay, as a face shows and steers it."""
 
     @property
     def outline(self) -> Outline:
-        """Its log."""
+        """Its log in outline, as the timeline shows it."""
 
     def facts(self) -> ReplayFacts:
-        """How it goes."""
+        """Its speed, and whether it is paused."""
 
     def on_keys(self, keys: Keys) -> None:
-        """All keys that are down, in a thread of the window's."""
+        """Take in the keys that are down; called in a thread of the window.
+
+        Args:
+            keys: all of them.
+        """
 
     def seek(self, t_s: float) -> None:
-        """Go to that moment of the log [s], in the same thread."""
+        """Go to a moment of the log; called in the same thread.
+
+        Args:
+            t_s: time since the start of the log [s].
+        """
 
 
 class SessionFace:
@@ -117,7 +149,11 @@ class SessionFace:
         self._gone = False
 
     def launch(self) -> None:
-        """Start its process, before the session has the processor; SetupError if it cannot show."""
+        """Start its process, before the session has the processor.
+
+        Raises:
+            SetupError: it cannot show anything here.
+        """
         logs = self._session.folder / "helpers"
         logs.mkdir(exist_ok=True)
         self._client.launch(logs, **self._specification())
@@ -145,7 +181,7 @@ class SessionFace:
         self._said.append(Said(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
 
     def refresh(self) -> None:
-        """Tell it what is new, if it is time to, and look after it."""
+        """Send it the newest facts, if it is time to, and watch its process."""
         if self._client.ended and not self._gone:
             self._gone = True
             self._session.fail(
@@ -162,7 +198,7 @@ class SessionFace:
         self._stack.close()
 
     def _specification(self) -> dict[str, Any]:
-        """What its process is started with, besides its socket."""
+        """The arguments that its process is started with, besides its socket."""
         return {}
 
     def _watch_silence(self) -> None:

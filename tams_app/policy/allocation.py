@@ -82,7 +82,18 @@ class Policy:
 
     @staticmethod
     def of(config: Config, capacity: Capacity) -> Policy:
-        """The policy that `config` names, for a link of this capacity; ConfigError if none."""
+        """Make the policy of a configuration.
+
+        Args:
+            config: names strategy and budget.
+            capacity: the emulated link's, for the budget `oracle`.
+
+        Returns:
+            A new policy.
+
+        Raises:
+            ConfigError: there is no such strategy or budget.
+        """
         settings = config.policy
         strategy = make_strategy(config.strategy, settings)
         return Policy(strategy, make_budget(settings, capacity), settings)
@@ -110,5 +121,5 @@ class Policy:
         return self._budget.padding_bytes(now_ns)
 
     def flight_limit_bytes(self, now_ns: int) -> float:
-        """How many bytes may be under way without having been told of."""
+        """The limit of bytes under way that have not been reported."""
         return self._budget.flight_limit_bytes(now_ns)

@@ -1,4 +1,4 @@
-"""The ways in which the phase of the task may be inferred."""
+"""Inference of the phase of the task: its interface and the implementations by name."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Inference(Protocol):
         """Smoothed vertical speed of the TCP [m/s], upwards."""
 
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
-        """Look at the arm's newest report, in each control tick.
+        """Take in the arm's newest report; called in each control tick, so it must not block.
 
         Args:
             now_ns: the time of the tick [ns].
@@ -46,7 +46,13 @@ INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(
 
 
 def make_inference(config: PhasesConfig) -> Inference:
-    """The configured one, at the first phase of the task.
+    """Make the configured inference.
+
+    Args:
+        config: `policy.phases` of the configuration; its `inference` is a key of `INFERENCES`.
+
+    Returns:
+        A new one, at the first phase of the task.
 
     Raises:
         ConfigError: there is none of that name.

@@ -1,4 +1,4 @@
-"""What a strategy is: from phase and budget to a target for each view."""
+"""The interface of strategies: from phase and budget to a target for each view."""
 
 from __future__ import annotations
 
@@ -15,14 +15,23 @@ class Strategy(Protocol):
     """The rule that shares the budget among the views."""
 
     source_drop_below_kbps: float
-    """Whole frames are left out where a target gives each less than this gives each of 30."""
+    """Target [kbit/s] below which whole frames are left out, so that each keeps the bits that it
+    has at this target and 30 frames a second."""
 
     def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
-        """The target of each configured view [kbit/s]; their sum never exceeds the budget."""
+        """Share the budget; called about 20 times a second and at each new phase.
+
+        Args:
+            phase: the phase that was inferred last.
+            budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
+
+        Returns:
+            The target of each configured view, in whole kbit/s; their sum never exceeds the budget.
+        """
 
 
 class Weighted(ABC):
-    """A strategy that is no more than a share for each view; `allocate` makes targets of them.
+    """A strategy that is a share for each view; `allocate` makes targets of them.
 
     An own one is a subclass with `weights`, entered in `STRATEGIES` (policy/allocation.py) under
     the name that the configuration's `strategy` then accepts. One with another rule than
@@ -30,6 +39,11 @@ class Weighted(ABC):
     """
 
     def __init__(self, policy: PolicyConfig) -> None:
+        """Take over the floor and the limit of whole frames.
+
+        Args:
+            policy: `policy` of the configuration.
+        """
         self.floor_kbps = policy.allocation.floor_kbps
         self.source_drop_below_kbps = policy.allocation.source_drop_below_kbps
 
@@ -45,4 +59,13 @@ class Weighted(ABC):
         """
 
     def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
+        """Share the budget by `weights` and the floor of each view (paper, equations 4 and 5).
+
+        Args:
+            phase: the phase that was inferred last.
+            budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
+
+        Returns:
+            The target of each configured view, in whole kbit/s; their sum never exceeds the budget.
+        """
         return allocate(self.weights(phase), budget_kbps, self.floor_kbps)

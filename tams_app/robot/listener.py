@@ -1,4 +1,4 @@
-"""What the parts around control and policy loop may hear from them."""
+"""The events of control and policy loop, as the parts around them receive them."""
 
 from __future__ import annotations
 
@@ -17,33 +17,68 @@ from tams_app.teleop.records import TeleopOutput
 
 
 class Listener:
-    """Hears each step of a session; what a part does not override, it ignores.
+    """A part that receives each step of a session; events that it does not override are ignored.
 
     Nothing here may block. `on_uplink` and `on_allocation` are called in the policy thread, the
-    others in the control thread, in this order within a tick. The listeners of a session hear each
-    event in the order in which `Engine` names them.
+    others in the control thread, in this order within a tick. The listeners of a session receive
+    each event in the order in which `Engine` names them.
     """
 
     def on_wake(self, now_ns: int) -> None:
-        """The computer was suspended since the last tick; told before `before_tick`."""
+        """The computer was suspended since the last tick; called before `before_tick`.
+
+        Args:
+            now_ns: the time of the tick [ns].
+        """
 
     def before_tick(self, now_ns: int) -> None:
-        """A tick begins, and has looked at neither controller, arm nor signals."""
+        """A tick begins, and has looked at neither controller, arm nor signals.
+
+        Args:
+            now_ns: the time of the tick [ns].
+        """
 
     def on_phase(self, change: PhaseChange) -> None:
-        """The arm has been sent its command, and a phase has begun."""
+        """The arm has been sent its command, and a phase has begun.
+
+        Args:
+            change: the phase and when it began [ns].
+        """
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        """What teleoperation decided; `arm` is the report that it looked at."""
+        """Teleoperation has decided.
+
+        Args:
+            now_ns: the time of the tick [ns].
+            output: command, arming, reason and the rest of its decision.
+            arm: the report that it looked at; None: there was none.
+        """
 
     def on_tick(self, tick: Tick) -> None:
-        """The whole tick as it is logged."""
+        """A tick is over.
+
+        Args:
+            tick: the whole tick as it is logged.
+        """
 
     def on_stop(self, stop: StopRecord) -> None:
-        """A stop that was not the operator's own release is over, and recorded."""
+        """A stop that was not the operator's own release is over, and recorded.
+
+        Args:
+            stop: its reason and times [ns].
+        """
 
     def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        """Receivers have told of packets, for the next allocation; all of it in sums."""
+        """Receivers have reported packets, for the next allocation.
+
+        Args:
+            told: the packets, each once.
+            summary: all of the report in sums.
+        """
 
     def on_allocation(self, allocation: Allocation) -> None:
-        """The encoders have new targets."""
+        """The encoders have new targets.
+
+        Args:
+            allocation: the targets [kbit/s] and the capacity and budget that they follow from.
+        """

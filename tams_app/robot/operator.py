@@ -14,36 +14,66 @@ from tams_app.video.live.udp import ViewPorts
 
 
 class Operator(Listener, ABC):
-    """Who steers: at this computer, at the other end of a link, or simulated in virtual time.
+    """The person or simulation that steers: at this computer, over a link, or in virtual time.
 
-    As a `Listener` it is told of each step of the session, last of all.
+    As a `Listener` it is notified of each step of the session, last of all.
     """
 
     @abstractmethod
     def take_controller(self) -> Controller:
-        """What they hold, started; DeviceError if it is not there. Once, after arm and guard."""
+        """Start the controller; called once, after arm and guard have started.
+
+        Returns:
+            The controller in their hand, started.
+
+        Raises:
+            DeviceError: it is not there.
+        """
 
     @property
     @abstractmethod
     def hand(self) -> str:
-        """What drives the arm now, of `teleop.hands.HANDS`."""
+        """The kind of controller that drives the arm now, a key of `teleop.hands.HANDS`."""
 
     @property
     @abstractmethod
     def is_simulated(self) -> bool:
-        """Whether no person holds the controller, as far as is known."""
+        """True if no person holds the controller, as far as is known."""
 
     @abstractmethod
     def steered_by(self, view: str) -> SteeredBy:
-        """What they can steer by in this view now; its capture by the robot's clock."""
+        """The frame that they can steer by now.
+
+        Args:
+            view: name of the view.
+
+        Returns:
+            When the newest whole frame on their screen was captured [ns], by the robot's clock, and
+            whether a newer one is damaged.
+        """
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the newest frame of `view` that counts [ns]; None before the first."""
+        """Age of the newest frame that counts.
+
+        Args:
+            view: name of the view.
+            now_ns: the time [ns] by the robot's clock.
+
+        Returns:
+            The time since its capture [ns]; None before the first.
+        """
         capture_ns = self.steered_by(view).capture_ns
         return None if capture_ns is None else now_ns - capture_ns
 
     def is_damaged(self, view: str) -> bool:
-        """Whether they see a newer frame of `view`, which does not count: it is not whole."""
+        """Test whether a newer frame is shown that does not count, as it is not whole.
+
+        Args:
+            view: name of the view.
+
+        Returns:
+            True if so.
+        """
         return self.steered_by(view).is_damaged
 
 
@@ -54,26 +84,53 @@ class StreamedOperator(Operator):
     def open(
         self, rule: RepairRule, feedback: bool, sent: Mapping[str, SentFrames]
     ) -> dict[str, ViewPorts]:
-        """By view, where its packets go to, without a port for feedback.
+        """Open the ports that video is received on.
 
-        `rule`: how they are repaired. `feedback`: receivers tell of each packet. `sent`: what each
-        view's sender remembers. HelperError, ConfigError or SetupError if it cannot be.
+        Args:
+            rule: how lost packets are repaired.
+            feedback: receivers report each packet.
+            sent: by view, the identities of the frames that its sender has sent.
+
+        Returns:
+            By view, the ports that its packets go to, with 0 as the port for feedback.
+
+        Raises:
+            HelperError: a helper process did not start.
+            ConfigError: an address or port cannot be bound.
+            SetupError: the machine lacks something.
         """
 
     @abstractmethod
     def connect(self, entrances: Mapping[str, ViewPorts]) -> None:
-        """By view, where what its receiver sends is to go: begin to receive."""
+        """Begin to receive.
+
+        Args:
+            entrances: by view, the ports that its receiver sends feedback to.
+        """
 
     def note(self, text: str) -> None:
-        """A sentence that they should read; from any thread."""
+        """Show a sentence to them; called from any thread.
+
+        Args:
+            text: one line.
+        """
 
     @abstractmethod
     def poll(self) -> str:
-        """The first failure in one sentence, "" while all works."""
+        """Look for failures; called some 20 times a second.
+
+        Returns:
+            The first one in one sentence, "" while all works.
+        """
 
     def end(self, reason: str, failed: bool) -> None:
-        """The session is over, and why; once the control loop has ended."""
+        """Notify them that the session is over, once the control loop has ended.
+
+        Args:
+            reason: the cause, in one sentence.
+            failed: True after a failure, False after an orderly end.
+        """
 
     @abstractmethod
     def close(self) -> None:
-        """End what was opened; may be called twice."""
+        """Close all that was opened; may be called twice."""

@@ -16,13 +16,18 @@ from tams_app.registry import Registry
 
 
 class Budget(Protocol):
-    """A source of capacity estimates; `observe` is called before each of the questions.
+    """A source of capacity estimates; `observe` comes before `capacity_kbps` and the flight limit.
 
     A new one is a `BudgetKind` entered in `BUDGETS`, or an entry point of `tams.budgets`.
     """
 
     def observe(self, report: UplinkReport) -> None:
-        """Take in what the senders know; the time of `report` never decreases."""
+        """Take in what the senders know, at each step of the policy (about 20 times a second).
+
+        Args:
+            report: bytes sent, arrivals and receptions since the report before, as far as
+                `BudgetKind` requests them; its time never decreases.
+        """
 
     def capacity_kbps(self, now_ns: int) -> float:
         """The capacity that the uplink is believed to have at `now_ns`.
@@ -36,25 +41,37 @@ class Budget(Protocol):
         """
 
     def padding_bytes(self, now_ns: int) -> int:
-        """Bytes of padding [IP datagrams] to send at once as a probe, asked for once each."""
+        """Padding to send at once as a probe; called between steps too, if `hears_packets`.
+
+        Args:
+            now_ns: the time [ns]; never decreases.
+
+        Returns:
+            Bytes of IP datagrams, sent once for each call; 0: none.
+        """
 
     def flight_limit_bytes(self, now_ns: int) -> float:
-        """How many bytes may be under way without having been reported; infinite: any number."""
+        """The limit of bytes under way that have not been reported; beyond it frames are left out.
+
+        Args:
+            now_ns: the time [ns] of the last `observe`.
+
+        Returns:
+            Bytes of IP datagrams; infinite: no limit.
+        """
 
 
 @dataclass(frozen=True, slots=True)
 class BudgetKind:
-    """A way to know the capacity.
-
-    make: of the policy's configuration and the emulated link's capacity, which only a budget that
-        looks at nothing else (an oracle) may use.
-    hears_reports: receivers' RTCP reports reach it. hears_packets: receivers report each packet,
-        too, so that it may pad and bound what is under way.
-    """
+    """A way to estimate the capacity, and the feedback that it needs for that."""
 
     make: Callable[[PolicyConfig, Capacity], Budget]
+    """Makes it of the policy's configuration and the emulated link's capacity, which only a budget
+    that looks at nothing else (an oracle) may use."""
     hears_reports: bool = True
+    """It receives the receivers' RTCP reports."""
     hears_packets: bool = False
+    """It also receives the fate of each packet, and may pad and bound what is under way."""
 
 
 def _feedback(policy: PolicyConfig, _capacity: Capacity) -> Budget:
@@ -76,7 +93,14 @@ BUDGETS: Registry[BudgetKind] = Registry(
 
 
 def make_budget(policy: PolicyConfig, capacity: Capacity) -> Budget:
-    """The budget of `policy.budget.mode`; `capacity` is what the oracle knows.
+    """Make the budget of `policy.budget.mode`.
+
+    Args:
+        policy: `policy` of the configuration.
+        capacity: the emulated link's, for the oracle.
+
+    Returns:
+        A new budget.
 
     Raises:
         ConfigError: there is no such mode.
