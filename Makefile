@@ -89,8 +89,8 @@ $(FUZZER)/.ready: $(READY)
 bench: $(READY)
 	$(PY) -m benchmarks $(ARGS)
 
-# The documents as a site in site/, by the extra `docs`, which is installed apart: nothing else needs
-# it. The pages keep their places, so that links mean the same here as in the repository.
+# The documents as a site in site/, and in it the reference of the interfaces (docs/API.md), by the
+# extra `docs`, which is installed apart: nothing else needs it. The pages keep their places, so that links mean the same here as in the repository.
 SITE := .venv/docs
 PAGES := README.md CONTRIBUTING.md CHANGELOG.md CITATION.cff docs examples config/traces
 DOCS_EXTRA := import tomllib; \

@@ -15,6 +15,7 @@ if TYPE_CHECKING:  # the guard process starts without the configuration's librar
     from tams_app.runtime.clock import Clock
 
 ARM_KINDS: Registry[ArmKind] = Registry("arm.model", "tams.arms", {"lite6": "hw.lite6.kind:KIND"})
+"""Kinds of arm by their word for `arm.model`; entry points of `tams.arms`."""
 
 
 def arm_kind(model: str) -> ArmKind:

@@ -10,7 +10,6 @@ from tams_app.config import CameraConfig, VideoConfig
 from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
-# what makes a view's frames, of the view's name, its camera's configuration and the stream's
 SOURCES: Registry[Callable[[str, CameraConfig, VideoConfig], FrameSource]] = Registry(
     "cameras.VIEW.source",
     "tams.cameras",
@@ -20,6 +19,10 @@ SOURCES: Registry[Callable[[str, CameraConfig, VideoConfig], FrameSource]] = Reg
         "pattern": lambda _view, _config, video: PatternSource(video),
     },
 )
+"""Makers of a source by their word for `cameras.VIEW.source`; entry points of `tams.cameras`.
+
+Each is given the view's name, its camera's configuration and the stream's.
+"""
 
 NOT_LIVE = ("file", "pattern")  # sources that show no arm: a real one does not move by them
 

@@ -91,3 +91,5 @@ DEVICES: Registry[Callable[[ControllerParts], Controller]] = Registry(
     "tams.controllers",
     {"openvr": _openvr, "keyboard": _keyboard, "gamepad": _gamepad, "spacemouse": _spacemouse},
 )
+"""Makers of a controller by their word for `controller.device`; entry points of `tams.controllers`.
+"""

@@ -1,4 +1,4 @@
-"""How much a bottleneck carries over time: constant, from a trace, or without limit.
+"""Capacities of a bottleneck over time: constant, from a trace, or without limit.
 
 Times are absolute nanoseconds of the session's clock, rates kbit/s of IP datagram bytes, amounts
 bits. A packet takes `finish_ns(start, bits) - start` to leave, however the rate changes meanwhile.
@@ -18,16 +18,39 @@ _BITS_PER_NS_PER_KBPS = 1e-6
 
 
 class Capacity(Protocol):
-    """What a bottleneck can carry."""
+    """The capacity of a bottleneck over time."""
 
     def rate_kbps(self, t_ns: int) -> float:
-        """The rate at one instant [kbit/s]; infinite without a bottleneck."""
+        """The rate at one instant.
+
+        Args:
+            t_ns: the instant [ns].
+
+        Returns:
+            kbit/s of IP datagram bytes; infinite without a bottleneck.
+        """
 
     def finish_ns(self, start_ns: int, bits: int) -> int:
-        """The first instant at which `bits` have passed that began at `start_ns`."""
+        """The end of a packet's way through the bottleneck.
+
+        Args:
+            start_ns: when it begins to leave [ns].
+            bits: its size.
+
+        Returns:
+            The first instant [ns] at which all of it has passed.
+        """
 
     def mean_kbps(self, start_ns: int, end_ns: int) -> float:
-        """Mean rate from `start_ns` to `end_ns` [kbit/s]; over no time, the rate there."""
+        """The mean rate between two instants.
+
+        Args:
+            start_ns: the first [ns].
+            end_ns: the second [ns].
+
+        Returns:
+            kbit/s of IP datagram bytes; over no time, the rate there.
+        """
 
 
 def finite(kbps: float) -> float | None:

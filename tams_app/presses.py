@@ -1,4 +1,4 @@
-"""How often buttons go down, counted where the device is read: no press is lost between samples."""
+"""Counters of presses where the device is read, so that none is lost between samples."""
 
 from __future__ import annotations
 
@@ -7,9 +7,15 @@ from tams_app.records import Presses
 
 
 def hysteresis(value: float, was: bool | None, clutch: ClutchConfig) -> bool | None:
-    """Whether what is pulled by `value`, 0 to 1, is down; None: not known.
+    """Decide with hysteresis whether trigger or grip is down.
 
-    `was`: before, None if that is not known: then one that is down may be so since long ago.
+    Args:
+        value: how far it is pulled, 0 to 1.
+        was: before; None if that is not known: then one that is down may be so since long ago.
+        clutch: the two thresholds.
+
+    Returns:
+        True if it is down; None: not known.
     """
     if value <= clutch.release_below:
         return False
@@ -22,12 +28,27 @@ class PressCounter:
     """Counts presses from readings that come faster than samples are taken."""
 
     def __init__(self, clutch: ClutchConfig) -> None:
+        """Start with no presses.
+
+        Args:
+            clutch: the thresholds at which the grip counts as pressed.
+        """
         self.presses = Presses()
         self._clutch = clutch
         self._down: tuple[bool | None, ...] = (None,) * 4
 
     def update(self, grip: float, a: bool, b: bool, menu: bool) -> Presses:
-        """Take in a reading; what is down in the first one has not been pressed."""
+        """Take in a reading; a button that is down in the first one has not been pressed.
+
+        Args:
+            grip: how far it is pulled, 0 to 1.
+            a: the first button is down.
+            b: the second button is down.
+            menu: the menu button is down.
+
+        Returns:
+            All presses so far, for `ControllerSample.presses`.
+        """
         was, last = self._down, self.presses
         self._down = down = (hysteresis(grip, was[0], self._clutch), a, b, menu)
         more = [now is True and before is False for now, before in zip(down, was, strict=True)]

@@ -85,3 +85,4 @@ def _tell(console: Console, text: str) -> None:
 FORMATS: Registry[Export] = Registry(
     "--format", "tams.exports", {"rosbag2": _rosbag2, "lerobot": _lerobot}
 )
+"""Exports by their word for `--format`; entry points of `tams.exports`."""

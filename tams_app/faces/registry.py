@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError
@@ -41,7 +41,7 @@ class Shown(Protocol):
         """Show nothing more; may be called twice."""
 
 
-MakeFace = Callable[[FacedSession, ShownTrial | None, ShownReplay | None], Shown | None]
+MakeFace: TypeAlias = Callable[[FacedSession, ShownTrial | None, ShownReplay | None], Shown | None]
 """Makes a face of the session, of its trial and of its replay, None where it is neither.
 
 In a trial no figures may be shown (`tams_app.records.without_figures`). It returns None if it has
@@ -56,6 +56,7 @@ FACES: Registry[MakeFace] = Registry(
         "headset": "tams_app.faces.headset.session_headset:headset_if_wanted",
     },
 )
+"""Makers of a face by their word for `faces`; entry points of `tams.faces`."""
 
 
 def check_faces(config: Config) -> None:

@@ -53,6 +53,7 @@ STRATEGIES: Registry[Callable[[PolicyConfig], Strategy]] = Registry(
     "tams.strategies",
     {"equal": Equal, "static": Static, "tams": TaskAware, "tams+": TamsPlus},
 )
+"""Makers of a strategy by their word for `strategy`; entry points of `tams.strategies`."""
 
 
 def make_strategy(name: str, policy: PolicyConfig) -> Strategy:

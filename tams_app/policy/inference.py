@@ -43,6 +43,9 @@ class Inference(Protocol):
 INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(
     "policy.phases.inference", "tams.inference", {"motion": "tams_app.policy.phases:PhaseInference"}
 )
+"""Makers of an inference by their word for `policy.phases.inference`; entry points of
+`tams.inference`.
+"""
 
 
 def make_inference(config: PhasesConfig) -> Inference:

@@ -18,7 +18,11 @@ class Clock(Protocol):
         """Nanoseconds since an arbitrary start, never going back."""
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
-        """Return no earlier than `deadline_ns`; at once if it has passed."""
+        """Sleep until a time.
+
+        Args:
+            deadline_ns: when to return at the earliest [ns]; at once if it has passed.
+        """
 
     def suspended_ns(self) -> int:
         """For how long the computer has been suspended so far [ns]: this clock stood still then.

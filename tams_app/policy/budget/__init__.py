@@ -90,6 +90,7 @@ BUDGETS: Registry[BudgetKind] = Registry(
         "feedback": BudgetKind(_feedback, hears_packets=True),
     },
 )
+"""Kinds of budget by their word for `policy.budget.mode`; entry points of `tams.budgets`."""
 
 
 def make_budget(policy: PolicyConfig, capacity: Capacity) -> Budget:
