@@ -55,6 +55,13 @@ def test_every_file_and_module_that_is_named_exists(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_every_module_that_is_to_be_run_exists(name):
+    for module in re.findall(r"python -m ((?:benchmarks|tests|examples)[\w.]*\w)", text(name)):
+        path = ROOT / module.replace(".", "/").replace("/NAME", "")
+        assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_every_link_leads_somewhere(name):
     for link in LINK.findall(text(name)):
         if link.startswith("http"):
