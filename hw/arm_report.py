@@ -1,4 +1,4 @@
-"""What an arm reports of its motion, as the guard process reads it; light, without numpy."""
+"""An arm's motion reports as the guard process reads them; light, without numpy."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def load() -> GStreamer:
 
 
 def missing_elements(names: Iterable[str] = STREAMING_ELEMENTS) -> dict[str, str]:
-    """Which of `names` cannot be made here, each with the Debian package to install."""
+    """The elements of `names` that cannot be made here, each with its Debian package."""
     find = load().Gst.ElementFactory.find
     return {
         name: ELEMENT_PACKAGES.get(name, "the plugin that provides it")

@@ -19,7 +19,7 @@ _NAME = re.compile(r"[\w+-][\w+.-]{0,99}")
 
 
 def is_plain_name(name: str) -> bool:
-    """Whether `name` can be the name of a file in a folder: no path, not hidden, not too long."""
+    """True if `name` can be a file's name in a folder: no path, not hidden, not too long."""
     return _NAME.fullmatch(name) is not None
 
 

@@ -1,4 +1,4 @@
-"""What tells a person that work goes on which takes its time."""
+"""Signs of progress for a person, while work takes its time."""
 
 from __future__ import annotations
 

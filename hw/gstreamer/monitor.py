@@ -53,7 +53,7 @@ class CaptureGrid:
 
 
 class FrameStatus(StrEnum):
-    """What the newest frame, or its absence, says of an open camera."""
+    """The status of an open camera by its newest frame, or by its absence."""
 
     NEW = "new"
     SILENT = "delivers no frames"
@@ -102,5 +102,5 @@ class FreezeWatch:
         )
 
     def silent_from_ns(self) -> int:
-        """When the camera is to be called silent if no frame comes before."""
+        """The time [ns] from which the camera counts as silent if no frame comes before."""
         return self._seen_ns + self._timeout_ns

@@ -57,7 +57,7 @@ class Mode(IntEnum):
 
 
 class StateCommand(IntEnum):
-    """What register 12, `set_state`, takes: other numbers than the reports hold (`State`)."""
+    """Commands for register 12, `set_state`: other numbers than the reports hold (`State`)."""
 
     READY = 0  # resumes what was paused
     PAUSE = 3
@@ -65,7 +65,7 @@ class StateCommand(IntEnum):
 
 
 class State(IntEnum):
-    """What the controller reports that it is doing; STOPPED and CHANGED need `READY` to move."""
+    """States that the controller reports; STOPPED and CHANGED need `READY` to move."""
 
     MOVING = 1
     STANDBY = 2

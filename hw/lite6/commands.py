@@ -1,4 +1,4 @@
-"""What the Lite 6 may be asked to do, and what its reports mean, for the driver and its simulation.
+"""Commands of the Lite 6 and the meaning of its reports, for the driver and its simulation.
 
 Hard limits are those of UFACTORY's user manual; joint ranges are the SDK's table for axis 6, type 9
 (`xarm/core/config/x_config.py`).
@@ -39,7 +39,7 @@ _MM_PER_M = 1000.0
 
 
 def activity_of(state: int) -> Activity:
-    """What a reported state means; STOPPED, also where it is unknown, until made ready."""
+    """The meaning of a reported state; STOPPED, also where it is unknown, until made ready."""
     return _ACTIVITIES.get(state, Activity.STOPPED)
 
 
@@ -66,7 +66,7 @@ def checked_goal(joints: list[float], speed: float) -> Vector:
 
 
 def twist_refusal(twist: Twist) -> str:
-    """Why this twist is not sent, "" if it may be."""
+    """The reason why this twist is not sent, "" if it may be."""
     speed_mm_s = norm(twist.linear) * _MM_PER_M
     turn_rad_s = norm(twist.angular)
     if not speed_mm_s <= LIMITS.tcp_speed_mm_s:  # also true for NaN

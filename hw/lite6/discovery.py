@@ -24,7 +24,7 @@ _VERSION = re.compile(r"(\d+),(\d+),(.*),(.*),.*?[vV]*(\d+)\.(\d+)\.(\d+)")
 
 
 def find_arm(config: ArmConfig, timeout_s: float = PROBE_TIMEOUT_S) -> FoundArm:
-    """What answers at the configured address; takes a few `timeout_s` at most."""
+    """Ask what answers at the configured address; takes a few `timeout_s` at most."""
     host = config.host
     try:
         problem, facts = _ask(config, timeout_s)
@@ -65,7 +65,7 @@ def _ask(config: ArmConfig, timeout_s: float) -> tuple[str, str]:
 
 
 def unfitness(axes: int, device_type: int, firmware: tuple[int, ...], simulated: bool) -> str:
-    """Why TAMS cannot use an arm that is what it is, in one sentence; "" if it can."""
+    """The reason why TAMS cannot use this arm, in one sentence; "" if it can."""
     if (axes, device_type) != (AXES, LITE6_TYPE):
         return (
             f"The arm is no Lite 6 (axes {axes}, type {device_type}); set arm.host to the Lite 6."

@@ -1,4 +1,4 @@
-"""How the Lite 6 looks, in few solids: measured from our own scene, `hw/sim/world/rig.xml`."""
+"""The figure of the Lite 6, in few solids: measured from our own scene, `hw/sim/world/rig.xml`."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class Lite6Figure:
     solids: Mapping[str, tuple[Solid, ...]] = _SOLIDS
 
     def place(self, joints: Vector) -> Mapping[str, Pose]:
-        """Where the links' frames are in the base frame, for `joints` [rad], shape (6,)."""
+        """The links' frames in the base frame, for `joints` [rad], shape (6,)."""
         return {
             f"link{number}": Pose(np.array(at), Rotation.from_matrix(np.array((x, y, z)).T))
             for number, (x, y, z, at) in enumerate(links(joints), start=1)

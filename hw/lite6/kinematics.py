@@ -211,7 +211,7 @@ def _turn(start: Axes, end: Sequence[Sequence[float]]) -> Floats3:
 
 
 def within_joint_limits(joints: Numbers) -> bool:
-    """Whether every joint is inside its mechanical range."""
+    """True if every joint is inside its mechanical range."""
     return all(
         low <= angle <= high for angle, (low, high) in zip(joints, JOINT_RANGES, strict=True)
     )

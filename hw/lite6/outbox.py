@@ -1,4 +1,4 @@
-"""What waits for the wire to the arm: the control loop puts, the sender thread takes."""
+"""The outbox to the arm's wire: the control loop puts, the sender thread takes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What to send next, and for which opening of the outbox it was left there."""
+    """The next thing to send, and the opening of the outbox that it was left for."""
 
     opening: int
     motion: Twist | None
@@ -46,7 +46,7 @@ class Outbox:
             self._news.notify()
 
     def is_current(self, opening: int) -> bool:
-        """Whether the outbox was neither shut nor opened anew since `opening`."""
+        """True if the outbox was neither shut nor opened anew since `opening`."""
         return opening == self._opening
 
     def put_motion(self, motion: Twist) -> None:

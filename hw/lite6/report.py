@@ -45,7 +45,7 @@ _ALL_MOTORS = 0b111111
 
 @dataclass(frozen=True, slots=True)
 class StatusReport:
-    """What the normal report adds, in the units of the wire (mm, rad, kg)."""
+    """The normal report's additions, in the units of the wire (mm, rad, kg)."""
 
     received_ns: int
     motors_enabled: bool
@@ -58,7 +58,7 @@ class StatusReport:
 
 @dataclass(frozen=True, slots=True)
 class MotionReport:
-    """What the real-time report says: joints [rad], shape (6,); TCP in the base frame."""
+    """The real-time report: joints [rad], shape (6,); TCP in the base frame."""
 
     received_ns: int
     joints: Vector
@@ -97,7 +97,7 @@ def parse_status(frame: bytes, received_ns: int) -> StatusReport:
 
 
 def read_simulation_flag(host: str, report_port: int) -> bool:
-    """Whether the controller only pretends to move; it says so in the rich report alone."""
+    """True if the controller only pretends to move; the rich report alone has it."""
     frames = FrameBuffer(_RICH_BYTES)
     with _connect(host, report_port + RICH_PORT_OFFSET) as connection:
         while True:

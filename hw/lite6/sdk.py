@@ -134,7 +134,7 @@ def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float)
 
 
 def _code_of_reply(commands: Any, request: bytes, number: int) -> int:
-    """What the reply to `request` says; replies to earlier ones are passed over."""
+    """The code in the reply to `request`; replies to earlier ones are passed over."""
     header, register = request[:_HEADER_BYTES], request[_REGISTER_AT]
     deadline = time.monotonic() + commands._S_TOUT
     while True:

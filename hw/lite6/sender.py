@@ -158,7 +158,7 @@ class CommandSender:
         self._fail(opening, sentence, LinkFault.GRIPPER)
 
     def _check_gripper(self, opening: int) -> None:
-        """When it is due, compare the tool outputs with the last command."""
+        """Compare the tool outputs with the last command, when that is due."""
         read_back = self._read_back
         if read_back is None or self._clock.now_ns() < read_back.due_ns:
             return
@@ -177,7 +177,7 @@ class CommandSender:
             )
 
     def _read_gripper(self) -> bool | None:
-        """What the tool outputs drive the gripper to; None if they are off or unknown."""
+        """The command on the tool outputs; None if they are off or unknown."""
         try:
             code, outputs = self._api.get_tgpio_output_digital()
         except ValueError:  # so the SDK fails if the connection breaks during this call

@@ -1,4 +1,4 @@
-"""What TAMS sets in the Lite 6's controller, and whether the controller says that it holds it."""
+"""TAMS's settings of the Lite 6's controller, and a check that the controller holds them."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ class Lite6Settings:
             )
 
     def are_in(self, status: StatusReport) -> bool:
-        """Whether a report tells of them: a wrong TCP would move the wrong point."""
+        """True if a report shows them: a wrong TCP would move the wrong point."""
         config = self._config
         wanted_mm, wanted_deg = config.tcp_offset_mm_deg[:3], config.tcp_offset_mm_deg[3:]
         load = (config.tcp_load_kg, *config.tcp_load_centre_mm)

@@ -41,7 +41,7 @@ class Frame:
 
     @property
     def is_heartbeat(self) -> bool:
-        """Whether it only keeps the line alive and wants no answer."""
+        """True if it only keeps the line alive and wants no answer."""
         return self.protocol == _HEARTBEAT_PROTOCOL
 
     def encode(self) -> bytes:

@@ -60,7 +60,7 @@ def manifest() -> dict[str, Any]:
 
 
 def bindings(controller_type: str, config: ControllerConfig) -> dict[str, Any]:
-    """Which components of both hands' controllers of one type do what."""
+    """The bindings of both hands' controllers of one type, as SteamVR reads them."""
     sources = [
         source
         for hand in HANDS

@@ -77,7 +77,7 @@ class ComponentReader:
 
 
 def component_value(state: Any, place: StatePlace) -> float:
-    """How far a component is pressed in the controller state, 0..1."""
+    """The pull of a component in the controller state, 0..1."""
     match place:
         case Axis(number):
             return float(state.rAxis[number].x)

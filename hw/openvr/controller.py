@@ -155,6 +155,6 @@ class OpenVrController(Controller):
             joined.set_exception(DeviceError(self.failure))
 
     def _disconnect(self) -> None:
-        """What is read from now on: no pose, everything released, the times as they were."""
+        """From now on give no pose, everything released, the times as they were."""
         last = self._readings.latest() or _NOTHING
         self._readings.put(replace(_NOTHING, pose_ns=last.pose_ns, buttons_ns=last.buttons_ns))

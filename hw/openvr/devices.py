@@ -10,7 +10,7 @@ from tams_app.errors import DeviceError
 
 @dataclass(frozen=True, slots=True)
 class DeviceIdentity:
-    """What tells one controller from another; the index only where there is no serial number."""
+    """The identity of a controller; the index counts only where there is no serial number."""
 
     serial: str
     controller_type: str

@@ -1,4 +1,4 @@
-"""What the operator's hand feels: one pattern of vibrations for each pulse, told apart blind."""
+"""Vibrations in the operator's hand: one pattern for each pulse, told apart blind."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class HapticPlayer:
         )
 
     def due(self, now_ns: int) -> Vibration | None:
-        """What to hand to the device now; the newest if several have become due."""
+        """The vibration to hand to the device now; the newest if several have become due."""
         found = None
         if now_ns - self._handed_ns < MIN_GAP_NS:
             return found

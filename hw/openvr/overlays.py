@@ -45,7 +45,7 @@ class Overlays:
         self._placed = False
 
     def arrange(self, number: int, pose: Matrix, width_m: float) -> None:
-        """Where an overlay stands to a head that looks straight on, before the first `look`.
+        """Place an overlay before a head that looks straight on, before the first `look`.
 
         pose: from its own axes (x right, y up, z towards the eyes), shape (4, 4) [m].
         """
@@ -53,7 +53,7 @@ class Overlays:
         self._overlay.setOverlayWidthInMeters(self._handles[number], width_m)
 
     def crop(self, number: int, left: float, top: float, right: float, bottom: float) -> None:
-        """Which part of the texture it shows, as shares of its width and height.
+        """Set the part of the texture that it shows, as shares of its width and height.
 
         `top` is the share of rows above it, the first row put into the texture being the upper one.
         SteamVR counts an OpenGL texture's v from the other end.

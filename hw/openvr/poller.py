@@ -1,4 +1,4 @@
-"""What the OpenVR runtime says of the operator's controller, step by step.
+"""The reading of the operator's controller from the OpenVR runtime, step by step.
 
 No thread and no clock: `step` looks at the given time and never raises for what a runtime or a
 controller may do; `hw.openvr.controller` calls it often enough. In order of precedence:
@@ -166,7 +166,7 @@ class OpenVrPoller:
         return self._gone
 
     def _is_alone(self, poses: Any, now_ns: int) -> bool:
-        """Whether not one device, headset included, has been connected for SILENT_NS."""
+        """True if not one device, headset included, has been connected for SILENT_NS."""
         if any(pose.bDeviceIsConnected for pose in poses):
             self._alone_since_ns = None
             return False
@@ -240,7 +240,7 @@ class OpenVrPoller:
             self._counter.update(read.grip, read.a, read.b, read.menu)
 
     def _input_taken_by(self, runtime: OpenVrRuntime, read: Buttons | None) -> str:
-        """What keeps the buttons from this process; "" if nothing does."""
+        """The cause that keeps the buttons from this process; "" if there is none."""
         if self._overlay.isDashboardVisible():
             return "close it to go on"
         if read is None and not runtime.system.isInputAvailable():

@@ -48,7 +48,7 @@ def load_binding() -> Any:
 
 
 def is_registered() -> bool:
-    """Whether a runtime is registered for this user; where that cannot be seen from here, True.
+    """True if a runtime is registered for this user, or if that cannot be seen from here.
 
     Without the registry the OpenVR library prints on standard error. Its place on Linux:
     VR_PATHREG_OVERRIDE, else openvr/openvrpaths.vrpath in the user's configuration folder.
@@ -62,7 +62,7 @@ def is_registered() -> bool:
 
 
 def binding_errors(vr: Any) -> tuple[type[Exception], ...]:
-    """What the binding raises: its own errors, and KeyError for a code that is newer than it."""
+    """The binding's exceptions: its own, and KeyError for a code that is newer than it."""
     return (vr.OpenVRError, KeyError)
 
 
@@ -120,7 +120,7 @@ class OpenVrRuntime:
         return index if index < vr.k_unMaxTrackedDeviceCount else None
 
     def rests(self, index: int) -> bool:
-        """Whether a device is not used at the moment: laid down, or taken off."""
+        """True if a device is not used at the moment: laid down, or taken off."""
         vr = self.vr
         return self.system.getTrackedDeviceActivityLevel(index) in (
             vr.k_EDeviceActivityLevel_Standby,

@@ -1,4 +1,4 @@
-"""Which poses can be trusted: tracking results, the operator's hand, and the standing frame."""
+"""Trust in poses: tracking results, the operator's hand, and the standing frame."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SAME_WITHIN_RAD = np.radians(0.5)
 
 
 def tracking_problem(vr: Any, device: Any) -> str:
-    """Why the pose of a TrackedDevicePose_t is not to be trusted, "" if it is."""
+    """The reason not to trust the pose of a TrackedDevicePose_t, "" if there is none."""
     results = {
         vr.TrackingResult_Uninitialized: "not started yet",
         vr.TrackingResult_Calibrating_InProgress: "calibrating",
@@ -68,7 +68,7 @@ class TriggerRelease:
         self._up_since_ns: int | None = None
 
     def seen(self, trigger: float | None, now_ns: int) -> bool:
-        """Whether it was up for long enough; `trigger` (0 to 1) is None where it is unreadable."""
+        """Take in the trigger (0 to 1, None: unreadable); True if it was up for long enough."""
         if trigger is None or not trigger <= TRIGGER_UP:  # NaN is not up
             self._up_since_ns = None
             return False
@@ -136,7 +136,7 @@ class FrameKeeper:
             self.note_event()
 
     def is_changed(self, trigger: float | None, now_ns: int) -> bool:
-        """Whether poses are not to be trusted yet; `trigger` is None where it is unreadable."""
+        """True if poses are not to be trusted yet; `trigger` is None where it is unreadable."""
         if self._changed and self._release.seen(trigger, now_ns):
             self._changed = False
         return self._changed

@@ -39,7 +39,7 @@ def refuse_long_exposure(view: str, config: CameraConfig, fps: int) -> None:
 
 
 def plan_settings(config: CameraConfig, has: Sequence[Control]) -> list[Setting]:
-    """What to set, in the order in which to set it: the automatics before the values.
+    """The settings in the order in which to make them: the automatics before the values.
 
     Without exposure or white balance in the configuration they are automatic, whatever an earlier
     program left. The automatic exposure must not lower the frame rate. `controls` come last.
@@ -85,7 +85,7 @@ def apply_settings(device: V4l2Device, settings: Iterable[Setting]) -> None:
 
 
 def not_kept(device: V4l2Device, settings: Iterable[Setting]) -> list[str]:
-    """What the camera has changed by itself, as the ends of sentences."""
+    """The settings that the camera has changed by itself, as the ends of sentences."""
     values = {setting.control: setting.value for setting in settings}
     found = {control: device.control(control.id) for control in values}
     return [

@@ -1,4 +1,4 @@
-"""Which cameras are plugged in, what they can do, and which of them is meant."""
+"""Cameras that are plugged in, their modes, and the choice of the one that is meant."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def _links(dev: Path) -> dict[str, list[str]]:
 
 
 def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraInfo | None:
-    """What is known of one node; None if it does not capture (metadata) or is going away."""
+    """The facts of one node; None if it does not capture (metadata) or is going away."""
     name = _attribute(sys_node / "name")
     modes: tuple[CameraMode, ...] = ()
     refusal = ""

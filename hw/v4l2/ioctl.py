@@ -119,7 +119,7 @@ class V4l2Device:
         self._ask(_S_CTRL, control_id, value & 0xFFFF_FFFF)
 
     def _enumerate(self, request: _Request, *words: int) -> Iterator[tuple[Any, ...]]:
-        """What the driver answers to index 0, 1, ..."""
+        """The driver's answers to index 0, 1, ..."""
         for index in count():
             found = self._next(request, index, *words)
             if found is None:

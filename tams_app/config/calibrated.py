@@ -31,7 +31,7 @@ ReadYaml = Callable[[Path], dict[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """What a file in force changes, and whether anything simulated had a part in it."""
+    """The changes of a file in force, and whether anything simulated had a part in it."""
 
     file: Path
     changes: dict[str, Any]
@@ -39,7 +39,7 @@ class Calibrated:
 
 
 def set_folder(config_path: Path, name: str) -> Path:
-    """Where the set `name` of the configuration at `config_path` is kept."""
+    """The folder of the set `name` of the configuration at `config_path`."""
     return writable_directory(config_path) / FOLDER / name
 
 
@@ -62,7 +62,7 @@ def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:
 
 
 def read_calibrated(path: Path, kind: str, read: ReadYaml) -> Calibrated:
-    """What a calibration file holds; ConfigError if it oversteps."""
+    """The changes in a calibration file; ConfigError if it oversteps."""
     content = read(path)
     changes = content.get("config")
     if not isinstance(changes, dict) or not changes:
@@ -84,7 +84,7 @@ def overstepping_key(changes: Mapping[str, Any], kind: str) -> str:
 
 
 def sets(changes: Mapping[str, Any], key: str) -> bool:
-    """Whether `changes` hold the dotted `key`, a part of it, or what it is a part of."""
+    """True if `changes` hold the dotted `key`, a part of it, or what it is a part of."""
     return any(
         set_key == key or set_key.startswith(key + ".") or key.startswith(set_key + ".")
         for set_key in _dotted(changes, "")

@@ -14,7 +14,7 @@ ControllerType = Literal["vive_focus3_controller", "vive_controller", "knuckles"
 
 
 class MappingConfig(Section):
-    """Which component plays each part; null leaves it to the default of the controller's type."""
+    """Component of each part; null leaves it to the default of the controller's type."""
 
     trigger: ComponentPath | None = None
     """Deadman and clutch, analog."""
@@ -107,7 +107,7 @@ class HeadsetConfig(Section):
 
 
 class CameraConfig(Section):
-    """Where one view's frames come from."""
+    """Source of one view's frames."""
 
     source: Word = "v4l2"
     """What kind of camera it is: `v4l2`, `file` or `pattern`, or a word of another distribution."""

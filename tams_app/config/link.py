@@ -34,7 +34,7 @@ class LinkConfig(Section):
 
     @property
     def stopped_after_ms(self) -> float:
-        """Who has heard nothing of the robot's side for so long knows that its arm was stopped.
+        """Silence of the robot's side after which its arm is known to be stopped.
 
         The last echo counts for `longest_age_ms`, then the link is lost.
         """

@@ -291,7 +291,7 @@ VideoAgeMs = Annotated[float, Field(gt=0, le=5000)]
 
 
 class FreshnessConfig(Section):
-    """How old an input may be before the arm holds or faults.
+    """Ages of the inputs at which the arm holds or faults.
 
     The times of docs/SAFETY.md are those of the defaults; the maxima keep the arm from being
     steered by what is long past.

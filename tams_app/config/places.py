@@ -1,4 +1,4 @@
-"""Where the configuration files of TAMS are, in a checkout and where it is installed."""
+"""Places of TAMS's configuration files, in a checkout and where it is installed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def find_config_directory(package: Path) -> Path:
 
 
 def writable_directory(config_path: Path, installed: Path = _PACKAGE / "default_config") -> Path:
-    """Where files that belong to a configuration file are kept: beside it.
+    """The folder of files that belong to a configuration file: its own.
 
     For an installed one, which is not the user's to change, it is `config/` in the working
     directory.

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration, one sentence for each key."""
+"""The mistakes in a configuration, one sentence for each key."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Problem:
 
 
 def find_problems(error: ValidationError, model: type[BaseModel] | None = None) -> list[Problem]:
-    """What is wrong, unknown keys first, for they may explain the rest; at most 50 are named.
+    """All mistakes, unknown keys first, for they may explain the rest; at most 50 are named.
 
     `model`: whose keys an unknown one is compared with, for what may have been meant.
     """

@@ -53,7 +53,7 @@ def _sentence(
 
 
 def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrated]:
-    """What each file in force has set."""
+    """Merge the calibration in force; the keys that each file has set."""
     name = content.get("calibration")
     if not isinstance(name, str):
         return []  # none, or not a name, which the model tells

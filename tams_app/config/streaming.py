@@ -1,4 +1,4 @@
-"""What decides the bits, and the video and network that carry them."""
+"""Sections of the bits' allocation, and of the video and network that carry them."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class AllocationConfig(Section):
 
 
 class BudgetConfig(Section):
-    """Where the uplink capacity comes from."""
+    """Source of the uplink's capacity."""
 
     mode: Word = "feedback"
     """Where the capacity comes from: `oracle`, the emulated link itself; `sender`, receivers'
@@ -108,7 +108,7 @@ class PolicyConfig(Section):
 
 
 class QualityConfig(Section):
-    """Whether a session compares the frames shown with those captured while it runs (SSIM).
+    """Comparison (SSIM) of the frames shown with those captured, while a session runs.
 
     A process of idle priority (220 MB) that takes up to half a core where cores are idle, and
     hardly anything where they are not; how many frames it scores is reported. The application's
@@ -127,7 +127,7 @@ RepairMode = Literal["paper", "adaptive"]
 
 
 class RepairConfig(Section):
-    """How lost packets are repaired (`video/repair.py` has the rule)."""
+    """Repair of lost packets (`video/repair.py` has the rule)."""
 
     mode: RepairMode = "adaptive"
     """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: resending of what

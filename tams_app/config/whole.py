@@ -96,7 +96,7 @@ class TrialConfig(Section):
 
 
 class StudyConfig(Section):
-    """What a study compares: every strategy on every network (paper, section IV)."""
+    """Conditions of a study: every strategy on every network (paper, section IV)."""
 
     title: str = "TAMS study"
     """Title of the plan and the report."""
@@ -131,7 +131,7 @@ class StudyConfig(Section):
 
 
 class RecordingConfig(Section):
-    """What a session leaves behind."""
+    """Files and channels of a session's record."""
 
     directory: str = "logs"
     """Where session folders are made; relative to the working directory."""
@@ -199,12 +199,12 @@ class Config(Section):
 
     @property
     def operator_is_simulated(self) -> bool:
-        """Whether the operator at this computer is the rig's, and no person."""
+        """True if the operator at this computer is the rig's, and no person."""
         return self.rig.enabled and self.controller.device in ("auto", "sim")
 
     @property
     def hand_is_tracked(self) -> bool:
-        """Whether the operator at this computer holds a controller that SteamVR tracks."""
+        """True if the operator at this computer holds a controller that SteamVR tracks."""
         device = self.controller.device
         return device == "openvr" or (device == "auto" and not self.rig.enabled)
 

@@ -124,7 +124,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def _text(path: Path) -> str:
-    """What the file holds; a pipe or device, which may never end, is not opened to wait for it."""
+    """The file's text; a pipe or device, which may never end, is not opened to wait for it."""
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with open(descriptor, "rb") as file:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):

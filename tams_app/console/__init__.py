@@ -1,3 +1,3 @@
-"""What the commands do and print: sessions on the terminal, doctor, reports, speed, replay."""
+"""The commands and their output: sessions on the terminal, doctor, reports, speed, replay."""
 
 __all__ = ["app", "doctor", "report"]

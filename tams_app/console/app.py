@@ -36,7 +36,7 @@ POLL_S = 0.05
 
 
 class ShownSession(FacedSession, Protocol):
-    """What the console needs of a session."""
+    """The session as the console sees it."""
 
     failure: str
     ended: threading.Event
@@ -188,7 +188,7 @@ def _launch_faces(
 
 
 def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
-    """What a person has to know before the arm may move."""
+    """Print what a person has to know before the arm may move."""
     hand = words_of_hand(hand_of(session.config))
     if session.config.controller.device == "keyboard":
         session.note(

@@ -1,4 +1,4 @@
-"""What TAMS needs of a machine: one small function per need, all listed in `CHECKS`."""
+"""The needs of TAMS on a machine: one small function per need, all listed in `CHECKS`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 
 
 def configuration(config: Config) -> Iterator[Finding]:
-    """What `run` refuses before it makes anything: names and a ready pose that cannot be."""
+    """Names and ready pose, which `run` refuses before it makes anything if they cannot be."""
     try:  # these need the libraries looked at above
         from tams_app.faces.registry import check_faces
         from tams_app.robot.build import check_names, check_ready_pose
@@ -83,7 +83,7 @@ def configuration(config: Config) -> Iterator[Finding]:
 
 
 def codecs(config: Config) -> Iterator[Finding]:
-    """Whether the encoder and decoder that are asked for work; if not, software stands in."""
+    """Trial of the configured encoder and decoder; if one fails, software stands in."""
     if gst.missing_elements() or config.policy.budget.mode not in BUDGETS:
         return  # named above
     found = choose_codecs(config.video, starts_at_capacity(config))
@@ -102,7 +102,7 @@ def rendering(config: Config) -> Iterator[Finding]:
 
 
 def realtime(config: Config) -> Iterator[Finding]:
-    """Whether the control loop may run under SCHED_FIFO; tried in a thread of its own."""
+    """Permission for SCHED_FIFO in the control loop; tried in a thread of its own."""
     granted: list[str] = []
     priority = config.control.realtime_priority
     trial = Worker("try-fifo", lambda _: granted.append(use_fifo(priority)))
@@ -247,7 +247,7 @@ CHECKS: tuple[Check, ...] = (
 
 
 def kernel_has_netem(root: Path) -> bool:
-    """Whether sch_netem is loaded, built in, or can be loaded."""
+    """True if sch_netem is loaded, built in, or can be loaded."""
     if (root / "sys/module/sch_netem").exists():
         return True
     modules = root / "lib/modules" / platform.release()
@@ -256,7 +256,7 @@ def kernel_has_netem(root: Path) -> bool:
 
 
 def _requirements(extra: str) -> list[Requirement]:
-    """What the project declares: in its own file, or where it is installed in its metadata."""
+    """The project's declared packages: from its own file, or from its installed metadata."""
     if _PROJECT.is_file():
         project = tomllib.loads(_PROJECT.read_text(encoding="utf-8"))["project"]
         lines = [*project["dependencies"], *project["optional-dependencies"].get(extra, [])]
@@ -277,7 +277,7 @@ def _missing(requirement: Requirement) -> str:
 
 
 def _bind_refusal(host: str, port: int) -> OSError | None:
-    """Why a UDP socket cannot have this address; None if it can."""
+    """The reason why a UDP socket cannot have this address; None if it can."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
             probe.bind((host, port))

@@ -1,4 +1,4 @@
-"""What `doctor` looks at of arm, controller, headset and cameras."""
+"""The checks of `doctor` for arm, controller, headset and cameras."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def arm(config: Config) -> Iterator[Finding]:
 
 
 def controller(config: Config) -> Iterator[Finding]:
-    """What the operator holds; of a tracked controller the mapping of its buttons too."""
+    """The operator's controller; of a tracked one the mapping of its buttons too."""
     device = config.controller.device
     if config.operator_is_simulated or device == "keyboard":
         return

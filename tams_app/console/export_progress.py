@@ -1,4 +1,4 @@
-"""How far an export is, as a bar."""
+"""The progress of an export, as a bar."""
 
 from __future__ import annotations
 

@@ -134,22 +134,22 @@ class Dialogue:
         self._texts.put(text)
 
     def all_shown(self) -> bool:
-        """Whether everything that was said is on the screen; never again if a text was dropped."""
+        """True if every text is on the screen; never again if one was dropped."""
         return self._printed == self._said
 
     def read_keys(self, timeout_s: float) -> bytes:
-        """What was pressed within `timeout_s`; DeviceError if the terminal is gone."""
+        """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
         self._check()
         if self._printer.failure is not None:
             raise DeviceError("The terminal takes no text; start TAMS again from a new one.")
         return self._keys.read_bytes(timeout_s)
 
     def discard_keys(self) -> None:
-        """What was pressed so far was for something else."""
+        """Discard the keys pressed so far, which were for something else."""
         self._keys.discard()
 
     def confirms(self, question: str) -> bool:
-        """Whether Enter, and nothing else, answers the question once it can be read."""
+        """Ask once the question can be read; True if Enter, and nothing else, answers it."""
         self.say(question)
         while not self.all_shown():
             if self.read_keys(_POLL_S).strip(_ENTER):

@@ -46,7 +46,7 @@ _BUFFER_BYTES = 4_000_000
 
 @dataclass(frozen=True, slots=True)
 class LinkMeasured:
-    """What the network between the two computers does.
+    """The measured network between the two computers.
 
     lost_fraction: of the echoes. down, up: capacity from and to the robot's side [kbit/s], None if
     too little came to tell, and the loss in a train of packets. latency_ms, jitter_ms: for the
@@ -90,7 +90,7 @@ def _measure(endpoint: Endpoint) -> LinkMeasured:
 
 
 def measured(round_trips_ms: list[float], down: TrainReport, up: TrainReport) -> LinkMeasured:
-    """What echoes and trains amount to; TamsError if there was no echo."""
+    """Evaluate echoes and trains; TamsError if there was no echo."""
     if not round_trips_ms:
         raise TamsError("the robot's side answers no measurement: is it still running?")
     p50, p95, p99 = np.percentile(round_trips_ms, (50, 95, 99)).tolist()
@@ -107,7 +107,7 @@ def measured(round_trips_ms: list[float], down: TrainReport, up: TrainReport) ->
 
 
 def findings(found: LinkMeasured) -> Iterator[str]:
-    """What was measured, in words, and the section of the configuration that follows from it."""
+    """The measurements in words, and the section of the configuration that follows from them."""
     trips = ", ".join(f"{value:.1f} ms ({name})" for name, value in found.round_trip_ms.items())
     yield f"round trip: {trips}; lost {found.lost_fraction:.1%}"
     for way, kbps, lost in (
@@ -212,7 +212,7 @@ class _Prober:
                 return  # a full buffer loses it, as a network does
 
     def _heard(self, wait_ns: int) -> Iterator[tuple[int, bytes]]:
-        """What comes within `wait_ns`: when, and the message."""
+        """The messages that come within `wait_ns`, each with its time."""
         deadline_ns = self._clock.now_ns() + wait_ns
         while (left_ns := deadline_ns - self._clock.now_ns()) > 0:
             if not select.select([self._socket], [], [], left_ns / NS_PER_S)[0]:

@@ -114,7 +114,7 @@ def arm_overrides(
     ros2: int | None,
     out: Path | None,
 ) -> dict[str, Any]:
-    """What the options of a command with an arm lay over the configuration file."""
+    """The overrides of the configuration file by the options of a command with an arm."""
     return {
         "rig.enabled": True if sim else None,
         "strategy": strategy,

@@ -1,4 +1,4 @@
-"""What a session leaves for people: summary.json, figure, page, and the table at its end."""
+"""The results of a session for people: summary.json, figure, page, and the table at its end."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _session_folder(given: Path) -> Path:
 
 
 def _missing(summary: Mapping[str, Any]) -> str:
-    """What the log lacks, in one sentence; empty if it is whole."""
+    """The log's gaps, in one sentence; empty if it is whole."""
     if summary["complete"]:
         return ""
     lost = [gap for gap in summary["missing"] if gap["end_s"] is not None]

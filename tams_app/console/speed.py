@@ -43,7 +43,7 @@ class Stretch:
 
     @property
     def held(self) -> bool:
-        """Whether frames and control loop kept their times."""
+        """True if frames and control loop kept their times."""
         return self.late <= MOST_LATE and self.given_fps >= ENOUGH * self.fps
 
     def tree(self) -> dict[str, float | bool | None]:

@@ -19,7 +19,7 @@ def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
 
 
 def link_table(link: Mapping[str, Any]) -> Table:
-    """What the link between two computers did."""
+    """The figures of the link between two computers."""
     ages, commands, trips = link["sample_age_ms"], link["command_latency_ms"], link["round_trip_ms"]
     refused = ", ".join(
         f"{number} {reason}" for reason, number in link["samples"]["refused"].items()
@@ -90,7 +90,7 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
 
 
 def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
-    """When each of the first stops was, why, and how long the arm took to rest."""
+    """The first stops: when each was, why, and how long the arm took to rest."""
     table = Table.grid(padding=(0, 1))
     table.add_column(justify="right")
     for stop in stops[:_STOPS_NAMED]:

@@ -80,7 +80,7 @@ class LiveTrialRunner:
 
 
 class MarkedSession(Protocol):
-    """What a trial tells its session."""
+    """The session as a trial sees it."""
 
     def note(self, level: str, text: str) -> None: ...
 
@@ -90,7 +90,7 @@ class MarkedSession(Protocol):
 
 
 class LiveTrial:
-    """What is shown of a trial, and what the experimenter marks in it.
+    """A trial as it is shown, with the experimenter's marks.
 
     That is the arm, the trial's time, its drops, and why the arm stopped last. Marks are facts of
     the log; the verdict is asked for when the trial has ended.

@@ -1,1 +1,1 @@
-"""What the operator looks at and answers with; what all faces share, and each of them."""
+"""The operator's displays and answers; what all faces share, and each of them."""

@@ -22,7 +22,7 @@ _KEPT = frozenset({Command.EMERGENCY_STOP, Command.QUIT, Command.CLOSE})  # as g
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """What a face shows."""
+    """The contents of a face."""
 
     opening: Opening
     frames: dict[str, FrameReader]
@@ -39,7 +39,7 @@ class Application:
         self._untold: dict[Command, Asked] = {}
 
     def await_opening(self) -> Opened | None:
-        """What to show; None to end before."""
+        """Wait for what is to be shown; None to end before."""
         while not self._side.stop_requested.is_set():
             if select.select([self._socket], [], [], _POLL_S)[0]:
                 content, descriptors, _, _ = socket.recv_fds(self._socket, LONGEST, 2)

@@ -1,4 +1,4 @@
-"""What the banner says in each state of the arming table; pure."""
+"""The banner's words in each state of the arming table; pure."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tams_app.teleop.hands import SIMULATED, HandWords, words_of_hand
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """How a state is told: word and sign, border and colour; no two states share any of them.
+    """The appearance of a state: word and sign, border and colour; no two states share any of them.
 
     border: as CSS has it. colour: of border and banner; ink: of what is written on it.
     """
@@ -64,7 +64,7 @@ _STARTING = ("The session starts.", "F1 lists all keys")
 
 
 def look_of(arming: str) -> Look:
-    """How a state looks; what is no state is a start."""
+    """The appearance of a state; what is no state is a start."""
     return LOOKS.get(arming, _OTHER)
 
 

@@ -123,7 +123,7 @@ class FaceClient:
 
     @property
     def ended(self) -> bool:
-        """Whether its process has ended unasked."""
+        """True if its process has ended unasked."""
         return self._process is not None and self._process.exit_code is not None
 
     def close(self) -> None:

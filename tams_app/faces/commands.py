@@ -1,4 +1,4 @@
-"""What people ask of a session by key or button, and what is done then."""
+"""The commands that people give a session by key or button, and their actions."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Action: TypeAlias = Callable[[], None]
 
 
 class Command(StrEnum):
-    """What is asked for; the last three by the experimenter, in a trial of a study."""
+    """A command; the last three are the experimenter's, in a trial of a study."""
 
     CONFIRM = "confirm"
     EMERGENCY_STOP = "emergency stop"
@@ -25,7 +25,7 @@ class Command(StrEnum):
 
 
 class Signals(Protocol):
-    """What the operator asks of the arm."""
+    """The operator's signals to the arm."""
 
     def confirm(self, asked_ns: int | None = None) -> None: ...
 
@@ -49,7 +49,7 @@ _NONE: Mapping[Command, Action] = MappingProxyType({})
 def actions_of(
     session: AskedSession, more: Mapping[Command, Action] = _NONE
 ) -> Mapping[Command, Action]:
-    """What to do for each command but a confirmation, in any thread; `more`: in a trial."""
+    """The action of each command but a confirmation, for any thread; `more`: in a trial."""
     return {
         Command.EMERGENCY_STOP: session.signals.estop,
         Command.QUIT: lambda: session.end("ended by the operator"),

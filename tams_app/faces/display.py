@@ -1,4 +1,4 @@
-"""Whether there is a display, and whether it answers."""
+"""Detection of a display, and of one that does not answer."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tams_app.errors import SetupError
 
 
 def has_display() -> bool:
-    """Whether windows can be shown."""
+    """True if windows can be shown."""
     if os.name != "posix":
         return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
@@ -33,7 +33,7 @@ def require_display() -> None:
 
 
 def _x_server_silent() -> str:
-    """Why ximagesink, which fails in good order, cannot reach the X server; "" if it can."""
+    """The reason why ximagesink, which fails in good order, cannot reach the X server, or ""."""
     gst.require_elements(("ximagesink",))
     Gst = gst.load().Gst
     probe = gst.parse_pipeline("fakesrc ! ximagesink")

@@ -25,7 +25,7 @@ def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, 
 
 
 def uplink_texts(state: SessionState) -> tuple[str, str]:
-    """What the uplink carries, and how it fares."""
+    """The uplink's load and condition."""
     loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
     return (
         f"uplink {whole(state.link_kbps)} kbit/s of budget {whole(state.budget_kbps)}, "
@@ -35,7 +35,7 @@ def uplink_texts(state: SessionState) -> tuple[str, str]:
 
 
 def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
-    """What the operator's hand does: name and word."""
+    """The state of the operator's hand: name and word."""
     gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
     return (
         ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
@@ -47,7 +47,7 @@ def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
 
 
 def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
-    """Who does which trial, and how much of its time has passed."""
+    """Participant and title of a trial, and its time so far."""
     limit = minutes(trial.limit_s)
     if trial.passed_s is None:
         time = f"Not begun: it begins when the arm first follows. {limit} allowed"
@@ -66,19 +66,19 @@ def minutes(t_s: float) -> str:
 
 
 def replay_texts(t_s: float, end_s: float, replay: ReplayFacts) -> tuple[str, str]:
-    """Where a replay is in a log of `end_s`, and how it goes."""
+    """Position of a replay in a log of `end_s`, speed and pause."""
     position, length = (f"{minutes(one)}.{int(10 * one) % 10}" for one in (t_s, end_s))
     state = ", at the end" if t_s >= end_s else ", paused" if replay.paused else ""
     return f"{position} / {length}", f"×{replay.speed:g}{state}"
 
 
 def is_old(view: ViewState | None, old_ms: float) -> bool:
-    """Whether the view's frame has this age [ms] or more (`teleop` watches the age itself)."""
+    """True if the view's frame has this age [ms] or more (`teleop` watches the age itself)."""
     return view is not None and view.age_ms is not None and view.age_ms >= old_ms
 
 
 def view_title(name: str, view: ViewState | None, is_primary: bool, opening: Opening) -> str:
-    """What is written in a view's picture: its name, and if its frame is old, that."""
+    """The text in a view's picture: its name, and if its frame is old, that."""
     title = f"{name.upper()} · primary" if is_primary else name.upper()
     age_ms = None if view is None else view.age_ms
     if view is None or (age_ms is None and not opening.blind):

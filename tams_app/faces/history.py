@@ -1,4 +1,4 @@
-"""What the window remembers of the last minute, to draw it; pure."""
+"""The last minute as the window draws it; pure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the application and a face of it, window or headset, tell each other.
+"""The messages between the application and a face of it, window or headset.
 
 The application's `Facts` lie in shared memory, where the newest wins; the face's messages come
 over a socket, each whole in one packet. Stamps are of the monotonic clock of this computer.
@@ -43,7 +43,7 @@ class Outline(msgspec.Struct, frozen=True):
 
 
 class Opening(msgspec.Struct, frozen=True):
-    """What a face is opened with: fixed as long as it is open.
+    """The facts that a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
     may be shown that tells the strategy or the network of a trial. hand: of `HANDS`. replay: the
@@ -72,7 +72,7 @@ class TrialFacts(msgspec.Struct, frozen=True):
 
 
 class ReplayFacts(msgspec.Struct, frozen=True):
-    """How a replay goes; where it is, is the time of its facts."""
+    """The state of a replay; its position is the time of its facts."""
 
     speed: float  # times the real one
     paused: bool  # or at the end
@@ -118,7 +118,7 @@ class Sought(msgspec.Struct, frozen=True, tag="sought"):
 
 
 class Keys(msgspec.Struct, frozen=True, tag="keys"):
-    """Which keys are down: sent with every press, release and change of focus, and as a beat.
+    """The keys that are down: sent with every press, release and change of focus, and as a beat.
 
     held: their names as GDK has them (`w`, also with Shift, `Left`, `Shift_L`), in the order of
     pressing. A key that repeats itself stays in it, one whose release the window cannot see (it has

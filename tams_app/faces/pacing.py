@@ -1,4 +1,4 @@
-"""How often the window draws: as often as there are frames, but for a share of one core; pure."""
+"""The pace of the window's drawing: that of the frames, within a share of one core; pure."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Pacer:
         self._judged_ns, self._used_ns = now_ns, used_ns
 
     def may_draw(self, now_ns: int) -> bool:
-        """Whether it is time to draw again, if there is something new."""
+        """True if it is time to draw again, if there is something new."""
         return now_ns - self._drawn_ns >= self.interval_ns
 
     def drawn(self, now_ns: int, used_ns: int) -> None:

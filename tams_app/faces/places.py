@@ -1,4 +1,4 @@
-"""Which view has which place in the window; pure."""
+"""The assignment of views to places in the window; pure."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Places:
         self._changed_ns: int | None = None
 
     def step(self, primary: str, now_ns: int) -> bool:
-        """Whether the places have changed; `views` has them in order."""
+        """Assign anew; True if the places have changed. `views` has them in order."""
         if primary not in self.views or primary == self.views[0]:
             return False
         if self._changed_ns is not None and now_ns - self._changed_ns < STAYS_NS:

@@ -1,4 +1,4 @@
-"""When what is shown is not live any more, and what is said then; one rule for all displays."""
+"""Detection of a display that is not live any more, and its words; one rule for all displays."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ STILL_STOPS = "The emergency stop button on the arm's control box"
 
 
 def silent_s(heard_ns: int | None, now_ns: int) -> float | None:
-    """How long [s] nothing has been received of the arm; None while that is short, or no session.
+    """Time [s] without news of the arm; None while that is short, or no session.
 
     `heard_ns`: when the shown state was true, on the monotonic clock of this computer: of the
     control loop's last tick, or when the robot's side's last message came; None: of no session.

@@ -57,7 +57,7 @@ class Routes(msgspec.Struct, frozen=True):
 
 
 class LinkEvent(msgspec.Struct, frozen=True):
-    """How the link stands; the application hears of it twice a second and when it changes.
+    """The state of the link, sent to the application twice a second and when it changes.
 
     sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
     key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
@@ -78,7 +78,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
 
 
 class Streams:
-    """Where the packets of the application's streams come from and go to, on loopback.
+    """The application's streams of packets on loopback: their sources and destinations.
 
     Each stream sends from the port to which what belongs to it is handed over; what comes from any
     other port is another program's. A stream takes packets from this one port alone.
@@ -96,7 +96,7 @@ class Streams:
         self._sources = frozenset((LOOPBACK, port) for port in ports)
 
     def is_ours(self, source: Address) -> bool:
-        """Whether a stream of the application sends from there."""
+        """True if a stream of the application sends from there."""
         return source in self._sources
 
     def hand_over(self, packet: bytes) -> bool:
@@ -146,7 +146,7 @@ class Carrier:
 
     @property
     def entrance_port(self) -> int:
-        """Where the application's streams must send to."""
+        """The port that the application's streams must send to."""
         return int(self._streams.entrance.getsockname()[1])
 
     def run(self, stopped: Callable[[], bool]) -> None:
@@ -286,7 +286,7 @@ class Carrier:
 
 
 def _without_counts(event: LinkEvent, told: LinkEvent | None) -> bool:
-    """Whether more has changed than the counts."""
+    """True if more has changed than the counts."""
     return told is None or msgspec.structs.replace(event, counts=told.counts) != told
 
 

@@ -33,7 +33,7 @@ _AT_ONCE = 256  # messages taken in one call: a second of them, after a stall
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where the robot's side listens, and what it shares with the operator's.
+    """The robot's side's address, and the keys that it shares with the operator's.
 
     key: the key's file; on the robot's side also a folder of keys that it accepts; None: no secret,
         which loopback alone may have.

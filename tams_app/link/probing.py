@@ -22,7 +22,7 @@ _TOLD = struct.Struct("!IIIq")  # train, packets, bytes of the second half, and 
 
 @dataclass(frozen=True, slots=True)
 class TrainReport:
-    """How a train arrived: packets of it; bytes of its second half, and the time they took [ns]."""
+    """A train as it arrived: packets; bytes of its second half, and the time they took [ns]."""
 
     train: int
     packets: int
@@ -31,7 +31,7 @@ class TrainReport:
 
     @property
     def kbps(self) -> float | None:
-        """What the link carries; None if too little of the train came to tell."""
+        """The link's rate [kbit/s]; None if too little of the train came to measure it."""
         return self.half_bytes * 8e6 / self.half_ns if self.half_ns > 0 else None
 
 
@@ -48,7 +48,7 @@ class TrainReceiver:
         self.arrivals.append((now_ns, datagram_bytes))
 
     def report(self) -> TrainReport:
-        """What came so far."""
+        """The arrivals so far."""
         half = self.arrivals[len(self.arrivals) // 2 :]
         span_ns = half[-1][0] - half[0][0] if len(half) > 1 else 0
         size_bytes = sum(size for _, size in half[1:])
@@ -87,7 +87,7 @@ def report_of(message: bytes) -> TrainReport | None:
 
 
 class Answering:
-    """What an end answers to the measurements of the other."""
+    """An end's answers to the measurements of the other."""
 
     def __init__(self) -> None:
         self._receiver: Final[dict[int, TrainReceiver]] = {}

@@ -1,4 +1,4 @@
-"""How a budget is shared among views: the paper's rule."""
+"""The paper's rule to share a budget among views."""
 
 from __future__ import annotations
 

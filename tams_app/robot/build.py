@@ -1,4 +1,4 @@
-"""What a session checks and makes of its configuration: devices, codecs, the control loop."""
+"""A session's checks of its configuration, and its devices, codecs and control loop."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def check_hand(config: Config) -> None:
 
 
 def starts_at_capacity(config: Config) -> bool:
-    """Whether the budget knows the capacity from the start."""
+    """True if the budget knows the capacity from the start."""
     return not BUDGETS[config.policy.budget.mode].hears_reports
 
 

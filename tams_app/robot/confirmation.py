@@ -1,4 +1,4 @@
-"""How long a confirmation counts: one limit for window, terminal and link."""
+"""The age up to which a confirmation counts: one limit for window, terminal and link."""
 
 from tams_app.units import NS_PER_S
 

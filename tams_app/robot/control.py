@@ -34,7 +34,7 @@ ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
 @dataclass(frozen=True, slots=True)
 class Pending:
-    """What has come in since the last tick, and the faults that stay until the session ends."""
+    """The requests since the last tick, and the faults that stay until the session ends."""
 
     confirm: bool
     estop: bool
@@ -59,7 +59,7 @@ class Signals:
         self._confirm = True
 
     def stop_with(self, stop_arm: Callable[[], None]) -> None:
-        """What stops the arm at once: from any thread, without blocking."""
+        """Set the function that stops the arm at once: from any thread, without blocking."""
         self._stop_arm = stop_arm
 
     def estop(self) -> None:
@@ -95,13 +95,13 @@ class Signals:
 
 
 class ShownVideo(Protocol):
-    """What the control loop must know of the video; what counts says `fresh_video`."""
+    """The video as the control loop sees it; `fresh_video` has the rule of what counts."""
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """Age of the newest frame of `view` that counts; None before the first."""
 
     def is_damaged(self, view: str) -> bool:
-        """Whether a newer frame of `view` is shown, which does not count: it is not whole."""
+        """True if a newer frame of `view` is shown that does not count, as it is not whole."""
 
 
 class Teleoperation(Protocol):
@@ -278,7 +278,7 @@ def lasting_label(output: TeleopOutput) -> str:
 
 
 def describe(output: TeleopOutput) -> str:
-    """Why the arm does not move, "" if nothing holds it: the reason's label and its detail."""
+    """The reason why the arm does not move, label and detail; "" if nothing holds it."""
     if output.reason is None:
         return ""
     return f"{output.reason.label}: {output.detail}" if output.detail else output.reason.label

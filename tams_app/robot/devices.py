@@ -1,4 +1,4 @@
-"""What a session is built on: the simulated rig's devices or the hardware of the configuration."""
+"""The devices of a session: the simulated rig's or the hardware of the configuration."""
 
 from __future__ import annotations
 

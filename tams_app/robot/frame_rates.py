@@ -1,4 +1,4 @@
-"""How many frames a second the cameras give, who loses the others, and what is done about it."""
+"""The cameras' frame rate: how many are given, who loses the others, and the steps down and up."""
 
 from __future__ import annotations
 

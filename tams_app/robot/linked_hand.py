@@ -52,12 +52,12 @@ class LinkedHand:
         self._told: set[str] = set()
 
     def follow(self, sent: Mapping[str, SentFrames]) -> None:
-        """What the RTP timestamps of shown frames stand for, by view."""
+        """Set the frames behind the RTP timestamps of shown ones, by view."""
         self._sent = sent
 
     @property
     def is_simulated(self) -> bool:
-        """Whether no person holds the controller, as far as is known."""
+        """True if no person holds the controller, as far as is known."""
         return self.message is None or self.message.simulated
 
     @property

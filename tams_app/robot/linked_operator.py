@@ -100,12 +100,12 @@ class LinkedOperator(StreamedOperator):
 
     @property
     def event(self) -> LinkEvent | None:
-        """How the link stands; None before it is open."""
+        """The state of the link; None before it is open."""
         return None if self._gateway is None else self._gateway.event
 
     @property
     def is_there(self) -> bool:
-        """Whether an operator is connected now."""
+        """True if an operator is connected now."""
         event = self.event
         return event is not None and event.connected and not event.left
 

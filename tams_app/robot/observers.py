@@ -1,4 +1,4 @@
-"""What a session concludes from each tick: what to tell the operator, how stops went, the trial."""
+"""A session's conclusions from each tick: advice for the operator, stops, the trial."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class PolicyLoop(Listener):
 
     @property
     def due_ns(self) -> int:
-        """When there is something to do next, unless a phase begins before."""
+        """The time [ns] of the next step or padding, unless a phase begins before."""
         return min(self._step_ns, self._pad_ns)
 
     def on_phase(self, change: PhaseChange) -> None:
@@ -67,7 +67,7 @@ class PolicyLoop(Listener):
             self._woken.wait((self.due_ns - self._clock.now_ns()) / NS_PER_S)
 
     def step_if_due(self) -> None:
-        """What is due: an allocation, at once where a phase has begun since the last; padding."""
+        """Do what is due: an allocation, at once where a phase has begun; padding."""
         now_ns = self._clock.now_ns()
         if self._woken.is_set():
             self._woken.clear()

@@ -33,7 +33,7 @@ _MEASURING = 1.05  # a rate reached is counted to within a frame or so
 
 @dataclass(frozen=True, slots=True)
 class Observation:
-    """How it went since the last one, about a second ago."""
+    """The figures of the time since the last one, about a second."""
 
     missed: float  # of the frames due, in the view that misses most
     late: float  # of the control ticks, skipped ones among them
@@ -41,7 +41,7 @@ class Observation:
 
     @property
     def trouble(self) -> str:
-        """What is wrong, "" if nothing is."""
+        """The trouble in words, "" if there is none."""
         if self.missed > TROUBLE_MISSED:
             return f"{100 * self.missed:.0f} % of the frames were missed"
         if self.late > TROUBLE_LATE:
@@ -50,7 +50,7 @@ class Observation:
 
     @property
     def calm(self) -> bool:
-        """Whether there may be room for more."""
+        """True if there may be room for more."""
         return self.missed <= CALM_MISSED and self.late <= CALM_LATE and not self.encoder_behind
 
 

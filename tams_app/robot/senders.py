@@ -163,6 +163,6 @@ def behind(network: Network, link: LinkConfig) -> Network:
 
 
 def _is_clear(network: Network) -> bool:
-    """Whether it changes nothing."""
+    """True if it changes nothing."""
     delays = network.latency_ms or network.jitter_ms or network.loss
     return not delays and network.rate_kbps is None and network.trace is None

@@ -1,4 +1,4 @@
-"""What the robot's side tells the log: each step, each frame captured, what the link carries."""
+"""The robot side's records in the log: each step, each frame captured, the link's load."""
 
 from __future__ import annotations
 

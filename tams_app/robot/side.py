@@ -203,11 +203,11 @@ class RobotSide:
         return self._video.poll() or self._operator.poll()
 
     def state(self) -> SessionState:
-        """What this side knows now."""
+        """The session as this side knows it now."""
         return self.state_at(self._clock.now_ns())
 
     def state_at(self, now_ns: int) -> SessionState:
-        """What this side knows, from any thread, and quickly."""
+        """The session as this side knows it, from any thread, and quickly."""
         operator, given_fps = self._operator, self._rates.given_fps
         return self._board.state(
             now_ns,

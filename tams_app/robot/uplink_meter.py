@@ -1,4 +1,4 @@
-"""What the uplink carries at this moment: by the packets' fates, or by what receivers tell."""
+"""The uplink's load at this moment: by the packets' fates, or by receivers' reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class UplinkMeter:
             self._add(packets)
 
     def told(self, packets: Sequence[PacketRecord]) -> None:
-        """What receivers have told."""
+        """Count the packets that receivers have reported."""
         with self._lock:
             if not self._emulated:
                 self._add(packets)
@@ -62,7 +62,7 @@ class UplinkMeter:
 
 
 def summary_of(report: UplinkReport, told: Sequence[PacketRecord]) -> UplinkSummary:
-    """What a report tells of the uplink; `told`: its arrivals (`ToldPackets`)."""
+    """The sums of a report of the uplink; `told`: its arrivals (`ToldPackets`)."""
     came = [one for one in told if one.fate is PacketFate.DELIVERED]
     newest = came[-1] if came else None
     return UplinkSummary(

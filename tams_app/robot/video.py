@@ -95,7 +95,7 @@ class Video(ABC):
                 self._flight.set(limit_bytes, target_kbps)
 
     def may_resend(self, size_bytes: int) -> bool:
-        """Whether a packet may be sent again without exceeding what may be under way."""
+        """True if a packet may be sent again without exceeding what may be under way."""
         if self._flight is None:
             return True
         with self._flight_lock:
@@ -106,7 +106,7 @@ class Video(ABC):
         """Send so much padding now, which no view's target pays for."""
 
     def report(self, now_ns: int) -> UplinkReport:
-        """What the senders know of the uplink; each packet's arrival is told once."""
+        """The senders' knowledge of the uplink; each packet's arrival is in one report only."""
         return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
 
     @abstractmethod

@@ -1,4 +1,4 @@
-"""What ROS 2 is told of a session: our records as its standard messages, over DDS or in a bag.
+"""A session for ROS 2: our records as its standard messages, over DDS or in a bag.
 
 `cyclonedds` and `rosbags`, the extra `ros2`, are imported by the modules that speak ROS 2 and never
 by the application, which knows `require_extra` and `wire` alone.

@@ -84,7 +84,7 @@ class Conversion:
         }
 
     def opening(self) -> Iterator[Sent]:
-        """What holds for the whole session."""
+        """The messages that hold for the whole session."""
         if self._scene is not None:
             wall_ns = self._started_ns + self._offset_ns
             yield self._transforms(topics.TF_STATIC, wall_ns, self._scene.still_frames())
@@ -176,7 +176,7 @@ class Conversion:
         return Sent(topic, messages.TFMessage(moved), wall_ns)
 
     def _frame(self, name: str) -> str:
-        """What ROS calls one of our frames."""
+        """The name in ROS of one of our frames."""
         if name in self._views:
             return optical(name)
         return BASE_LINK if name == BASE else name

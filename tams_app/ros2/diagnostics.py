@@ -1,4 +1,4 @@
-"""Why the arm does not move, and what the operator reads, as ROS 2's diagnostics."""
+"""The arm's reason not to move, and the operator's advice, as ROS 2's diagnostics."""
 
 from __future__ import annotations
 

@@ -191,7 +191,7 @@ class CompressedVideo(IdlStruct, typename="foxglove_msgs::msg::dds_::CompressedV
 
 
 def ros_name(message: type[IdlStruct]) -> str:
-    """What ROS 2 calls a type, such as `geometry_msgs/msg/PoseStamped`."""
+    """The name of a type in ROS 2, such as `geometry_msgs/msg/PoseStamped`."""
     return message.__idl_typename__.replace("::msg::dds_::", "/msg/").removesuffix("_")
 
 

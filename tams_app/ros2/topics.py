@@ -31,7 +31,7 @@ class Topic:
 
     @property
     def dds_name(self) -> str:
-        """What ROS 2 calls the topic on DDS."""
+        """The name of the topic on DDS."""
         return f"rt{self.name}"
 
 

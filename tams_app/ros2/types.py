@@ -1,4 +1,4 @@
-"""What ROS 2 tells of a message type beside its bytes: its definition and the hash of that.
+"""Message types of ROS 2 beside their bytes: the definition and its hash.
 
 From rosbags, which brings the definitions of ROS 2's own packages.
 """

@@ -82,7 +82,7 @@ class SleepWatch:
         self._known_ns = max(clock.suspended_ns() for _ in range(_FIRST_READINGS))
 
     def slept(self) -> bool:
-        """Whether it was since the last call, for more than 5 ms."""
+        """True if it was since the last call, for more than 5 ms."""
         suspended_ns = self._clock.suspended_ns()
         before_ns, self._known_ns = self._known_ns, max(self._known_ns, suspended_ns)
         return suspended_ns - before_ns > _SLEPT_NS

@@ -1,4 +1,4 @@
-"""How a session ends: on request, after its time, or because a part of it failed."""
+"""The end of a session: on request, after its time, or because a part of it failed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from tams_app.units import NS_PER_S
 
 
 class Ending:
-    """What every session has for its end; `ended` is set then, `failure` says if the job failed."""
+    """The end of any session; `ended` is set then, `failure` says if the job failed."""
 
     def __init__(self, clock: Clock, limit_s: float | None = None) -> None:
         """It ends by itself after `limit_s`."""
@@ -27,7 +27,7 @@ class Ending:
 
     @property
     def time_is_up(self) -> bool:
-        """Whether it has lasted for as long as it may."""
+        """True if it has lasted for as long as it may."""
         return self.limit_s is not None and self.elapsed_s() >= self.limit_s
 
     def end(self, reason: str) -> None:
@@ -41,7 +41,7 @@ class Ending:
         self.requested_end = reason
 
     def end_if_due(self) -> None:
-        """What was requested, and the time limit."""
+        """End the session if that was requested or its time is up."""
         if self.requested_end:
             self.end(self.requested_end)
         if self.time_is_up:

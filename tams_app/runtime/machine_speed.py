@@ -40,7 +40,7 @@ def rungs(asked_fps: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True, slots=True)
 class MachineSpeed:
-    """What a machine has for a session."""
+    """The processor power of a machine for a session."""
 
     cores: float  # that this process may use
     speed: float  # of one core; 1.0 is the reference

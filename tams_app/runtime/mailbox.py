@@ -1,4 +1,4 @@
-"""How threads hand things over: a mailbox of one, or a bounded queue that counts its drops."""
+"""Exchange between threads: a mailbox of one, or a bounded queue that counts its drops."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from tams_app.runtime.worker import Worker
 
 
 class Parts:
-    """What a session has started; any of them that fails or ends unasked is a failure.
+    """The parts that a session has started; one that fails or ends unasked is a failure.
 
     `stack` ends them in the reverse order of their start. `logs`: where helpers write.
     """

@@ -131,7 +131,7 @@ class HelperProcess:
 
 
 class HelperSide:
-    """What a helper's main function needs: its specification, its ready line, its end."""
+    """The helper's side of its process: its specification, its ready line, its end."""
 
     def __init__(self) -> None:
         self.specification: dict[str, Any] = json.loads(sys.argv[1])

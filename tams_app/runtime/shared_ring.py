@@ -65,7 +65,7 @@ class SharedRing:
         self._start = start
 
     def written(self) -> int:
-        """How many records were put so far; they are numbered from 0."""
+        """The number of records put so far; they are numbered from 0."""
         return int(_NUMBER.unpack_from(self._memory, self._start)[0])
 
     def put(self, head: bytes, fill: Callable[[Bulk], object] | None = None) -> None:
@@ -107,7 +107,7 @@ class SharedRing:
         return head if checksum == _checksum(number, head) else None
 
     def bulk(self, number: int, read: Callable[[Bulk], Bulk] | None = None) -> Bulk | None:
-        """What `read` makes of the bulk of record `number`; None if it is not there (any more).
+        """The result of `read` on the bulk of record `number`; None if it is not there (any more).
 
         `read` keeps no reference to what it is given; by default it copies it.
         """

@@ -42,7 +42,7 @@ def furnish_session_folder(config: Config, folder: Path) -> None:
 
 
 def recording_directory(config: Config) -> Path:
-    """Where session folders are made, absolute; ConfigError if it names no folder."""
+    """The folder of session folders, absolute; ConfigError if it names no folder."""
     try:
         return Path(config.recording.directory).expanduser().resolve()
     except (RuntimeError, OSError) as error:  # ~nobody-of-that-name, a loop of links

@@ -81,7 +81,7 @@ def operate(
 
 @dataclass(frozen=True, slots=True)
 class OperatorSide:
-    """What runs at the operator's computer; it commands nothing."""
+    """The parts at the operator's computer; they command nothing."""
 
     session: Session
     station: Station

@@ -94,7 +94,7 @@ class Recomputed:
 
     @property
     def same(self) -> bool:
-        """Whether nothing differs by more than its tolerance."""
+        """True if nothing differs by more than its tolerance."""
         return not any(one.differing for one in self.comparisons)
 
 

@@ -27,7 +27,7 @@ from tams_app.video.live.frame_ring import FrameBlock
 
 
 class AskedSignals(Protocol):
-    """What an operator asks of the arm, and that it must not move any more."""
+    """The operator's signals to the arm, and that it must not move any more."""
 
     def confirm(self, asked_ns: int | None = None) -> None: ...
 
@@ -37,11 +37,11 @@ class AskedSignals(Protocol):
 
 
 class Side(Protocol):
-    """What runs at this computer, once it has started: both sides of a session, or one."""
+    """The parts at this computer, once they have started: both sides of a session, or one."""
 
     @property
     def station(self) -> Station | None:
-        """Where frames are shown; None: they are shown elsewhere."""
+        """The station that shows frames; None: they are shown elsewhere."""
 
     @property
     def pids(self) -> dict[str, int]:
@@ -51,7 +51,7 @@ class Side(Protocol):
         """Look after streams and the other side; the first failure, "" while all works."""
 
     def state(self) -> SessionState:
-        """What the console shows at this moment."""
+        """The session's state as the console shows it now."""
 
     def stop_arm(self, failed: bool) -> None:
         """The first thing when a session ends; may be called twice."""
@@ -153,7 +153,7 @@ class Session(Ending):
 
     @property
     def side(self) -> Side:
-        """What runs here, once it has started."""
+        """The side that runs here, once it has started."""
         assert self._side is not None, "start it first"
         return self._side
 
@@ -193,7 +193,7 @@ class Session(Ending):
         self.log.fact(name, value)
 
     def state(self) -> SessionState:
-        """What the console shows at this moment."""
+        """The session's state as the console shows it now."""
         return self.side.state()
 
     # --- end ------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What viewers of a session's log are shown: made of its configuration."""
+"""The scene and address for viewers of a session's log, made of its configuration."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _CONTAINER_COLOUR = (0.20, 0.35, 0.75)
 
 
 def address_of(config: Config) -> Address | None:
-    """Where viewers may connect; None: nowhere. ConfigError if it is no address."""
+    """The address for viewers; None: there is none. ConfigError if it is no address."""
     return Address.of(config.recording.foxglove) if config.recording.foxglove else None
 
 
@@ -93,7 +93,7 @@ def scene_of_header(header: Header) -> Scene | None:
 
 
 def scene_of(config: Config) -> Scene:
-    """What is known of the surroundings: of the rig everything, of a real place the arm alone."""
+    """The known surroundings: of the rig everything, of a real place the arm alone."""
     limits, simulated = config.limits, config.rig.enabled
     figure = arm_kind(config.arm.model).figure()
     return Scene(

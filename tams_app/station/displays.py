@@ -1,4 +1,4 @@
-"""When what shows the video to the operator worked last: else old pictures stay on it."""
+"""Liveness of the displays that show video to the operator: on a dead one old pictures stay."""
 
 from __future__ import annotations
 
@@ -16,5 +16,5 @@ class Displays:
         self._heard_ns = (*self._heard_ns, heard_ns)
 
     def heard_ns(self) -> int | None:
-        """When the one that is silent longest told last that it works; None without any."""
+        """The last report [ns] of the display that is silent longest; None without any."""
         return min((heard_ns() for heard_ns in self._heard_ns), default=None)

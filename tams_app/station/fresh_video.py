@@ -1,4 +1,4 @@
-"""Which frame of each view the operator can steer by: the age of the video counts from it."""
+"""The frame of each view that the operator can steer by: the video's age counts from it."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class FreshVideo:
             self._waiting[frame.view].append(decoded)
 
     def of(self, view: str) -> SteeredBy:
-        """What the operator can steer by in this view now."""
+        """The frame of this view that the operator can steer by now."""
         seen_ns = self._displays.heard_ns()
         with self._lock:
             now, waiting = self._steered_by[view], self._waiting[view]

@@ -87,7 +87,7 @@ class LinkedRobot:
 
     @property
     def event(self) -> LinkEvent:
-        """How the link stands."""
+        """The state of the link."""
         return self._gateway.event
 
     def connect(self, video: VideoConfig, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:

@@ -1,4 +1,4 @@
-"""Which simulated operator works in a live session: one who sees, or one who is told.
+"""Choice of the simulated operator of a live session: one who sees, or one who is given poses.
 
 The seeing operator's eyes get a fixed part of the machine. They are too slow for the task if that
 is not enough for a few glances a second.

@@ -126,7 +126,7 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
 
 
 def _screen(config: Config, memory_name: str, stack: ExitStack) -> Images:
-    """What is on the screen now, by view."""
+    """The images on the screen now, by view."""
     video = config.video
     layout = RingLayout(SHOWN, video.views, video.width, video.height)
     block = stack.enter_context(open_block(memory_name))

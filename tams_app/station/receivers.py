@@ -72,7 +72,7 @@ class Receivers:
         return self._receivers[view].mailbox.latest()
 
     def steered_by(self, view: str) -> SteeredBy:
-        """What the operator can steer by in this view now."""
+        """The frame of this view that the operator can steer by now."""
         return self._fresh.of(view)
 
     def shown_fps(self, view: str) -> float:

@@ -1,4 +1,4 @@
-"""What an operator asks of a robot elsewhere, until it has been told."""
+"""An operator's requests to a robot elsewhere, kept until they have been sent."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from tams_app.runtime.clock import Clock
 
 
 class Requests:
-    """What the operator asks for by key or button; from any thread, also from a signal handler."""
+    """The operator's requests by key or button; from any thread, also from a signal handler."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

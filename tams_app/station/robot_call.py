@@ -40,16 +40,16 @@ class RobotCall:
 
     @property
     def hand(self) -> str:
-        """What the operator drives with, of `HANDS`."""
+        """The operator's kind of controller, of `HANDS`."""
         return hand_of(self.config)
 
     @property
     def rule(self) -> RepairRule:
-        """How the robot's side repairs its video; TamsError if that is no rule here."""
+        """The repair of the robot side's video; TamsError if that is no rule here."""
         return repair_of(self.welcome)
 
     def record(self, log: Journal) -> None:
-        """What a reader needs to join this log with that of the robot's side."""
+        """Record the facts by which a reader joins this log with that of the robot's side."""
         log.fact(SESSION_FACT, self.welcome.session)
         log.fact(OPERATOR_FACT, str(self.identity))
         log.fact(HAND_FACT, self.hand)

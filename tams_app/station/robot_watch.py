@@ -1,4 +1,4 @@
-"""What the operator's side makes of the robot's: silence, a new session, the end, the state."""
+"""The operator side's watch of the robot's: silence, a new session, the end, the state."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class RobotWatch:
         self._silent = self._busy = False
 
     def poll(self) -> str:
-        """What has failed, in one sentence; "" while nothing has."""
+        """Look after the robot's side; the first failure in one sentence, "" if none."""
         event, state = self._link.event, self._link.state
         if welcome_of(event) != self._welcome:
             return "the robot's side has begun another session: start this one again"

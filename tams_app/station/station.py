@@ -116,7 +116,7 @@ class Station:
         self.screen.hide()  # all other processes that read it have it open
 
     def take_controller(self) -> Controller:
-        """What the operator holds, started; DeviceError if it is not there."""
+        """The operator's controller, started; DeviceError if it is not there."""
         make = self._make or self._configured
         controller = make(self._config)
         self.keyboard = keyboard_of(controller)
@@ -141,7 +141,7 @@ class Station:
     # --- while it runs --------------------------------------------------------------------------
 
     def steered_by(self, view: str) -> SteeredBy:
-        """What the operator can steer by in this view now."""
+        """The frame of this view that the operator can steer by now."""
         return SteeredBy() if self._receivers is None else self._receivers.steered_by(view)
 
     def views(

@@ -1,4 +1,4 @@
-"""What the operator's side makes of what the robot's says of its session."""
+"""The robot side's description of its session, as the operator's side reads it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NOT_KNOWN = (
 
 
 def welcome_of(event: LinkEvent) -> Welcome | None:
-    """What the robot's side says of its session; None until it has answered.
+    """The robot side's description of its session; None until it has answered.
 
     TamsError if it speaks another version of the protocol.
     """
@@ -73,7 +73,7 @@ def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
 
 
 def repair_of(welcome: Welcome) -> RepairRule:
-    """How the robot's side repairs its video; TamsError if that is no rule here."""
+    """The repair of the robot side's video; TamsError if that is no rule here."""
     try:
         rule = RepairRule(**welcome.repair)  # type: ignore[arg-type]
         return msgspec.convert(asdict(rule), RepairRule)

@@ -118,7 +118,7 @@ def show(
     folder: Folder = None,
     as_json: Annotated[bool, typer.Option("--json", help="For a program to read.")] = False,
 ) -> None:
-    """How far each participant is, and what failed or is void."""
+    """Show how far each participant is, and what failed or is void."""
     from tams_app.study.commands import show_study
 
     raise typer.Exit(show_study(_folder(folder), _console(), as_json))
@@ -227,7 +227,7 @@ def _study_to_run(
 
 
 def is_same_study(one: Config, other: Config) -> bool:
-    """Whether every trial of the two is the same; what a study overrides anyway may differ."""
+    """True if every trial of the two is the same; what a study overrides may differ."""
     from tams_app.study.plan import conditions_of_all
 
     return conditions_of_all(one) == conditions_of_all(other)

@@ -38,7 +38,7 @@ _REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """How far a participant is; who does not take part has no numbers.
+    """The progress of a participant; one who does not take part has no numbers.
 
     void_or_failed: attempts that do not count, those that were interrupted among them.
     """

@@ -37,7 +37,7 @@ class StudyFolder:
 
     @property
     def exists(self) -> bool:
-        """Whether there is a plan."""
+        """True if there is a plan."""
         return (self.path / PLAN_NAME).is_file()
 
     def create(self, plan: Plan, config: Config) -> None:
@@ -138,7 +138,7 @@ class StudyFolder:
         return content if isinstance(content, dict) and "outcome" in content else None
 
     def has_ended(self, attempt: Attempt) -> bool:
-        """Whether the attempt ran to its end and left a whole summary."""
+        """True if the attempt ran to its end and left a whole summary."""
         marked = (self.path / attempt.folder / MACHINE_NAME).is_file()
         return marked and self.summary(attempt) is not None
 

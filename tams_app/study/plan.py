@@ -29,7 +29,7 @@ def _inner_path(text: str) -> str:
 
 
 class AttemptState(StrEnum):
-    """How one attempt at a trial stands."""
+    """The state of one attempt at a trial."""
 
     STARTED = "started"
     RAN = "ran"  # to its end; an experimenter's verdict is due
@@ -40,7 +40,7 @@ class AttemptState(StrEnum):
 
 
 class ParticipantState(StrEnum):
-    """Whether a participant's data are here."""
+    """The state of a participant: takes part, being forgotten, forgotten."""
 
     TAKES_PART = "takes part"
     BEING_FORGOTTEN = "being forgotten"  # a crash may come between the files and the plan
@@ -48,7 +48,7 @@ class ParticipantState(StrEnum):
 
 
 class Verdict(Section):
-    """What an experimenter says became of a trial (docs/GLOSSARY.md)."""
+    """An experimenter's verdict on a trial (docs/GLOSSARY.md)."""
 
     completed: bool
     success: bool
@@ -170,7 +170,7 @@ class Plan(Section):
 
     @property
     def left(self) -> tuple[PlannedTrial, ...]:
-        """What is still to be run, in order."""
+        """The trials still to be run, in order."""
         return tuple(trial for trial in self.trials if not trial.is_done)
 
     def with_attempt(self, trial_id: str, attempt: Attempt) -> Plan:

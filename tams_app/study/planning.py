@@ -62,7 +62,7 @@ def make_plan(config: Config, participants: int) -> Plan:
 
 
 def balance_sentence(plan: Plan) -> str:
-    """Whether the order of conditions is balanced over the participants whose data are here."""
+    """A sentence on the balance of conditions over the participants whose data are here."""
     count = len(plan.strategies) * len(plan.networks)
     here = [one for one in plan.participants if one.state is ParticipantState.TAKES_PART]
     needed = sequences_needed(count)
@@ -131,12 +131,12 @@ def williams_square(size: int) -> tuple[tuple[int, ...], ...]:
 
 
 def sequences_needed(condition_count: int) -> int:
-    """How many participants make one whole square: 18 for nine conditions."""
+    """The number of participants in one whole square: 18 for nine conditions."""
     return len(williams_square(condition_count))
 
 
 def is_counterbalanced(condition_count: int, participant_count: int) -> bool:
-    """Whether the participants fill whole squares."""
+    """True if the participants fill whole squares."""
     needed = sequences_needed(condition_count)
     return participant_count >= needed and participant_count % needed == 0
 
@@ -144,7 +144,7 @@ def is_counterbalanced(condition_count: int, participant_count: int) -> bool:
 def schedule(
     all_conditions: Sequence[Condition], participant: int, repetitions: int
 ) -> tuple[tuple[Condition, int], ...]:
-    """What participant number `participant` (from 0) does, as (condition, repetition from 1).
+    """The trials of participant number `participant` (from 0): (condition, repetition from 1).
 
     Each repetition is one whole sequence of its own, so that over whole squares of participants
     every repetition is balanced by itself.

@@ -1,4 +1,4 @@
-"""What came of a study as two tables: read from its folder, or from tables exported before."""
+"""The results of a study as two tables: read from its folder, or from exported tables."""
 
 from __future__ import annotations
 

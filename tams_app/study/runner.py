@@ -1,4 +1,4 @@
-"""What runs a study's trials, live or simulated, and what a trial leaves in its folder."""
+"""The run of a study's trials, live or simulated, and the files that a trial leaves."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def mark_ended(folder: Path) -> None:
 
 
 def machine() -> dict[str, str]:
-    """What a result may depend on: processor, system, Python."""
+    """The machine that a result may depend on: processor, system, Python."""
     return {
         "processor": _processor(),
         "architecture": platform.machine(),

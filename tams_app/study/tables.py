@@ -132,7 +132,7 @@ def _censored_s(completed: bool | None, time_s: float | None, limit_s: float) ->
 
 
 def _phase_seconds(summary: Mapping[str, Any]) -> dict[str, float]:
-    """How long each phase lasted in all."""
+    """The total time of each phase [s]."""
     changes = summary.get("phases") or []
     found: dict[str, float] = {}
     for change, later in pairwise((*changes, {"t_s": summary.get("duration_s")})):

@@ -101,7 +101,7 @@ class TrialPool(Protocol):
 
     @property
     def slots(self) -> int:
-        """How many at a time, at least 1."""
+        """The number of trials at a time, at least 1."""
 
     def start(self, job: Job) -> None:
         """Begin a trial; at most `slots` run at a time."""

@@ -25,14 +25,14 @@ _SPEED_OVER_S = 3600.0  # the time left is judged by the trials of the last hour
 
 @dataclass(slots=True)
 class Tally:
-    """What one call has run: trials done now, and why others failed, by trial id."""
+    """The trials of one call: those done now, and the failures of others, by trial id."""
 
     done: int = 0
     failures: dict[str, str] = field(default_factory=dict)
 
 
 class ProgressDisplay(Protocol):
-    """What a person sees meanwhile."""
+    """The display of progress meanwhile."""
 
     def say(self, text: str) -> None:
         """A sentence that stays."""

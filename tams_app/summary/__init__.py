@@ -1,4 +1,4 @@
-"""What a session amounts to: `summarise` turns a log into the numbers of summary.json."""
+"""The summary of a session: `summarise` turns a log into the numbers of summary.json."""
 
 from tams_app.summary.summarise import summarise
 

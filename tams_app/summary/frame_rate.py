@@ -29,7 +29,7 @@ def view_rate(log: SessionLog, frames: FrameTable, span: Span | None) -> dict[st
 
 
 def rates(log: SessionLog, views: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """When the rig's cameras were stepped down and up, and the sentence on what is short.
+    """The steps of the rig's cameras down and up, and the sentence on missing frames.
 
     `views`: their entries in the summary. `shortfall` is null where every view was given enough.
     """
@@ -64,7 +64,7 @@ def shortfall(
     simulated: bool,
     steps: Sequence[CameraRates] = (),
 ) -> str:
-    """What is short where too few frames came, and what to do, in one sentence.
+    """The cause of too few frames, and the remedy, in one sentence.
 
     Args:
         asked_fps: frames a second that were asked for.

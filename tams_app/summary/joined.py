@@ -59,7 +59,7 @@ def in_order(first: SessionLog, second: SessionLog) -> tuple[SessionLog, Session
 
 
 def _from(operator: SessionLog, robot: SessionLog) -> list[HandHeard]:
-    """What the robot's side has heard from this operator's, of perhaps several."""
+    """The poses that the robot's side received from this operator's, of perhaps several."""
     number = operator.facts.get(OPERATOR_FACT)
     return [one for one in robot.hands_heard if str(one.operator) == number]
 
@@ -133,7 +133,7 @@ def summarise_joined(
 
 
 def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
-    """What the link did; times between the two sides are right to within `uncertainty_ms`."""
+    """The link's figures; times between the sides are right to within `uncertainty_ms`."""
     heard = robot.hands_heard
     counted = [one for one in heard if not one.refusal]
     posed = _posed(robot)

@@ -1,4 +1,4 @@
-"""Who the simulated operator was, how often they looked, at which view, and how uncertain."""
+"""The simulated operator's figures: who, how often they looked, where, and how uncertain."""
 
 from __future__ import annotations
 

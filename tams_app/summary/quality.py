@@ -1,4 +1,4 @@
-"""How good the frames were: SSIM of each view, and of the primary view by phase.
+"""Quality of the frames: SSIM of each view, and of the primary view by phase.
 
 From the log alone. A view's figures are means over the frames that were scored (`ssim_n` of them:
 the machine may not have had time for all; the sampled fraction is the share of the captured frames
@@ -77,7 +77,7 @@ class QualityTable:
         return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
 
     def losses(self, chosen: Flags) -> dict[str, Number]:
-        """What loss did: the share of concealed frames among those shown, the mean over the others.
+        """Effects of loss: share of concealed frames among those shown, mean over the others.
 
         With it, how many packets a frame was: each of them can be lost.
         """
@@ -89,16 +89,16 @@ class QualityTable:
         }
 
     def counts(self, chosen: Flags) -> dict[str, int]:
-        """How many of the chosen frames have a score of each kind."""
+        """The number of chosen frames with a score, of each kind."""
         return {kind: len(_known(score[chosen])) for kind, score in self.scores.items()}
 
     def scored(self, chosen: Flags) -> int:
-        """How many of the chosen frames have a score of any kind."""
+        """The number of chosen frames with a score of any kind."""
         known = ~np.isnan(np.array(list(self.scores.values())))
         return int(np.sum(np.any(known, axis=0) & chosen))
 
     def captures(self, view: int, phase: int | None = None) -> int:
-        """How many frames of a view were captured, in one phase or altogether."""
+        """The number of captured frames of a view, in one phase or altogether."""
         mine = self.captured[self.captured[:, 0] == view, 1]
         return len(mine) if phase is None else int(np.sum(mine == phase))
 

@@ -185,7 +185,7 @@ def _system(log: SessionLog) -> dict[str, Any]:
 
 
 def _is_complete(path: Path) -> bool:
-    """Whether a summary is there that says nothing else; up to 0.1 they did not say."""
+    """True if a summary is there that says nothing else; up to 0.1 they did not say."""
     try:
         former = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):

@@ -97,7 +97,7 @@ class FrameTable:
 
 @dataclass(frozen=True, slots=True)
 class Targets:
-    """What the policy asked for, in order of time."""
+    """The policy's targets, in order of time."""
 
     t_ns: Integers
     budget_kbps: Floats

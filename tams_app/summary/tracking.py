@@ -1,4 +1,4 @@
-"""How well the rate on the wire follows the target (docs/GLOSSARY.md, Measures).
+"""Tracking of the target by the rate on the wire (docs/GLOSSARY.md, Measures).
 
 Windows are 8 consecutive frames, or as many as come nearest to 270 ms if that is more, sliding by
 one frame. The rate of a window is the IP bytes of its frames' media and repair packets over the
@@ -94,7 +94,7 @@ def wire_bytes(log: SessionLog, view: str, frames: FrameTable, packets: PacketTa
 
 
 def steps(targets: Targets, view: str) -> Integers:
-    """When the target of `view` stepped by more than 10 %; the first target is a step, too."""
+    """The steps of `view`'s target by more than 10 %; the first target is a step, too."""
     kbps = targets.kbps[view]
     changed = np.abs(np.diff(kbps)) > STEP_FRACTION * kbps[:-1]
     return targets.t_ns[np.append(True, changed)] if len(kbps) else targets.t_ns

@@ -18,7 +18,7 @@ PLACED_FOR_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class TaskGeometry:
-    """What the rules must know of the things: sizes [m]."""
+    """The geometry that the rules need: sizes [m]."""
 
     container_inner: float
     container_height: float

@@ -1,4 +1,4 @@
-"""What a trial's log tells for the verdict: the time, and what the experimenter marked."""
+"""A trial's log as the verdict needs it: the time, and the experimenter's marks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MAX_DROPS = 99
 
 @dataclass(frozen=True, slots=True)
 class Marks:
-    """What is known before the experimenter is asked.
+    """The trial's marks before the experimenter is asked.
 
     time_s: completion time. drops: None if none was counted. placed: whether the trial was ended by
     the key for that.
@@ -34,7 +34,7 @@ def marks_in(folder: Path) -> Marks:
 
 
 def marks_of(log: SessionLog) -> Marks:
-    """What a log tells."""
+    """The marks in a log."""
     counted = log.facts.get(DROPS_FACT, "")
     drops = min(int(counted), MAX_DROPS) if counted.isdecimal() else None
     return Marks(completion_time_s(log), drops, PLACED_FACT in log.facts)

@@ -1,4 +1,4 @@
-"""Who may connect to a WebSocket server that asks no questions: by Origin, and how many.
+"""Admission to a WebSocket server that asks no questions: by Origin, and by number.
 
 A browser lets any web page open a WebSocket to this computer, and names the page's origin in the
 request (RFC 6455, 10.2). Foxglove's SDK does not look at it. So the server listens where a page
@@ -28,7 +28,7 @@ def hidden_host() -> str:
 
 
 def refusal(head: bytes, origins: Collection[str], viewers: int) -> tuple[int, str] | None:
-    """Why a request is not passed on: HTTP status and sentence; None if it is.
+    """The refusal of a request: HTTP status and sentence; None if it is passed on.
 
     `head`: of the request, up to its empty line. A program that is no browser names no origin.
     """

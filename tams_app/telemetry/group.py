@@ -24,7 +24,7 @@ class ViewerGroup:
             self._tell(rates, now_ns)
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        """Whether any of them is to hear of a frame shown now with its pixels."""
+        """True if any of them wants a frame shown now with its pixels."""
         wanted = [viewer.wants(view, shown_ns) for viewer in self._viewers]  # all keep their pace
         return any(wanted)
 

@@ -15,7 +15,7 @@ from tams_app.telemetry.gate import Gate, hidden_host
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Where viewers connect."""
+    """The address that viewers connect to."""
 
     host: str
     port: int
@@ -31,7 +31,7 @@ class Address:
 
     @property
     def url(self) -> str:
-        """What Foxglove is told."""
+        """The WebSocket URL for Foxglove."""
         return (
             f"ws://[{self.host}]:{self.port}"
             if ":" in self.host
@@ -40,7 +40,7 @@ class Address:
 
     @property
     def is_private(self) -> bool:
-        """Whether only this computer reaches it."""
+        """True if only this computer reaches it."""
         try:
             return ipaddress.ip_address(self.host).is_loopback
         except ValueError:

@@ -40,7 +40,7 @@ def pose_of(pose: Pose) -> FoxglovePose:
 
 
 def transform(wall_ns: int, parent: str, child: str, pose: Pose) -> FrameTransform:
-    """Where the frame `child` is in the frame `parent`."""
+    """The pose of the frame `child` in the frame `parent`."""
     x, y, z, w = pose.rotation
     return FrameTransform(
         timestamp=timestamp(wall_ns),

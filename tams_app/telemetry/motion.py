@@ -1,4 +1,4 @@
-"""Where arm, hand and things are, at a viewer's pace, from ticks and the rig's truth."""
+"""Poses of arm, hand and things at a viewer's pace, from ticks and the rig's truth."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class MotionChannels:
         self._send(self._commanded, wall_ns, BASE, commanded)
 
     def on_truth(self, truth: SceneTruth) -> None:
-        """Where the rig's things are."""
+        """Send the poses of the rig's things."""
         wall_ns = truth.t_ns + self._offset_ns
         places = thing_frames(truth)
         moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
@@ -76,7 +76,7 @@ def joint_angles(arm: ArmState) -> dict[str, float]:
 
 
 def _led_to(tick: Tick, tcp: Pose, seconds: float) -> Pose:
-    """Where the tick's twist takes the TCP if no other command follows."""
+    """The pose that the tick's twist takes the TCP to if no other command follows."""
     position = tcp.position + np.multiply(tick.twist.linear, seconds)
     turn = Rotation.from_rotvec(np.multiply(tick.twist.angular, seconds))
     return Pose(position, turn * tcp.rotation)

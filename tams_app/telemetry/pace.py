@@ -1,4 +1,4 @@
-"""How often something is sent on."""
+"""The pace at which something is sent on."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Pace:
         self._due_ns: int | None = None
 
     def is_due(self, t_ns: int) -> bool:
-        """Whether it is time, at `t_ns`; each True counts as sent."""
+        """True if it is time, at `t_ns`; each True counts as sent."""
         due_ns = t_ns if self._due_ns is None else self._due_ns
         if t_ns < due_ns:
             return False

@@ -36,7 +36,7 @@ class Pictures:
         self._offset_ns = offset_ns
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        """Whether a frame shown now is to be sent; each view from one thread."""
+        """True if a frame shown now is to be sent; each view from one thread."""
         pace = self._paces.get(view)
         return pace is not None and pace.is_due(shown_ns)
 

@@ -1,4 +1,4 @@
-"""What each second amounts to, for plots: `/rates`."""
+"""The sums of each second, for plots: `/rates`."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Rates:
 
 @dataclass(slots=True)
 class _Second:
-    """What was counted of one view."""
+    """The counts of one view in a second."""
 
     captured: int = 0
     shown: int = 0
@@ -134,7 +134,7 @@ class RatesMeter:
         self._packets += batch.packets()
 
     def take(self, now_ns: int) -> Rates | None:
-        """What the second amounts to that has ended by `now_ns`; None while none has."""
+        """The sums of the second that has ended by `now_ns`; None while none has."""
         passed_ns = now_ns - self._begun_ns
         if passed_ns < PERIOD_NS:
             return None

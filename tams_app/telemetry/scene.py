@@ -1,4 +1,4 @@
-"""What does not change during a session: the arm's figure, its workspace, the cameras' lenses.
+"""The constants of a session: the arm's figure, its workspace, the cameras' lenses.
 
 Sent again every few seconds, as a viewer that connects late knows only what it hears.
 """
@@ -33,7 +33,7 @@ _BOX_LINE_PX = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Lens:
-    """Where a view's camera is in the frame `parent`, and its picture.
+    """The pose of a view's camera in the frame `parent`, and its picture.
 
     `pose`: x to the right, y down, z forwards in the picture.
     """
@@ -47,7 +47,7 @@ class Lens:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """What is known of the surroundings when a session starts."""
+    """The surroundings as they are known when a session starts."""
 
     figure: ArmFigure | None  # None: not known
     workspace: tuple[Floats3, Floats3]  # lower and upper corner for the TCP, base frame [m]
@@ -69,7 +69,7 @@ class Scene:
 
 
 def thing_frames(truth: SceneTruth) -> Mapping[str, Pose]:
-    """Where the rig's things are, in the base frame."""
+    """The poses of the rig's things in the base frame."""
     return {"block": truth.block, "container": truth.container}
 
 

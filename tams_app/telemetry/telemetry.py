@@ -69,7 +69,7 @@ class Telemetry:
             on_record(record)
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        """Whether a frame shown now is to be heard of with its pixels; each view in one thread."""
+        """True if a frame shown now is wanted with its pixels; each view in one thread."""
         return self._pictures.wants(view, shown_ns)
 
     def close(self) -> None:

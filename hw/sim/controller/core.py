@@ -30,7 +30,7 @@ _OPEN, _CLOSE = 0b01, 0b10  # the first two tool outputs
 
 @dataclass(slots=True)
 class ControllerSettings:
-    """What is set in the controller, in the units of the wire (mm, rad, kg); as a fresh Lite 6."""
+    """The controller's settings, in units of the wire (mm, rad, kg); as a fresh Lite 6."""
 
     tcp_offset: tuple[float, ...] = (0.0,) * 6  # x, y, z [mm], roll, pitch, yaw [rad]
     load: tuple[float, ...] = (0.0,) * 4  # mass [kg], centre of gravity [mm]
@@ -43,7 +43,7 @@ class ControllerSettings:
 
     @property
     def closing(self) -> bool | None:
-        """Whether the outputs drive the gripper closed or open; None: neither, or both at once."""
+        """True if the outputs drive the gripper closed, False if open; None: neither or both."""
         return {_OPEN: False, _CLOSE: True}.get(self.tool_outputs & (_OPEN | _CLOSE))
 
 
@@ -53,7 +53,7 @@ def outputs_for(closed: bool | None) -> int:
 
 
 class ControllerCore:
-    """What the box does and knows; joint targets go to `plant`. Holds no thread or clock."""
+    """The box's state and behaviour; joint targets go to `plant`. Holds no thread or clock."""
 
     def __init__(
         self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
@@ -89,12 +89,12 @@ class ControllerCore:
 
     @property
     def moving(self) -> bool:
-        """Whether the commanded joints move, or will in the next cycle."""
+        """True if the commanded joints move, or will in the next cycle."""
         return any(self._velocity) or len(self._moves) > 0
 
     @property
     def ready(self) -> bool:
-        """Whether motion commands are taken."""
+        """True if motion commands are taken."""
         return self.enabled and not self.error_code and self._state < State.STOPPED
 
     @property
@@ -228,7 +228,7 @@ class ControllerCore:
         self._drive(following)
 
     def _next_joints(self, now_ns: int) -> Joints:
-        """Where the servo of the mode wants the joints; MotionError if they may not go there."""
+        """The joints after one cycle of the mode's servo; MotionError if they may not go there."""
         following: Joints | None = None
         if self.mode is Mode.POSITION:
             following = self._moves.step(self._commanded)
@@ -282,7 +282,7 @@ class ControllerCore:
 
     @property
     def _obeys(self) -> bool:
-        """Whether servos run: ready and not paused."""
+        """True if servos run: ready and not paused."""
         return self.ready and self._state is not State.PAUSED
 
     def _require(self, mode: Mode) -> None:

@@ -1,4 +1,4 @@
-"""How the controller turns commands into joint targets, one 4 ms cycle at a time.
+"""The controller's servos from commands to joint targets, one 4 ms cycle at a time.
 
 The servo of mode 5, and the brake that ends all motion; mode 0 is in `joint_moves`. Each
 works on the commanded joints [rad]; `check_motion` checks what comes out.
@@ -121,7 +121,7 @@ def brake(joints: Joints, velocity: Joints) -> tuple[Joints, Joints]:
 
 
 def farthest(joints: Joints, others: Joints) -> float:
-    """How far the joint that is farthest has to go from `joints` to `others` [rad]."""
+    """The greatest way of a joint from `joints` to `others` [rad]."""
     return max(abs(other - at) for at, other in zip(joints, others, strict=True))
 
 
@@ -170,7 +170,7 @@ def check_motion(
 
 
 def _hits_base(wrist: Floats3, flange: Floats3, tcp: Floats3) -> bool:
-    """Whether the line through wrist, flange and TCP comes too near the base column."""
+    """True if the line through wrist, flange and TCP comes too near the base column."""
     points = (wrist, _middle(wrist, flange), flange, _middle(flange, tcp), tcp)
     return any(_distance_to_column(*point) < KEEP_OUT_RADIUS_M for point in points)
 

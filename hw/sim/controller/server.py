@@ -32,7 +32,7 @@ _MAX_CATCH_UP_NS = NS_PER_S
 
 @dataclass(frozen=True, slots=True)
 class ServerPorts:
-    """Where the server listens; `report` is the normal report's port, rich and real follow it."""
+    """The server's ports; `report` is the normal report's port, rich and real follow it."""
 
     control: int
     report: int

@@ -1,4 +1,4 @@
-"""Where the operator believes the things to be: one estimate, fed by every view that shows them.
+"""The operator's belief of where things are: one estimate, fed by every view that shows them.
 
 An extended Kalman filter over tool, block and container. What is seen enters by the inverse of its
 variance, whichever view it comes from; what is not seen becomes uncertain with time and with the
@@ -125,7 +125,7 @@ class Belief:
         return largest_sigma(self.covariance[place, place][:2, :2])
 
     def pixel_sigma(self, view: str, thing: Thing) -> float:
-        """How uncertain it is where `thing` appears in `view` [px]."""
+        """The uncertainty of `thing`'s place in `view` [px]."""
         nowhere = Sighting(view, thing, np.zeros((1, 2)), np.zeros((1, 3)), 0.0)
         rows, _ = self._compare(nowhere)
         return largest_sigma(rows @ self.estimate.covariance @ rows.T)
@@ -208,7 +208,7 @@ class Belief:
 
     @property
     def block_is_near(self) -> bool:
-        """Whether it may be in the fingers."""
+        """True if it may be in the fingers."""
         gap = self.state[BLOCK] - self.state[TOOL]
         return bool(gap @ gap < _NEAR_M**2)
 
@@ -303,7 +303,7 @@ class Belief:
         self.estimate.forget(slice(BLOCK_YAW, BLOCK_YAW + 1), sigma)
 
     def shares(self, gap: Matrix) -> dict[str, float]:
-        """How much each view of the last glance contributed to knowing `gap`; they sum to 1.
+        """Each view's contribution in the last glance to knowing `gap`; they sum to 1.
 
         A view's part of the posterior covariance P: P I P, where I is the information it brought.
         Empty when none brought any.

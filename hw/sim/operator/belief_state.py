@@ -47,7 +47,7 @@ _NUMBERS = {
 
 
 class LastingErrors:
-    """Where the errors that last stand in the state, each in units of its standard deviation.
+    """Places in the state of the errors that last, each in units of its standard deviation.
 
     Some for each cue of each thing in each view, and one for the block's heading. They are not
     estimated, only reckoned with: what one view repeats glance after glance is no new evidence.
@@ -71,7 +71,7 @@ class LastingErrors:
         return self._headings[view]
 
     def slopes(self, sighting: Sighting, kept: slice) -> Matrix:
-        """How its coordinates move with the errors at `kept`, shape (2n, numbers)."""
+        """The derivative of its coordinates by the errors at `kept`, shape (2n, numbers)."""
         slopes = np.zeros((len(sighting.pixels), 2, kept.stop - kept.start))
         slopes[:, 0, 0] = slopes[:, 1, 1] = sighting.lasting_px
         if slopes.shape[2] > 2:
@@ -165,7 +165,7 @@ def rest_height(thing: Thing) -> float:
 
 
 def swing(arm: Vector) -> Matrix:
-    """How a point moves [m/rad], shape (3, 3), when the tool turns about each axis."""
+    """Motion of a point [m/rad], shape (3, 3), when the tool turns about each axis."""
     x, y, z = arm
     return np.array([(0.0, z, -y), (-z, 0.0, x), (y, -x, 0.0)])
 

@@ -145,7 +145,7 @@ class Detector:
         boxes: list[Box],
         headings: list[HeadingSighting],
     ) -> list[Sighting]:
-        """Where it is believed to be; if it plainly is not there, anywhere else."""
+        """Look where it is believed to be; if it plainly is not there, anywhere else."""
         camera = belief.camera(view)
         spread = _SEARCH_SIGMAS * belief.pixel_sigma(view, Thing.BLOCK) + _MARGIN_PX
         if not belief.seen[Thing.BLOCK] or spread > _EVERYWHERE_PX:
@@ -260,19 +260,19 @@ def _block_patch(window: Window, expected: Outline) -> Blob | None:
 
 
 def _in_plain_sight(expected: Outline, image: Image, middle: Vector) -> bool:
-    """Whether a thing at `middle` [px] is in the image and hardly hidden."""
+    """True if a thing at `middle` [px] is in the image and hardly hidden."""
     inside = (middle >= 0.0).all() and (middle < image.shape[1::-1]).all()
     return bool(inside and expected.visible > _WHOLE[0])
 
 
 def _is_on_mat(place: Vector) -> bool:
-    """Whether a point on the table [m] is where the task's things can be."""
+    """True if a point on the table [m] is where the task's things can be."""
     in_x = _WORK_X_M[0] < place[0] < _WORK_X_M[1]
     return bool(in_x and _WORK_Y_M[0] < place[1] < _WORK_Y_M[1])
 
 
 def _radius(camera: Pinhole, place: Vector, thing: Thing) -> float:
-    """How large `thing` can be in the image [px], about its middle."""
+    """The largest size of `thing` in the image [px], about its middle."""
     depth = max(0.05, float(camera.depths(place[None])[0]))
     return min(_EVERYWHERE_PX, camera.focal_px * _THING_RADIUS_M[thing] / depth)
 

@@ -51,7 +51,7 @@ class EfferenceCopy:
             self._history.popleft()
 
     def shown_at(self, view_ns: int) -> Vector:
-        """How much of `total` a view from `view_ns` can show."""
+        """The part of `total` that a view from `view_ns` can show."""
         return self.asked_at(view_ns - FOLLOW_LAG_NS)
 
     def asked_at(self, t_ns: int) -> Vector:

@@ -42,7 +42,7 @@ _REST: _Triple = (0.0, 0.0, 0.0)
 
 
 class Button(Enum):
-    """What the thumb presses; it presses one button at a time."""
+    """A button under the thumb, which presses one at a time."""
 
     A = "a"
     B = "b"
@@ -51,7 +51,7 @@ class Button(Enum):
 
 @dataclass(frozen=True, slots=True)
 class HandCommand:
-    """What the hand is to do next: velocities [m/s], [rad/s], shape (3,), and presses."""
+    """The hand's next motion: velocities [m/s], [rad/s], shape (3,), and presses."""
 
     linear: Vector
     angular: Vector
@@ -124,7 +124,7 @@ class VelocityFollower:
 
 
 class MotorNoise:
-    """What muscles add to a movement: noise in proportion to it (Harris and Wolpert 1998)."""
+    """The muscles' noise, in proportion to the movement (Harris and Wolpert 1998)."""
 
     def __init__(self, random: np.random.Generator, size: float) -> None:
         self._random = random

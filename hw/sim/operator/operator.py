@@ -44,7 +44,7 @@ _NOTHING: Vector = np.zeros(3)
 
 
 class Activity(StrEnum):
-    """What the operator is doing with the hand."""
+    """The operator's present activity with the hand."""
 
     WATCH = "watch"  # waits for an image
     CONFIRM = "confirm"
@@ -142,7 +142,7 @@ class Operator:
     # --- eyes and hand --------------------------------------------------------------------------
 
     def _see(self, now_ns: int) -> Sight | None:
-        """What there is to act on: None when there is no image, or only an old one."""
+        """The sight to act on: None when there is no image, or only an old one."""
         percept = self._perception.look(now_ns)
         if percept is None or now_ns - percept.t_ns > BLIND_AFTER_NS:
             return None
@@ -184,7 +184,7 @@ class Operator:
         return HandCommand.still()
 
     def _moves_by_itself(self, percept: Percept) -> bool:
-        """Whether the tool is seen elsewhere than at the last call: it is then left alone."""
+        """True if the tool is seen elsewhere than at the last call: it is then left alone."""
         position = percept.tcp.pose.position
         enough = _MOVES_M + 3.0 * percept.tcp.position_sigma
         moved = self._tool_seen is None or norm(position - self._tool_seen) > enough
@@ -314,7 +314,7 @@ class Operator:
 
 
 def _stretched(joint: VelocityFollower, command: Vector) -> bool:
-    """Whether the joint is near the end of its reach and asked to go on outwards."""
+    """True if the joint is near the end of its reach and asked to go on outwards."""
     return norm(joint.offset) > _STRETCHED * joint.reach and float(command @ joint.offset) > 0.0
 
 

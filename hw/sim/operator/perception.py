@@ -24,7 +24,7 @@ class Estimate:
 
 @dataclass(frozen=True, slots=True)
 class GapSigmas:
-    """How surely the tool is seen against block and container: standard deviations.
+    """Standard deviations of the tool as seen against block and container.
 
     Better known than either place where one image shows both.
     """

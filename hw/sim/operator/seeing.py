@@ -104,7 +104,7 @@ class SeeingPerception:
         )
 
     def look(self, now_ns: int) -> Percept | None:
-        """What has been understood by `now_ns` of what was seen."""
+        """The last percept of what was seen that was understood by `now_ns`."""
         while self._coming and self._coming[0][0] <= now_ns:
             self._percept = self._coming.popleft()[1]
         return self._percept

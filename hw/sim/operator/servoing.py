@@ -23,7 +23,7 @@ _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 
 
 class HandMap:
-    """How the operator believes the hand's motion becomes the tool's; wrong by a little."""
+    """The operator's belief of the map from the hand's motion to the tool's; wrong by a little."""
 
     def __init__(
         self, config: HandConfig, traits: ParticipantProfile, random: np.random.Generator
@@ -40,7 +40,7 @@ class HandMap:
 
 
 def operator_hand(config: Config) -> HandConfig:
-    """How the rig's operator stands to the arm: as in truth, whatever teleoperation maps by."""
+    """The true map of the rig's operator to the arm, whatever teleoperation maps by."""
     if config.rig.hand_rotation is None:
         return config.hand
     return config.hand.model_copy(update={"rotation": config.rig.hand_rotation})
@@ -56,12 +56,12 @@ class Sight:
 
     @property
     def tcp(self) -> Vector:
-        """Where the tool should be by now [m], base frame."""
+        """The expected place of the tool by now [m], base frame."""
         return self.percept.tcp.pose.position + self.moved
 
     @property
     def block(self) -> Vector:
-        """Where the block was seen [m], base frame."""
+        """The place where the block was seen [m], base frame."""
         return self.percept.block.pose.position
 
 
@@ -113,6 +113,6 @@ def _half_turn(angle: float) -> float:
 
 
 def nearby(pose: Pose, other: Pose, distance_m: float) -> bool:
-    """Whether two poses are within `distance_m` of each other."""
+    """True if two poses are within `distance_m` of each other."""
     gap = pose.position - other.position
     return bool(gap @ gap <= distance_m**2)

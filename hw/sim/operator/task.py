@@ -70,7 +70,7 @@ class Stage(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Intent:
-    """How the tool should move now [m/s], [rad/s], and what the thumb presses.
+    """The intended motion of the tool now [m/s], [rad/s], and the thumb's presses.
 
     `turning` asks for orientation mode; None: either will do, since nothing is to move.
     """
@@ -119,7 +119,7 @@ class PickAndPlace:
         }
 
     def step(self, now_ns: int, sight: Sight) -> Intent:
-        """What the tool should do at `now_ns`, given what is seen."""
+        """The intent at `now_ns`, given what is seen."""
         if now_ns < self._begins_ns:
             return _HOLD
         return self._steps[self.stage](now_ns, sight)
@@ -219,7 +219,7 @@ class PickAndPlace:
         return _HOLD
 
     def _settled(self, now_ns: int, error: Vector, tolerance: float) -> bool:
-        """Whether `error` has stayed within `tolerance` for the settling time."""
+        """True if `error` has stayed within `tolerance` for the settling time."""
         if error @ error > tolerance**2:
             self._arrived_ns = None
             return False
@@ -271,7 +271,7 @@ class PickAndPlace:
         return bool(risen > LIFTED_M and sight.block[2] - self._grasp_block_z < 0.5 * risen)
 
     def _dropped(self, now_ns: int, sight: Sight) -> bool:
-        """Whether the block has been away from the fingers for longer than a glance."""
+        """True if the block has been away from the fingers for longer than a glance."""
         percept = sight.percept
         if not _sees_block(sight) or nearby(percept.tcp.pose, percept.block.pose, HELD_WITHIN_M):
             self._lost_ns = None
@@ -306,7 +306,7 @@ def _sees_block(sight: Sight) -> bool:
 
 
 def _is_placed(sight: Sight) -> bool:
-    """Whether the block lies in the container, as far as can be seen."""
+    """True if the block lies in the container, as far as can be seen."""
     container = sight.percept.container.pose
     offset = container.rotation.inv().apply(sight.block - container.position)
     return bool(np.abs(offset[:2]).max() < CONTAINER_INNER_M / 2 and sight.block[2] < 0.05)

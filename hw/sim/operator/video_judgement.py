@@ -1,4 +1,4 @@
-"""What the operator notices about the video itself: how far it lags, and whether it is frozen.
+"""The operator's judgement of the video: how far it lags, and whether it is frozen.
 
 Operators are not told the latency of a stream. They know what their hand did and see when the
 gripper does it: the delay at which the two agree best is the lag (delays of hand and cursor are

@@ -71,7 +71,7 @@ class Wiring:
         return ComponentReading(self._controller_type, values)
 
     def roles(self, reading: ComponentReading) -> dict[str, float]:
-        """What the mapping makes of a reading: role → 0..1."""
+        """The mapping of a reading: role → 0..1."""
         return {role: reading.values[self._plays[role].path] for role in ROLES}
 
 
@@ -144,7 +144,7 @@ class VirtualController(Controller):
         )
 
     def _pressed(self) -> dict[str, float]:
-        """How far each button is pressed, 0..1."""
+        """The pull of each button, 0..1."""
         hand = self.operator.hand
         buttons = {button.value: float(hand.button is button) for button in Button}
         return {"trigger": hand.trigger, "grip": hand.grip, **buttons}

@@ -1,4 +1,4 @@
-"""What the rig's cameras report, and when: the scene as drawn, with the noise of their sensors."""
+"""Images of the rig's cameras and their times: the scene as drawn, with their sensors' noise."""
 
 from __future__ import annotations
 

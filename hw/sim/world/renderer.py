@@ -56,7 +56,7 @@ class _Camera:
 
 
 class CameraSchedule:
-    """Which view is due next; the grids of `writer` are taken over after a restart.
+    """The order of the views; the grids of `writer` are taken over after a restart.
 
     Where there is no time for all, the views take turns: none misses more frames than another.
     """

@@ -91,7 +91,7 @@ class WorldReader:
         return t_ns, WorldState(tuple(numbers[:QPOS_SIZE]), poses, block_speed, opening)
 
     def truth(self) -> SceneTruth | None:
-        """Where things are, for the trial's rules and the demo operator: not for the application.
+        """Places of the things, for the trial's rules and the demo operator: not the application's.
 
         Stamped with the simulated instant; None before the first.
         """
@@ -125,7 +125,7 @@ class FrameShape:
 
 @dataclass(frozen=True, slots=True)
 class FrameGrid:
-    """When frames are due: number n of a view at `start_ns + n * period_ns`; 0 if not known."""
+    """Times of frames: number n of a view at `start_ns + n * period_ns`; 0 if not known."""
 
     start_ns: int = 0
     period_ns: int = 0
@@ -166,7 +166,7 @@ class FrameReader:
         self._ring = shape.ring(self._block, view)
 
     def written(self) -> int:
-        """How many frames were put so far."""
+        """The number of frames put so far."""
         return self._ring.written()
 
     def await_more(self, written: int, timeout_ns: int) -> None:

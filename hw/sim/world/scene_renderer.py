@@ -40,7 +40,7 @@ _TOP_ROW_FIRST = "GL_MESA_pack_invert"  # Mesa alone can read images back that w
 
 @dataclass(frozen=True, slots=True)
 class _Background:
-    """What a fixed camera sees of what never moves: BGR, and how near it is."""
+    """A fixed camera's image of what never moves: BGR, and how near it is."""
 
     colour: Image
     depth: NDArray[np.float32]
@@ -122,7 +122,7 @@ class SceneRenderer:
         mujoco.mjr_render(self._whole, self._scene, self._drawing)
 
     def _read_colour(self, rectangle: mujoco.MjrRect) -> Image:
-        """What was drawn there: BGR, a new array."""
+        """Read what was drawn there: BGR, a new array."""
         height, width = rectangle.height, rectangle.width
         # not by mjr_readPixels, whose RGB Mesa converts pixel by pixel; RGBA it copies
         self._gl.glReadPixels(
@@ -135,7 +135,7 @@ class SceneRenderer:
         return np.asarray(cv2.flip(image, 0) if self._upside_down else image, np.uint8)
 
     def _read_depth(self, rectangle: mujoco.MjrRect) -> NDArray[np.float32]:
-        """How near it is, larger is nearer; valid until the next reading."""
+        """Read how near it is, larger is nearer; valid until the next reading."""
         height, width = rectangle.height, rectangle.width
         depth = self._depth[: height * width].reshape(height, width)
         mujoco.mjr_readPixels(None, depth, rectangle, self._drawing)

@@ -1,4 +1,4 @@
-"""What a camera can see of the simulated world, decided without drawing it.
+"""Visibility of the simulated world in its cameras, decided without drawing it.
 
 A geom that lies wholly beyond a plane which bounds the camera's view adds no pixel to the image,
 nor does one below a slab that fills the image. Bounding boxes decide, so some geoms are drawn for
@@ -31,7 +31,7 @@ Geoms = NDArray[np.bool_]
 
 
 class Visibility:
-    """What the cameras of `model` can see of it, in the pose that `data` had at `update`.
+    """The parts visible to the cameras of `model`, in the pose that `data` had at `update`.
 
     Geoms are arrays of flags, shape (ngeom,); cameras are their numbers in the model.
     """
@@ -78,7 +78,7 @@ class Visibility:
         return left, bottom, width, height
 
     def _above_slab(self, camera: int) -> Rows | None:
-        """How far each of `_FACES` must be reached to be seen by `camera`; None: no slab hides it.
+        """Bounds that each of `_FACES` must reach to be seen by `camera`; None: no slab hides it.
 
         It is the box around the camera and what it sees of a slab that fills its image.
         """

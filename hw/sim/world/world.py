@@ -111,7 +111,7 @@ class World:
         return WorldState(tuple(self._qpos.tolist()), tuple(poses), speed, max(0.0, opening))
 
     def truth(self, now_ns: int) -> SceneTruth:
-        """Where things are, stamped `now_ns`."""
+        """The places of things, stamped `now_ns`."""
         return self.state().truth(now_ns)
 
     def _watch_for_collision(self) -> None:

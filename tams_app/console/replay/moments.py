@@ -1,4 +1,4 @@
-"""What the console showed at any moment of a log."""
+"""The console's display at any moment of a log."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class Moments:
         )
 
     def notes_between(self, after_ns: int, until_ns: int) -> list[Note]:
-        """What was said later than `after_ns` and not after `until_ns`."""
+        """The sentences later than `after_ns` and not after `until_ns`."""
         return [note for note in self._log.notes if after_ns < note.t_ns <= until_ns]
 
     def _view(

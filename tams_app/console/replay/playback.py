@@ -1,4 +1,4 @@
-"""Where a replay is: position, speed and pause; pure."""
+"""The state of a replay: position, speed and pause; pure."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ KEY_SPEEDS: Final = {"Up": 1, "Down": -1}
 
 
 class Requests:
-    """What is asked of a playback, by any thread or signal; `carry_out` does it, in one thread."""
+    """Requests to a playback, by any thread or signal; `carry_out` does it, in one thread."""
 
     def __init__(self, playback: Playback) -> None:
         self._playback = playback
@@ -97,7 +97,7 @@ class ReplaySession:
         self.screen = FrameBlock(RingLayout(SHOWN, log.header.views, video.width, video.height))
 
     def start(self) -> None:
-        """What the window took to open does not count."""
+        """Begin now: the time that the window took to open does not count."""
         self.playback.begin(self._now_ns())
 
     def poll(self) -> None:
@@ -113,14 +113,14 @@ class ReplaySession:
             self.end("the log is over")  # without a window there are no keys to go back
 
     def elapsed_s(self) -> float:
-        """Where the replay is, in the session's own time."""
+        """The replay's position, in the session's own time."""
         return (self.playback.position_ns - self._log.header.started_ns) / NS_PER_S
 
     def state(self) -> SessionState:
         return self._moments.at(self.playback.position_ns)
 
     def facts(self) -> ReplayFacts:
-        """How it goes."""
+        """Its speed, whether it is paused, and its jumps."""
         playback = self.playback
         return ReplayFacts(playback.speed, playback.paused or playback.at_end, playback.jumps)
 
@@ -155,7 +155,7 @@ class ReplaySession:
         self.screen.close()
 
     def _say_notes(self, position_ns: int, jumped: bool) -> None:
-        """What was said on the way; after a jump only what had been said last."""
+        """Show the sentences passed on the way; after a jump only the last one before."""
         notes = self._moments.notes_between(0 if jumped else self._noted_ns, position_ns)
         if jumped:
             notes = [note for note in notes[-1:] if note is not self._note]
@@ -165,7 +165,7 @@ class ReplaySession:
         self._noted_ns = position_ns
 
     def _tell(self) -> None:
-        """How the replay goes, whenever that changes."""
+        """Show the replay's state, whenever that changes."""
         playback = self.playback
         state = "the end" if playback.at_end else "paused" if playback.paused else "goes on"
         told = f"replay: {state}, {playback.speed:g} times the speed"

@@ -16,7 +16,7 @@ _NEEDS = ("pandas", "pyarrow")
 
 
 class Watcher(Protocol):
-    """Who is told how far it is."""
+    """A receiver of the export's progress."""
 
     def say(self, text: str) -> None:
         """A sentence for the user."""
@@ -87,6 +87,6 @@ def _write(episodes: Sequence[Episode], out: Path, task: str, on_frame: Callable
 
 
 def _arm(episode: Episode) -> str | None:
-    """Which arm it was; logs of version 0.1 do not say."""
+    """The arm's model; logs of version 0.1 do not name it."""
     model = episode.header.config.get("arm", {}).get("model")
     return None if model is None else str(model)

@@ -137,7 +137,7 @@ class DatasetWriter:
 
 
 def _session_of(episode: Episode) -> dict[str, Any]:
-    """What the log says of the whole episode."""
+    """The log's facts of the whole episode."""
     header, outcome = episode.header, episode.outcome
     return {
         "session": episode.name,

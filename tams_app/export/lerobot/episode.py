@@ -1,4 +1,4 @@
-"""What of a log becomes an episode: the longest part that is whole and has arm and all views."""
+"""The part of a log that becomes an episode: the longest that is whole, with arm and all views."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NOT_JUDGED = Outcome(None, None, None, None, "")
 
 
 class Shape(NamedTuple):
-    """What all episodes of a dataset have in common."""
+    """The common properties of all episodes of a dataset."""
 
     fps: int
     width: int

@@ -1,4 +1,4 @@
-"""Where a LeRobotDataset v3.0 keeps what, and how it names and types it.
+"""The layout of a LeRobotDataset v3.0: files, names and types.
 
 Source: the documentation of LeRobot ("LeRobotDataset v3.0") and of its subtasks.
 """

@@ -65,7 +65,7 @@ class TickTable:
         self._values = np.frombuffer(values, np.float64).reshape(-1, width)
 
     def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
-        """What the newest tick at each instant had, none of which is before the first tick.
+        """The newest tick's values at each instant, none of which is before the first tick.
 
         The gripper of an action is what it is told until the next instant.
         """

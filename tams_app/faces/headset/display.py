@@ -1,4 +1,4 @@
-"""What the headset shows, step by step: facts and frames in, changed parts of the atlas out."""
+"""The headset's display, step by step: facts and frames in, changed parts of the atlas out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where things are: within the one picture of all that is shown, and around the head; pure.
+"""Places of all parts: within the one picture of all that is shown, and around the head; pure.
 
 Angles are of OpenVR's axes: x right, y up, z backwards.
 """
@@ -57,7 +57,7 @@ class Atlas:
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where a part of the atlas is shown.
+    """The place of a part of the atlas around the head.
 
     pose: from its own axes (x right, y up, z towards the eyes) to those of the head that looks
     straight on, shape (4, 4) [m]. width_m: of the picture.

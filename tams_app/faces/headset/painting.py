@@ -54,7 +54,7 @@ class ViewCell:
         return self._frame
 
     def tell(self, title: str, old: bool, silent: bool = False) -> bool:
-        """What is written above the frame; whether anything has changed.
+        """Set the text above the frame; True if anything has changed.
 
         `silent`: the session is, and the frame grey until the first one that comes afterwards.
         """

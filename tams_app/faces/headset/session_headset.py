@@ -31,7 +31,7 @@ class SessionHeadset(SessionFace):
 
 
 def headset_is_wanted(config: Config) -> bool:
-    """Whether a headset is to show the views too, where there is a window."""
+    """True if a headset is to show the views too, where there is a window."""
     show = config.headset.show
     return show == "always" or (show == "auto" and config.hand_is_tracked)
 

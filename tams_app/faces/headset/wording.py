@@ -1,4 +1,4 @@
-"""What the panel below the primary view says; pure."""
+"""The text of the panel below the primary view; pure."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def decode_keys(data: bytes) -> list[Command]:
 
 
 def _after_sequence(data: bytes, at: int) -> int:
-    """Where a control sequence ends: parameters (0x20–0x3F), then one final byte (ECMA-48)."""
+    """The end of a control sequence: parameters (0x20–0x3F), then one final byte (ECMA-48)."""
     while at < len(data) and 0x20 <= data[at] <= 0x3F:
         at += 1
     return at + 1
@@ -80,12 +80,12 @@ class TerminalKeys:
 
     @property
     def active(self) -> bool:
-        """Whether keys are read."""
+        """True while keys are read."""
         return self._before is not None
 
     @property
     def readable(self) -> bool:
-        """Whether there is a terminal that `open` could read from."""
+        """True if there is a terminal that `open` could read from."""
         return os.isatty(self._fd) and not _in_background(self._fd)
 
     def open(self) -> None:
@@ -119,7 +119,7 @@ class TerminalKeys:
         return decode_keys(self.read_bytes(timeout_s))
 
     def read_bytes(self, timeout_s: float) -> bytes:
-        """What the terminal sent within `timeout_s`, as it came; DeviceError if it is gone."""
+        """The terminal's bytes within `timeout_s`, as they came; DeviceError if it is gone."""
         ready, _, _ = select.select([self._fd], [], [], timeout_s)
         if not ready:
             return b""
@@ -160,13 +160,13 @@ class Presses:
         self._seen_ns: int | None = None
 
     def counts(self, now_ns: int) -> bool:
-        """Whether the key seen at `now_ns` was pressed anew; also one that does not is seen."""
+        """True if the key seen at `now_ns` was pressed anew; also one that does not is seen."""
         before_ns, self._seen_ns = self._seen_ns, now_ns
         return before_ns is None or now_ns - before_ns >= REPEAT_NS
 
 
 def _in_background(fd: int) -> bool:
-    """Whether touching the terminal would suspend the whole session (SIGTTOU)."""
+    """True if touching the terminal would suspend the whole session (SIGTTOU)."""
     try:
         return os.tcgetpgrp(fd) != os.getpgrp()
     except OSError:

@@ -104,7 +104,7 @@ def arm_line(state: SessionState) -> str:
 
 
 def reason_parts(state: SessionState) -> list[str]:
-    """Why the arm does not move and what to do, or why it stopped last; none if it has not."""
+    """The reason why the arm does not move and the remedy, or why it stopped last; else none."""
     if (silence_s := silence_of(state)) is not None:
         return [f"{not_received(silence_s)} {STILL_STOPS} still stops it."]
     if state.reason:
@@ -151,7 +151,7 @@ class StatusLine:
             self._live.stop()
 
     def is_due(self, t_s: float) -> bool:
-        """Whether a state of `t_s` would be shown: the last one was not shown a moment before.
+        """True if a state of `t_s` would be shown: the last one was not shown a moment before.
 
         The time of a replay may go back: then it is.
         """

@@ -66,7 +66,7 @@ _US_LETTERS = {
 
 
 class Symbol(NamedTuple):
-    """What a key means in one layout: `layout` counts from 0, `level` 0 is without modifiers.
+    """A key's meaning in one layout: `layout` counts from 0, `level` 0 is without modifiers.
 
     character: Unicode, 0 for a key that types none.
     """
@@ -119,7 +119,7 @@ class Keyboard:
 
     @property
     def shift_is_dead(self) -> bool:
-        """Whether Shift is down but does not count: it must be released and pressed again."""
+        """True if Shift is down but does not count: it must be released and pressed again."""
         return self.focused and self._has_shift and SHIFTS.isdisjoint(self._held.values())
 
     def focus(self, focused: bool, now_ns: int) -> None:
@@ -149,7 +149,7 @@ class Keyboard:
         self._free.add(code)
 
     def modifiers(self, has_shift: bool, now_ns: int) -> None:
-        """Whether the seat's modifiers have Shift now; they follow a press a moment later."""
+        """Take in the seat's modifiers, and so whether Shift is down; they follow a press later."""
         self._has_shift = has_shift
         if has_shift:
             self._shifting.update(code for code, name in self._held.items() if name in SHIFTS)
@@ -162,7 +162,7 @@ class Keyboard:
 
 
 def command_of(name: str, is_new: bool, replay: bool = False) -> Command | None:
-    """What a key asks for; an emergency stop counts also where it may be a repeat.
+    """The command of a key; an emergency stop counts also where it may be a repeat.
 
     Where nothing moves, as in a replay, there is none: its keys confirm.
     """

@@ -177,7 +177,7 @@ class LogBar:
         self._area.set_content_height(height_px)
 
     def show(self, facts: Facts) -> None:
-        """Where the replay is."""
+        """Show the replay's position."""
         self._t_s = facts.state.t_s
         if facts.replay is not None:
             texts = replay_texts(facts.state.t_s, self._end_s, facts.replay)

@@ -28,7 +28,7 @@ class PicturePlace:
         self._picture.set_paintable(texture)
 
     def tell(self, title: str, colour_class: str) -> None:
-        """What is written in it, and whose colour its frame has."""
+        """Set the text in it, and the colour of its frame."""
         if title != self._label.get_text():
             self._label.set_text(title)
         if colour_class != self._class:

@@ -23,13 +23,13 @@ class Size:
 
 
 def size_file(environment: Mapping[str, str] = os.environ) -> Path:
-    """Where it is kept: a state of the user (XDG base directories)."""
+    """The file of the size: a state of the user (XDG base directories)."""
     state = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(state) / "tams" / "window.json"
 
 
 def read_size(path: Path) -> Size:
-    """What is kept there; the usual size if there is nothing of use."""
+    """The size kept there; the usual one if there is nothing of use."""
     try:
         size = Size(**json.loads(path.read_text()))
         usable = size.width >= LEAST_WIDTH and size.height >= LEAST_HEIGHT

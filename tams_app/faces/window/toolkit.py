@@ -21,12 +21,12 @@ class Toolkit:
 
 
 def draws_in_software(devices: Path = Path("/dev")) -> bool:
-    """Whether there is no graphics processor here that OpenGL could use."""
+    """True if there is no graphics processor here that OpenGL could use."""
     return not any(devices.glob("dri/renderD*")) and not (devices / "nvidiactl").exists()
 
 
 def is_installed() -> bool:
-    """Whether GTK 4 can be loaded here."""
+    """True if GTK 4 can be loaded here."""
     try:
         import gi
 

@@ -280,7 +280,7 @@ class OperatorWindow:
         return True
 
     def _is_silent(self, facts: Facts, now_ns: int) -> bool:
-        """Whether nothing has come for too long, and it is time to show for how long."""
+        """True if nothing has come for too long, and it is time to show for how long."""
         if now_ns < self._silence_ns or as_known(facts, now_ns) is facts:
             return False
         self._silence_ns = now_ns + _SILENCE_NS

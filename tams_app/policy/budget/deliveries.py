@@ -1,4 +1,4 @@
-"""What receivers told of packets, over a sliding window: rate of delivery and share lost."""
+"""Reported packets over a sliding window: rate of delivery and share lost."""
 
 from __future__ import annotations
 
@@ -71,11 +71,11 @@ class Deliveries:
         return sum(lost for *_, lost in self._fates) / len(self._fates)
 
     def told_bytes(self, after_ns: int, until_ns: int) -> int:
-        """How much is known, arrived or lost, of what was sent in that part of the last second."""
+        """Bytes of known fate, arrived or lost, of those sent in that part of the last second."""
         return sum(size for sent_ns, size, _ in self._fates if after_ns < sent_ns <= until_ns)
 
     def rate_kbps(self, window_ns: int) -> float:
-        """What arrived in at least the last `window_ns`, from one arrival to another."""
+        """The rate of arrivals in at least the last `window_ns`, from one arrival to another."""
         if not self._arrived:
             return 0.0
         end_ns = max(arrived_ns for arrived_ns, *_ in self._arrived)

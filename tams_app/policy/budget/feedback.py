@@ -186,7 +186,7 @@ class FeedbackBudget:
         return now_ns - (self._since_ns if self._since_ns is not None else now_ns)
 
     def _silent(self, now_ns: int) -> bool:
-        """Whether something was sent long ago of which nothing was heard."""
+        """True if something was sent long ago of which nothing was reported."""
         if now_ns - self._heard_ns < _SILENCE_NS:
             return False
         told_ns = self._deliveries.newest_sent_ns
@@ -194,7 +194,7 @@ class FeedbackBudget:
         return bool(untold) and untold[-1].bytes > untold[0].bytes
 
     def _judge(self, now_ns: int, queue_ns: float) -> None:
-        """What the newest arrivals say in the present mode."""
+        """Change the estimate by the newest arrivals, in the present mode."""
         begun_anew = self._mode is _Mode.RAMP and self._gain == _FULL_GAIN
         if begun_anew and self._deliveries.newest_sent_ns <= (self._since_ns or 0):
             return  # what an outage has held up says nothing of the link as it is now
@@ -226,13 +226,13 @@ class FeedbackBudget:
         return self._deliveries.rate_kbps(window_ns) / (1.0 - lost_by_radio)
 
     def _used(self) -> bool:
-        """Whether the views used what they were allowed in the last second."""
+        """True if the views used what they were allowed in the last second."""
         allowed = sum(a.allowed_kbps * (b.t_ns - a.t_ns) for a, b in pairwise(self._sent))
         sent = (self._sent[-1].bytes - self._sent[0].bytes) * 8e6
         return sent >= _USED * self._safety_factor * allowed
 
     def _complete(self, now_ns: int) -> bool:
-        """Whether the fate of what was sent of late is known; else feedback was lost."""
+        """True if the fate of what was sent of late is known; else feedback was lost."""
         told = [s for s in self._sent if s.t_ns <= self._deliveries.newest_sent_ns]
         if not told:
             return False
@@ -311,7 +311,7 @@ class FeedbackBudget:
             self._kbps += _PROBE_WEIGHT * (rate_kbps - self._kbps)
 
     def _padding_rate_kbps(self, now_ns: int) -> float:
-        """What is missing to the rate of a probe or a ramp, beside what the views send."""
+        """The rate that a probe or a ramp lacks, beside what the views send."""
         in_mode_ns = self._in_mode_ns(now_ns)
         if self._mode is _Mode.RAMP:
             doublings = max(0.0, in_mode_ns - _RAMP_STEADY_NS) / _RAMP_DOUBLES_NS
@@ -324,7 +324,7 @@ class FeedbackBudget:
         return max(0.0, min(self._kbps * (1.0 + gain), self._max_kbps) - views_kbps)
 
     def _views_kbps(self, now_ns: int) -> float:
-        """What was sent without padding in the last 100 ms."""
+        """The rate sent without padding in the last 100 ms."""
         then, now = next(s for s in self._sent if s.t_ns >= now_ns - _RATE_NS), self._sent[-1]
         sent = now.bytes - then.bytes - (now.padding_bytes - then.padding_bytes)
         return sent * 8e6 / (now.t_ns - then.t_ns) if now.t_ns > then.t_ns else 0.0

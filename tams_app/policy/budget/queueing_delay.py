@@ -54,7 +54,7 @@ class QueueingDelay:
             self._windows[-1] = window, min(delay_ns, self._windows[-1][1])
 
     def queue_ns(self) -> float:
-        """How long packets wait at the bottleneck beyond jitter [ns]; 0 before the first one."""
+        """Time that packets wait at the bottleneck beyond jitter [ns]; 0 before the first one."""
         if not self._recent:
             return 0.0
         base_ns = min(delay_ns for _, delay_ns in self._windows)

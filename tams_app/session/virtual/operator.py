@@ -69,7 +69,7 @@ class VirtualOperator(Operator):
         return self._fresh.of(view)
 
     def screen(self) -> Mapping[str, Image | None]:
-        """What is on it, by view; None before the first frame."""
+        """The image on the screen of each view; None before the first frame."""
         return self._screen
 
     def see(self, shown: ShownFrame) -> None:

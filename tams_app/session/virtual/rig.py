@@ -49,7 +49,7 @@ class VirtualRobot:
         return self._world.qpos
 
     def truth(self) -> SceneTruth:
-        """Where things really are now: for the trial's rules, never for the operator."""
+        """The true places of things now: for the trial's rules, never for the operator."""
         return self._world.truth(self.catch_up())
 
     def gripper_closed(self) -> bool | None:

@@ -66,7 +66,7 @@ class PairedDifference:
 
     @property
     def is_shown(self) -> bool:
-        """Whether the test rejects "no difference" at 5 %."""
+        """True if the test rejects "no difference" at 5 %."""
         return self.p is not None and self.p < ALPHA
 
 

@@ -46,7 +46,7 @@ class MixedModel:
 
 @dataclass(frozen=True, slots=True)
 class NotFitted:
-    """Why there is no model, in a sentence."""
+    """The reason why there is no model, in a sentence."""
 
     reason: str
 

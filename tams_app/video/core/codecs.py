@@ -146,7 +146,7 @@ DECODERS = {
 
 @dataclass(frozen=True, slots=True)
 class Codecs:
-    """What one session uses, and in sentences where that is not what was asked for."""
+    """The codecs of one session, and remarks where they are not those that were asked for."""
 
     encoder: Encoder
     decoder: Decoder

@@ -36,14 +36,14 @@ def view_limits(limit_bytes: float, target_kbps: Mapping[str, float]) -> dict[st
 
 
 class UnderWay:
-    """What was sent and is not told of, all views together."""
+    """The bytes sent and not yet reported, all views together."""
 
     def __init__(self) -> None:
         # (time, bytes sent before it); it reaches back ten seconds, as nothing under way does
         self._sent: deque[tuple[int, int]] = deque(maxlen=_KEPT)
 
     def bytes(self, now_ns: int, sent_bytes: int, told_ns: int) -> int:
-        """How much is under way.
+        """The number of bytes under way.
 
         Args:
             now_ns: the time; it never decreases.
@@ -75,7 +75,7 @@ class FlightBound:
         self._limits = view_limits(limit_bytes, target_kbps)
 
     def exceeded(self, view: str, now_ns: int, sent_bytes: int, told_ns: int) -> bool:
-        """Whether a frame of `view` that was captured now is left out; see `UnderWay.bytes`."""
+        """True if a frame of `view` that was captured now is left out; see `UnderWay.bytes`."""
         under_way = self._under_way.bytes(now_ns, sent_bytes, told_ns)
         self._room_bytes = self._limit_bytes - under_way
         late = now_ns - self._kept_ns.get(view, now_ns) >= LONGEST_WAIT_NS
@@ -85,7 +85,7 @@ class FlightBound:
         return False
 
     def admits_resend(self, size_bytes: int) -> bool:
-        """Whether a packet may be sent again: not beyond the bound, where a queue has lost many."""
+        """True if a packet may be sent again: within the bound, where a queue has lost many."""
         admitted = self._room_bytes >= size_bytes
         if admitted:  # until the next frame tells what has left
             self._room_bytes -= size_bytes

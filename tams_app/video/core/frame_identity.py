@@ -1,4 +1,4 @@
-"""Which captured frame is this? Its RTP timestamp tells, exact also under loss (FINDINGS 4).
+"""Identity of a received frame by its RTP timestamp, exact also under loss (FINDINGS 4).
 
 A timestamp counts from the capture of the stream's first frame, as RTP wants it, at whatever rate
 frames come. `SentFrames`, on the sender's side, knows what each stands for. `RtpTimes`, on the
@@ -64,7 +64,7 @@ class SentFrames:
         return self._first_ns
 
     def find(self, timestamp: int) -> SentFrame | None:
-        """What an RTP timestamp stands for; None if that is not remembered."""
+        """The frame of an RTP timestamp; None if that is not remembered."""
         return self._frames.get(timestamp)
 
 
@@ -91,7 +91,7 @@ class RtpTimes:
         return (self._first_timestamp + _ticks(pts_ns - self._first_pts_ns)) % _RTP_TIMESTAMPS
 
     def follow(self, pts_ns: int, timestamp: int) -> int:
-        """What the PTS of this packet and its successors lack [ns]; 0 while they are in line.
+        """The correction of this packet's PTS and its successors' [ns]; 0 while they are in line.
 
         Call it with packets less than 6 hours apart: it counts timestamps through their wrap.
         """

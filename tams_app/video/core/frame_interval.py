@@ -35,7 +35,7 @@ class FrameTime:
 
     @property
     def paid_ns(self) -> int:
-        """What the frame may take on the link: never more than has passed, so no queue grows.
+        """Time the frame may take on the link: never more than has passed, so no queue grows.
 
         At most one and a half usual intervals: after a gap the frame is not as large as the gap.
         """
@@ -43,7 +43,7 @@ class FrameTime:
 
     @property
     def counted_ns(self) -> int:
-        """What counts towards a view's rate: one missed frame is made up for, a gap is not."""
+        """Time towards a view's rate: one missed frame is made up for, a gap is not."""
         return min(self.elapsed_ns, round(_COUNTED * self.usual_ns))
 
 

@@ -1,4 +1,4 @@
-"""What senders have heard of their packets, handed to the thread that asks."""
+"""Feedback that senders have received, handed to the thread that asks."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class HeardFeedback:
 
     @property
     def newest_sent_ns(self) -> int:
-        """When the newest packet left that was told of; 0 before the first."""
+        """The time at which the newest reported packet left; 0 before the first."""
         return self._newest[0]
 
     def told(
@@ -64,11 +64,11 @@ class HeardFeedback:
                 self._block = block
 
     def take_arrivals(self) -> list[PacketArrival]:
-        """What was told since the last call, in the order of sending."""
+        """The arrivals reported since the last call, in the order of sending."""
         return [self._arrivals.popleft() for _ in range(len(self._arrivals))]
 
     def take_reception(self) -> Reception | None:
-        """What the newest report says, if one came since the last call."""
+        """The newest report, if one came since the last call."""
         block, before = self._block, self._reported
         if block is None or before is None or block is before:
             return None

@@ -37,7 +37,7 @@ class Bottleneck:
         return max(by_time, self._queue_min_bytes)
 
     def enter(self, now_ns: int, size_bytes: int) -> int | None:
-        """When the packet will have left [ns], or None if the queue is full."""
+        """The time when the packet will have left [ns], or None if the queue is full."""
         while self._queue and self._queue[0][0] <= now_ns:
             self.backlog_bytes -= self._queue.popleft()[1]
         if self.backlog_bytes + size_bytes > self.room_bytes(now_ns):
@@ -204,6 +204,6 @@ class Link:
         )
 
     def feedback(self, now_ns: int, view: str) -> int:
-        """When a view's RTCP that the receiver sends at `now_ns` reaches the sender [ns]."""
+        """The arrival [ns] at the sender of a view's RTCP that the receiver sends at `now_ns`."""
         self._returned_ns = max(self._returned_ns, now_ns + self._feedback[view].delay_ns())
         return self._returned_ns

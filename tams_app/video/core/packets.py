@@ -48,7 +48,7 @@ class RtpHeader:
 
     @property
     def kind(self) -> PacketKind:
-        """What the packet carries."""
+        """The kind of packet."""
         return _KINDS.get(self.payload_type, PacketKind.MEDIA)
 
 

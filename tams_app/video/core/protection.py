@@ -1,4 +1,4 @@
-"""Which views are sent with parity, and how much: where it saves more quality than its bytes cost.
+"""The views with parity, and how much: where it saves more quality than its bytes cost.
 
 All parity is paid for by the view's own target, so the question is asked view by view: what share
 of the frames is damaged without it and with it, what a damaged frame costs there, and what the
@@ -50,7 +50,7 @@ class LossEstimate:
         return Loss(self._lost / self._packets, max(burst, 1.0))
 
     def arrival(self, lost: bool) -> None:
-        """What became of the next packet, in the order of sending."""
+        """Take in the fate of the next packet, in the order of sending."""
         self._forget(1.0)
         self._packets += 1
         self._lost += lost

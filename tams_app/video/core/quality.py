@@ -1,4 +1,4 @@
-"""What became of each captured frame of one view, and which images tell how good it looked.
+"""The fate of each captured frame of one view, and the images that its quality is told by.
 
 Pure accounting: captures and shown frames go in, each in its own order; a captured frame comes out
 once its fate is decided, with the images to compare. `Scorer` compares them (see ssim).
@@ -54,7 +54,7 @@ class _Shown:
 
 
 class ViewQuality:
-    """What became of the frames of one view, over the last `window_frames` captures.
+    """The fate of the frames of one view, over the last `window_frames` captures.
 
     A frame's fate is decided when it or a later one is shown; or when the window moves past it:
     shown later still, it stays "never shown". Give a shown frame after the captures that came
@@ -125,7 +125,7 @@ class ViewQuality:
         return Fate(record, capture.image, *images)
 
     def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
-        """How long an image stayed on screen, up to now."""
+        """The time that an image stayed on screen, up to now."""
         ends = [one.shown_ns for one in self._history if one.shown_ns > on_screen.shown_ns]
         return min(ends, default=now_ns) - on_screen.shown_ns
 

@@ -133,7 +133,7 @@ class SourceDrop:
         self._credit = 1.0  # the first frame is the keyframe: keep it
 
     def keep(self, target_kbps: float, usual_ns: int) -> bool:
-        """Whether the next captured frame is encoded, at the view's present target and rate."""
+        """True if the next captured frame is encoded, at the view's present target and rate."""
         kept = self._credit >= _WHOLE
         if kept:
             self._credit -= 1.0
@@ -141,7 +141,7 @@ class SourceDrop:
         return kept
 
     def frame_target_kbps(self, target_kbps: float, usual_ns: int) -> float:
-        """What the kept frames would cost if all were kept."""
+        """The rate that the kept frames would have if all were kept."""
         return max(target_kbps, self._threshold_kbps * NS_PER_S / (X264_FPS * usual_ns))
 
 
@@ -157,7 +157,7 @@ class Overdraft:
         self._owed_bytes = 0.0
 
     def keep(self, wire_bytes: int, target_kbps: float, time: FrameTime) -> bool:
-        """Whether the next captured frame is encoded; `wire_bytes` have left so far."""
+        """True if the next captured frame is encoded; `wire_bytes` have left so far."""
         sent_bytes = wire_bytes - self._wire_bytes
         self._wire_bytes = wire_bytes
         paid_bytes = _frame_bytes(target_kbps, time.elapsed_ns)

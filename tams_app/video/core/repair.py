@@ -14,7 +14,7 @@ _MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
 
 @dataclass(frozen=True, slots=True)
 class RepairRule:
-    """How lost packets are repaired; the same for all strategies on one network.
+    """The repair of lost packets; the same for all strategies on one network.
 
     Attributes:
         rtx: whether lost packets are asked for (NACK) and sent again (RTX, RFC 4588).

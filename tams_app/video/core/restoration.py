@@ -13,7 +13,7 @@ _NEVER_NS = 1 << 62
 
 
 def restored_packets(packets: Iterable[PacketRecord]) -> list[PacketRecord]:
-    """What was restored, as resent packets that arrived when it was.
+    """The restored packets, as resent ones that arrived when they were restored.
 
     A frame's parity packets tell their groups: as many as they are, interleaved (`parity`).
     """

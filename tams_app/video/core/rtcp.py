@@ -1,4 +1,4 @@
-"""What a receiver tells in RTCP: report blocks (RFC 3550) and transport-wide feedback.
+"""A receiver's reports in RTCP: report blocks (RFC 3550) and transport-wide feedback.
 
 The latter is draft-holmer-rmcat-transport-wide-cc-extensions-01: when each packet arrived, by a
 sequence number that runs over media and repair of one RTP session.
@@ -27,7 +27,7 @@ _LONGEST_ROUND_TRIP_NS = 10 * NS_PER_S
 
 @dataclass(frozen=True, slots=True)
 class ReportBlock:
-    """What a receiver knows of one stream since its start."""
+    """A receiver's figures of one stream since its start."""
 
     ssrc: int
     lost: int
@@ -48,7 +48,7 @@ def read_blocks(datagram: bytes, wall_ns: int) -> list[ReportBlock]:
 
 
 def read_arrivals(message: bytes) -> dict[int, int]:
-    """When each packet that a message tells of arrived [ns], by transport-wide sequence number.
+    """The arrivals [ns] in a message, by transport-wide sequence number.
 
     Lost ones are absent, and all are if the message is cut off. The times count from an unknown
     instant; a wait of more than 8 s within a message shortens what follows by multiples of 16.4 s.

@@ -35,7 +35,7 @@ def luma_of(image: Image) -> Luma:
 
 @dataclass(frozen=True, slots=True)
 class FrameMoments:
-    """What every comparison with one image needs of it, shape (height, width).
+    """The moments of one image for all comparisons with it, shape (height, width).
 
     Weighted by the window are `mean` (μ) and `contrast` (σ² + C₂/2).
     """

@@ -1,4 +1,4 @@
-"""What the uplink carried in a stretch of time: one reckoning for screens, viewers and replays."""
+"""The uplink's load in a stretch of time: one reckoning for screens, viewers and replays."""
 
 from __future__ import annotations
 

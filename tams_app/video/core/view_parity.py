@@ -42,6 +42,6 @@ class ViewParity:
         self._last = seen
 
     def protect(self, packets: Sequence[bytes]) -> list[bytes]:
-        """What to send behind the packets of one frame."""
+        """The parity packets to send behind the packets of one frame."""
         self.packets_per_frame += _SMOOTHING * (len(packets) - self.packets_per_frame)
         return self._encoder.protect(packets, self.groups) if self.groups else []

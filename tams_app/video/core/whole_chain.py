@@ -1,4 +1,4 @@
-"""Which frames of one view are whole: as they were encoded, every packet of their chain being here.
+"""Tracking of whole frames of one view: as they were encoded, every packet of their chain here.
 
 A frame is predicted from the frames before it, back to the last keyframe: its chain. A packet that
 is missing damages its frame and all that follow, up to a keyframe of which all packets are here.
@@ -31,7 +31,7 @@ class WholeChain:
         self._gap_timestamp, self._after_gap = timestamp, True
 
     def access_unit(self, timestamp: int, has_idr: bool, has_end: bool) -> bool:
-        """What came of a frame: whether it is whole.
+        """Take in the end of a frame; True if it is whole.
 
         `has_end`: its last packet is here, as RTP's marker bit tells. The depayloader may hand out
         the remains of a frame before what follows the gap, or remains within what follows it.
@@ -43,7 +43,7 @@ class WholeChain:
 
 
 def has_idr(access_unit: bytes) -> bool:
-    """Whether a slice of an IDR picture (H.264) is in it: no frame after it needs one before it.
+    """True if a slice of an IDR picture (H.264) is in it: no later frame needs one before it.
 
     Parameter sets alone make no keyframe, though GStreamer flags them as one.
     """

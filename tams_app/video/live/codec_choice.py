@@ -1,4 +1,4 @@
-"""Which encoder and decoder a session uses: what was asked for if it works here, else software.
+"""Choice of a session's encoder and decoder: those asked for if they work here, else software.
 
 What works is tried in a process of its own (`codec_probe`): a driver may hang or crash.
 """
@@ -83,7 +83,7 @@ def _choose(
 def _probed(
     kind: str, codec: Encoder | Decoder, config: VideoConfig, timeout_s: float
 ) -> dict[str, Any]:
-    """What the codec is like here; HelperError with the reason if it does not work."""
+    """The measured properties of the codec; HelperError with the reason if it does not work."""
     specification = {kind: asdict(codec), "video": config.model_dump(mode="json")}
     probe = HelperProcess(
         f"the probe of {codec.element}", "tams_app.video.live.codec_probe", specification, None

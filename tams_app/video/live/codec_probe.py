@@ -127,7 +127,7 @@ class _Trial:
         self._exit.get_static_pad("sink").push_event(event)
 
     def frame(self, number: int) -> bool:
-        """Whether frame `number` comes out as a keyframe; SetupError if another or none does."""
+        """Put a frame; True if it comes out as a keyframe. SetupError if another or none does."""
         Gst = gst.load().Gst
         picture = np.roll(self._texture, 2 * number)  # moves: no cut to a new scene
         self._entry.emit("push-buffer", gst.raw_buffer(picture, number * _FRAME_NS, _FRAME_NS))

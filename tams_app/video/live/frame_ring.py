@@ -108,7 +108,7 @@ class FrameReader:
         self._next = 0
 
     def written(self) -> int:
-        """How many frames were put so far."""
+        """The number of frames put so far."""
         return self._ring.written()
 
     def read(self, until: int) -> list[RingEntry]:
@@ -126,7 +126,7 @@ class FrameReader:
         return entries
 
     def newest_image(self, take: Callable[[Image], Image] = np.copy) -> Image | None:
-        """What `take` makes of the newest frame; None before the first, or if overwritten.
+        """The result of `take` on the newest frame; None before the first, or if overwritten.
 
         It is called with the frame as it is kept, in memory that is not to be kept; what it has
         written elsewhere does not count if None is returned.

@@ -92,7 +92,7 @@ def _tbf(network: Network) -> list[str]:
 
 
 def _queue_bytes(network: Network) -> float:
-    """What the queue of the rate holds; 0 without a rate."""
+    """The size of the rate's queue; 0 without a rate."""
     if network.rate_kbps is None:
         return 0.0
     return max(network.queue_ms * network.rate_kbps / 8, network.queue_min_bytes)
@@ -150,7 +150,7 @@ def remove(interface: str, runner: Runner = run_tc) -> bool:
 
 
 def show(interface: str, runner: Runner = run_tc) -> str:
-    """What is set on `interface` now, as `tc` prints it."""
+    """The disciplines on `interface` now, as `tc` prints them."""
     _refuse_wrong_name(interface)
     result = runner(command := ["tc", "qdisc", "show", "dev", interface])
     if result.returncode != 0:

@@ -39,7 +39,7 @@ def resolve_network(config: Config, name: str) -> Network:
 
 
 def network_capacity(network: Network, epoch_ns: int) -> Capacity:
-    """What the bottleneck of `network` carries; a trace begins at `epoch_ns`."""
+    """The capacity of `network`'s bottleneck; a trace begins at `epoch_ns`."""
     if network.trace is not None:
         return TraceCapacity(read_trace(Path(network.trace)), epoch_ns)
     if network.rate_kbps is not None:

@@ -50,7 +50,7 @@ class SparePace:
         self._looked_ns = now_ns
 
     def rest_ns(self, worked_ns: int, now_ns: int) -> int:
-        """How long to rest after `worked_ns` of work that ends now."""
+        """The rest [ns] after `worked_ns` of work that ends now."""
         if now_ns - self._looked_ns >= _LOOK_NS:
             self._looked_ns = now_ns
             self._adapt(self._idle_fraction())

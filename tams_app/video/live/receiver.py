@@ -74,12 +74,12 @@ class VideoReceiver:
 
     @property
     def rtp_port(self) -> int:
-        """Where media and repair packets must arrive, and where feedback is sent from."""
+        """The port for media and repair packets, from which feedback is sent."""
         return self._rtp_socket.port
 
     @property
     def reports_port(self) -> int:
-        """Where the sender's RTCP must arrive."""
+        """The port for the sender's RTCP."""
         return self._reports_socket.port
 
     def start(self, link: ViewPorts) -> None:
@@ -121,7 +121,7 @@ class VideoReceiver:
         gst.set_playing(pipeline, f"the receiver of view {self.view}")
 
     def poll(self) -> str:
-        """Why this receiver no longer works, in one sentence; "" while it does."""
+        """Look after the receiver; its failure in one sentence, "" while it works."""
         if not self._failure and self._pipeline is not None:
             reason = self._frames.failure or gst.poll_bus(self._pipeline)
             if reason:

@@ -132,7 +132,7 @@ class Relay:
             )
 
     def entrances(self) -> dict[str, ViewPorts]:
-        """Where the senders and receivers must send to."""
+        """The ports that senders and receivers must send to."""
         ports: dict[str, dict[str, Any]] = {}
         for (view, flow), entrance in self._entrances.items():
             host, port = entrance.getsockname()
@@ -176,7 +176,7 @@ class Relay:
                 heapq.heappush(self._on_the_way, (due_ns, self._order, route, datagram))
 
     def _due_ns(self, route: Route, datagram: bytes, now_ns: int) -> int | None:
-        """When the datagram comes out; None if the link loses it. Uplink packets are recorded."""
+        """The time when the datagram comes out; None if it is lost. Uplink packets are recorded."""
         if route.flow == "feedback":
             return self._link.feedback(now_ns, route.view)
         if route.flow == "rtp":

@@ -106,7 +106,7 @@ class VideoSender:
 
     @property
     def feedback_port(self) -> int:
-        """Where the receiver's RTCP must arrive, and where all packets are sent from."""
+        """The port for the receiver's RTCP, from which all packets are sent."""
         return self._socket.port
 
     def start(self, link: ViewPorts) -> None:
@@ -191,7 +191,7 @@ class VideoSender:
         return max(0, self._admitted_ns - self._encoded_ns)
 
     def poll(self) -> str:
-        """Why this sender no longer works, in one sentence; "" while it does."""
+        """Look after the sender; its failure in one sentence, "" while it works."""
         if not self._failure and self._pipeline is not None:
             reason = self._frames.failure or gst.poll_bus(self._pipeline)
             if self._listener is not None:

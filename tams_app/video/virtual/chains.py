@@ -143,7 +143,7 @@ class DecoderChain(Chain):
         return nacks
 
     def take_pli(self) -> bool:
-        """Whether a keyframe must be asked for."""
+        """True if a keyframe must be requested."""
         plis, self._plis = self._plis, 0
         return plis > 0
 
@@ -166,7 +166,7 @@ class DecoderChain(Chain):
 
 
 def time_left_ms(request: Any) -> int:
-    """How long a request may wait so that the packet still comes in time, as rtpsession reckons."""
+    """Time a request may wait so that the packet still comes in time, as rtpsession reckons."""
     left_ms: int = request.get_value("deadline")
     for name in ("delay", "avg-rtt"):
         spent_ms = request.get_value(name)

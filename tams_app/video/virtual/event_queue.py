@@ -1,4 +1,4 @@
-"""What is due when: actions in the order of time, and of posting where times are equal."""
+"""A queue of actions in the order of time, and of posting where times are equal."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ class EventQueue:
 
     @property
     def next_ns(self) -> int | None:
-        """When the next action is due [ns]; None if there is none."""
+        """The time when the next action is due [ns]; None if there is none."""
         return self._entries[0][0] if self._entries else None
 
     def post(self, due_ns: int, action: Callable[[], None]) -> None:

@@ -1,4 +1,4 @@
-"""What a receiver in virtual time knows of what came, as GStreamer's rtpsession does."""
+"""The state of a receiver in virtual time, as GStreamer's rtpsession keeps it."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ArrivalMessages:
 
 
 class StreamStatistics:
-    """What a report block says of the media stream (RFC 3550, A.3 and A.8)."""
+    """The media stream's statistics for report blocks (RFC 3550, A.3 and A.8)."""
 
     def __init__(self) -> None:
         self._highest = -1
@@ -72,7 +72,7 @@ class StreamStatistics:
         self._transit = transit
 
     def block(self, ssrc: int) -> ReportBlock:
-        """What a report that leaves now says; the round trip is for the sender to know."""
+        """The block of a report that leaves now; the round trip is for the sender to know."""
         lost = self._highest + 1 - self._received
         return ReportBlock(ssrc, lost, self._highest, self._jitter >> 4, None)
 

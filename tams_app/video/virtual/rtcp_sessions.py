@@ -67,7 +67,7 @@ class ReceiverSession:
 
     @property
     def next_ns(self) -> int | None:
-        """When `step` must be called [ns]; None before the first packet."""
+        """The time at which `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
     def received(self, now_ns: int, kind: PacketKind) -> None:
@@ -148,7 +148,7 @@ class SenderSession:
 
     @property
     def next_ns(self) -> int | None:
-        """When `step` must be called [ns]; None before the first packet."""
+        """The time at which `step` must be called [ns]; None before the first packet."""
         return self.timing.next_ns
 
     def sent(self, now_ns: int, kind: PacketKind) -> None:
@@ -197,7 +197,7 @@ class SenderSession:
 
 
 class SentPackets:
-    """What rtprtxsend keeps: the media packets of the last `history_ms`, by sequence number."""
+    """The packets that rtprtxsend keeps: media of the last `history_ms`, by sequence number."""
 
     def __init__(self, history_ms: int) -> None:
         self._history_ticks = 90 * history_ms

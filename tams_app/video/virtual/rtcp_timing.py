@@ -1,4 +1,4 @@
-"""When an RTCP session may send: regular reports, and early ones that cannot wait.
+"""Timing of an RTCP session: regular reports, and early ones that cannot wait.
 
 The rules are those of RFC 3550 (6.3) and RFC 4585 (3.5), as GStreamer's rtpsession applies them
 between two ends (no dithering): `bandwidth` sets an interval of a few milliseconds, the regular
@@ -19,7 +19,7 @@ _FIRST_AVERAGE_BYTES = 100
 
 
 class Report(Enum):
-    """What leaves: an early report carries no reception statistics."""
+    """The kind of report: an early one carries no reception statistics."""
 
     REGULAR = "regular"
     EARLY = "early"
@@ -46,7 +46,7 @@ class RtcpTiming:
 
     @property
     def next_ns(self) -> int | None:
-        """When `step` must be called [ns]; None while the session is silent."""
+        """The time at which `step` must be called [ns]; None while the session is silent."""
         return self._next_regular_ns if self._next_early_ns is None else self._next_early_ns
 
     def start(self, now_ns: int) -> None:

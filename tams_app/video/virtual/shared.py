@@ -1,4 +1,4 @@
-"""What all views of one run in virtual time share."""
+"""The parts that all views of one run in virtual time share."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tams_app.video.virtual.wait_idle import IdleGate
 
 @dataclass(frozen=True, slots=True)
 class VideoRecords:
-    """Where the events of all views go; called in the thread that advances, in order of time."""
+    """Receivers of all views' events; called in the advancing thread, in order of time."""
 
     encoded: Callable[[EncodedFrame], None]
     dropped: Callable[[DroppedFrame], None]
@@ -27,7 +27,7 @@ class VideoRecords:
 
 @dataclass(frozen=True, slots=True)
 class ProcessingTimes:
-    """How long encoder and decoder take in virtual time [ns]; live: `make bench`, medians."""
+    """Times of encoder and decoder in virtual time [ns]; live: `make bench`, medians."""
 
     encoding_ns: int = 4_500_000
     decoding_ns: int = 2_500_000

@@ -42,7 +42,7 @@ class SteppedClock:
             self._clock.set_time(now_ns)
 
     def next_ns(self) -> int | None:
-        """When the next wait of any pipeline ends [ns]; None if there is none."""
+        """The end of the next wait of any pipeline [ns]; None if there is none."""
         next_ns: int = self._clock.get_next_entry_time()
         return None if next_ns == self._never else next_ns
 

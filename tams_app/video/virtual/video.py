@@ -169,7 +169,7 @@ class VirtualVideo:
         return lambda feedback: self._senders[view].obey(feedback)
 
     def _reports_ns(self) -> int:
-        """When RTCP is due next [ns]."""
+        """The time when RTCP is due next [ns]."""
         return min([_or_never(end.timing.next_ns) for end in self._ends])
 
     def _send_reports(self, now_ns: int) -> None:

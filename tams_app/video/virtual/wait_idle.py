@@ -70,7 +70,7 @@ class IdleWaiter:
             return False
 
     def _knows_all(self) -> bool:
-        """Whether there is no new thread; one that has ended shows when its files are read."""
+        """True if there is no new thread; one that has ended shows when its files are read."""
         return os.stat(_TASKS).st_nlink == len(self._files) + _OTHER_LINKS
 
     def _open_new(self) -> None:

@@ -1,1 +1,1 @@
-"""What the seeing operator makes of one image: detections with measured uncertainty."""
+"""The seeing operator's vision of one image: detections with measured uncertainty."""

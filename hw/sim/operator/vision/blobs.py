@@ -53,7 +53,7 @@ class Window:
         return np.array((self.left, self.top), float)
 
     def holds(self, blob: Blob) -> bool:
-        """Whether the whole of `blob` is in it, not cut off at its border."""
+        """True if the whole of `blob` is in it, not cut off at its border."""
         low = blob.outline.min(axis=0) - self.corner
         high = blob.outline.max(axis=0) - self.corner
         return bool(low.min() >= 1 and (high < np.array(self.patch.shape[1::-1]) - 2).all())
@@ -71,23 +71,23 @@ class Blob:
 
     @property
     def edge_sigma_px(self) -> float:
-        """How uncertain one place on its edge is [px]."""
+        """The uncertainty of one place on its edge [px]."""
         return math.hypot(_SAMPLING_PX, self.edge_px * math.hypot(_EDGE_JUDGEMENT, self.noise))
 
     @property
     def sigma_px(self) -> float:
-        """How uncertain its middle is [px] from one glance to the next: noise along the edge."""
+        """The uncertainty of its middle [px] from one glance to the next: noise along the edge."""
         places = max(1.0, math.sqrt(max(self.area, 1.0)) * 4.0 / self.edge_px)
         return math.hypot(_STEADY_PX, self.edge_px * self.noise * math.sqrt(2.0 / places))
 
     @property
     def lasting_px(self) -> float:
-        """How far its middle is off for as long as it looks like this [px]: sampling and blur."""
+        """The error of its middle for as long as it looks like this [px]: sampling and blur."""
         return math.hypot(_SAMPLING_PX, self.edge_px * _EDGE_JUDGEMENT)
 
 
 def strength(patch: Image, colour: int) -> Image:
-    """How much of `colour` each pixel of a BGR patch has, in grey levels, uint8."""
+    """The amount of `colour` in each pixel of a BGR patch, in grey levels, uint8."""
     blue, green, red = cv2.split(np.ascontiguousarray(patch))  # a seventh of split's time alone
     if colour == ORANGE:
         return np.asarray(cv2.subtract(red, cv2.max(green, blue)), np.uint8)
@@ -145,7 +145,7 @@ def _top_strength(strong: Image, expected_area: float) -> float:
 
 
 def level_counts(image: Image) -> NDArray[np.int64]:
-    """How many pixels of an 8-bit image have each grey level, shape (256,)."""
+    """The number of pixels of an 8-bit image with each grey level, shape (256,)."""
     counts = cv2.calcHist([image], [0], None, [256], [0, 256])
     return np.asarray(counts).ravel().astype(np.int64)
 

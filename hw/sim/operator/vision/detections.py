@@ -1,4 +1,4 @@
-"""What one glance at the views yields, in pixels, each with an uncertainty measured in them."""
+"""The detections of one glance at the views, in pixels, each with a measured uncertainty."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from hw.sim.operator.vision.pinhole import Matrix
 
 
 class Thing(StrEnum):
-    """What the operator looks for."""
+    """A thing that the operator looks for."""
 
     TOOL = "tool"
     BLOCK = "block"
@@ -17,7 +17,7 @@ class Thing(StrEnum):
 
 
 class Cue(StrEnum):
-    """What a thing was recognised by; each errs in its own way."""
+    """The sign that a thing was recognised by; each errs in its own way."""
 
     COLOUR = "colour"
     MARKER = "marker"

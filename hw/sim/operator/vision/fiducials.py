@@ -40,7 +40,7 @@ class Marker:
 
     @property
     def middle(self) -> Vector:
-        """Where its diagonals cross [px]: its middle however oblique the view."""
+        """The crossing of its diagonals [px]: its middle however oblique the view."""
         one, other = self.corners[2] - self.corners[0], self.corners[3] - self.corners[1]
         apart = self.corners[1] - self.corners[0]
         crossed = one[0] * other[1] - one[1] * other[0]

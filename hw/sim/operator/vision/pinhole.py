@@ -42,7 +42,7 @@ class Pinhole:
         return np.asarray(self.focal_px * seen[:, :2] / depth + _CENTRE)
 
     def jacobian(self, point: Vector) -> Matrix:
-        """How the pixel moves with the point [px/m], shape (2, 3)."""
+        """The derivative of the pixel by the point [px/m], shape (2, 3)."""
         seen = (point - self.place) @ self.axes
         depth = max(float(seen[2]), _NEAREST_M)
         flat = np.array([[1.0, 0.0, -seen[0] / depth], [0.0, 1.0, -seen[1] / depth]])

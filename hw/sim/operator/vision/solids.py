@@ -132,7 +132,7 @@ class Outline:
 def sketch(
     camera: Pinhole, boxes: Sequence[Box], colour: int, middle: Vector, radius_px: float
 ) -> Outline:
-    """What can be seen of `colour` within `radius_px` of `middle` [px]."""
+    """The visible part of `colour` within `radius_px` of `middle` [px]."""
     corner = middle - radius_px
     scale = max(1, min(_FINEST, int(_SKETCH_EDGE / (2 * radius_px))))
     edge = max(8, int(2 * radius_px * scale))
