@@ -25,12 +25,13 @@ def described(name):
     found = pkgutil.resolve_name(name)
     yield name, found
     if inspect.isclass(found) and not name.startswith(DATA):
-        for method, raw in vars(found).items():
-            own = not method.startswith("_") or (method == "__init__" and raw.__doc__ is not None)
-            if own and isinstance(raw, (staticmethod, classmethod)):
-                raw = raw.__func__
-            if own and (inspect.isfunction(raw) or isinstance(raw, property)):
-                yield f"{name}.{method}", getattr(found, method) if raw.__doc__ is None else raw
+        for member, raw in vars(found).items():
+            own = raw.__func__ if isinstance(raw, (staticmethod, classmethod)) else raw
+            is_public = not member.startswith("_")
+            is_written = member == "__init__" and own.__doc__ is not None  # not a dataclass's
+            is_called = inspect.isfunction(own) or isinstance(own, property)
+            if is_called and (is_public or is_written):
+                yield f"{name}.{member}", own
 
 
 def has_text_below(file, name):
