@@ -1,7 +1,7 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
 from tams_app.recording.mcap_stream import Gap
-from tams_app.recording.reader import SessionLog, read_log, read_records, read_ticks, read_video
+from tams_app.recording.reader import read_log, read_records, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
     LOG_NAME,
@@ -10,7 +10,7 @@ from tams_app.recording.topics import (
     FrameSent,
     FrameShown,
     Header,
-    Recordable,
+    SessionLog,
 )
 from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.recording.writer import Recorder
@@ -24,7 +24,6 @@ __all__ = [
     "Gap",
     "Header",
     "MakeViewers",
-    "Recordable",
     "Recorder",
     "ReferenceRecorder",
     "SessionLog",

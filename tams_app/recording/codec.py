@@ -13,12 +13,11 @@ import types
 import typing
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 
-from tams_app.recording.descriptions import description
 from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
 from tams_app.rotation import Rotation
 
@@ -29,18 +28,18 @@ _SCHEMA_NAMES = {int: "integer", float: "number", bool: "boolean", str: "string"
 
 
 class Codec(Generic[T]):
-    """Writes and reads records of one dataclass."""
+    """Writes and reads records of one dataclass.
+
+    TypeError if a field cannot be recorded, or is not described.
+    """
 
     def __init__(self, record_type: type[T]) -> None:
         self.record_type = record_type
-        self._schema = _schema(
-            record_type
-        )  # raises where a field cannot be recorded, or is not described
-        self._decode = _record_decoder(record_type)
+        self._form = _record(record_type)
 
     def schema(self) -> bytes:
         """The JSON schema of the record."""
-        return json.dumps({"title": self.record_type.__name__, **self._schema}).encode()
+        return json.dumps({"title": self.record_type.__name__, **self._form.schema}).encode()
 
     def encode(self, record: T) -> bytes:
         """One JSON object. A tick takes 12 µs; it is written beside a loop of 120 Hz."""
@@ -48,7 +47,7 @@ class Codec(Generic[T]):
 
     def decode(self, data: bytes) -> T:
         """Raises KeyError, TypeError or ValueError if `data` is not such a record."""
-        record: T = self._decode(msgspec.json.decode(data))
+        record: T = self._form.read(msgspec.json.decode(data))
         return record
 
 
@@ -64,108 +63,102 @@ def _plain(value: Any) -> Any:
 _ENCODER = msgspec.json.Encoder(enc_hook=_plain)
 
 
-def _hints(record_type: type) -> list[tuple[str, Any]]:
-    hints = typing.get_type_hints(record_type)
-    return [(field.name, hints[field.name]) for field in dataclasses.fields(record_type)]
+class _Form(NamedTuple):
+    """A type in JSON: its schema, and how a value is read; None: it is taken as it is."""
+
+    schema: dict[str, Any]
+    convert: Convert | None = None
+
+    def read(self, tree: Any) -> Any:
+        return tree if self.convert is None else self.convert(tree)
 
 
-def _optional(hint: Any) -> Any:
-    """X of a hint `X | None`, else None."""
-    if typing.get_origin(hint) not in (typing.Union, types.UnionType):
-        return None
-    (inner,) = (part for part in typing.get_args(hint) if part is not type(None))
-    return inner
+_NUMBERS = {"type": "array", "items": {"type": "number"}}
 
 
-def _unless_none(convert: Convert | None) -> Convert | None:
-    return None if convert is None else lambda tree: None if tree is None else convert(tree)
-
-
-def _decoder(hint: Any) -> Convert | None:
-    """How a value of this type is read; None if it is taken as it is."""
-    if inner := _optional(hint):
-        return _unless_none(_decoder(inner))
-    origin = typing.get_origin(hint)
+def _form(hint: Any) -> _Form:
+    """msgspec reads no null as a number, and its schemas have unions, which viewers do not know."""
+    origin, parts = typing.get_origin(hint), typing.get_args(hint)
+    if origin in (typing.Union, types.UnionType):
+        (inner,) = (part for part in parts if part is not type(None))
+        return _optional(_form(inner))
     if origin is dict:
-        return _dict_decoder(*typing.get_args(hint))
+        return _mapping(_form(parts[0]), _form(parts[1]))
     if origin is tuple:
-        convert = _decoder(typing.get_args(hint)[0])
-        return tuple if convert is None else lambda tree: tuple(map(convert, tree))
+        return _sequence(_form(parts[0]))
     if origin is np.ndarray:
-        return lambda tree: np.array(tree, dtype=np.float64)  # null becomes NaN
+        return _Form(_NUMBERS, lambda tree: np.array(tree, dtype=np.float64))  # null becomes NaN
     if hint is Rotation:
-        return _decode_rotation
+        return _Form(_NUMBERS, _read_rotation)
     if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint
+        values = [member.value for member in hint]
+        return _Form({"type": _SCHEMA_NAMES[type(values[0])], "enum": values}, hint)
     if dataclasses.is_dataclass(hint):
-        return _record_decoder(typing.cast(type, hint))
-    if hint is float:
-        return lambda tree: math.nan if tree is None else float(tree)
-    return None
+        return _record(typing.cast(type, hint))
+    if hint is Any:
+        return _Form({})
+    if hint not in _SCHEMA_NAMES:
+        raise TypeError(f"a {hint} cannot be recorded")
+    return _Form({"type": _SCHEMA_NAMES[hint]}, _read_float if hint is float else None)
 
 
-def _dict_decoder(key_hint: Any, value_hint: Any) -> Convert | None:
-    convert_key, convert = _decoder(key_hint), _decoder(value_hint)
-    if convert_key is None and convert is None:
-        return None
-    return lambda tree: {
-        convert_key(key) if convert_key else key: convert(item) if convert else item
-        for key, item in tree.items()
-    }
+def _optional(inner: _Form) -> _Form:
+    convert = inner.convert
+    if convert is None:
+        return inner
+    return _Form(inner.schema, lambda tree: None if tree is None else convert(tree))
 
 
-def _decode_rotation(tree: list[float | None]) -> Rotation:
+def _mapping(key: _Form, value: _Form) -> _Form:
+    schema = {"type": "object", "additionalProperties": value.schema}
+    if key.convert is None and value.convert is None:
+        return _Form(schema)
+    return _Form(
+        schema, lambda tree: {key.read(name): value.read(one) for name, one in tree.items()}
+    )
+
+
+def _sequence(item: _Form) -> _Form:
+    schema, convert = {"type": "array", "items": item.schema}, item.convert
+    return _Form(schema, tuple if convert is None else lambda tree: tuple(map(convert, tree)))
+
+
+def _read_float(tree: Any) -> float:
+    return math.nan if tree is None else float(tree)
+
+
+def _read_rotation(tree: list[float | None]) -> Rotation:
     """A rotation that was not finite when recorded cannot be represented: identity stands in."""
     numbers = [number for number in tree if number is not None]
     return Rotation.from_quat(numbers) if len(numbers) == len(tree) else Rotation.identity()
 
 
-def _record_decoder(record_type: type) -> Convert:
-    fields = [(name, _decoder(hint)) for name, hint in _hints(record_type)]
+def _record(record_type: type) -> _Form:
+    hints = typing.get_type_hints(record_type, include_extras=True)
+    forms: list[tuple[str, Convert | None]] = []
+    properties: dict[str, Any] = {}
+    for field in dataclasses.fields(record_type):
+        name, hint = field.name, hints[field.name]
+        if typing.get_origin(hint) is not typing.Annotated:
+            raise TypeError(f"{record_type.__name__}.{name} is not described")
+        form = _form(hint.__origin__)
+        forms.append((name, form.convert))
+        properties[name] = {**form.schema, "description": hint.__metadata__[0]}
     upgrade = UPGRADES.get(record_type)
 
-    def decode(tree: dict[str, Any]) -> Any:
+    def read(tree: dict[str, Any]) -> Any:
         if upgrade is not None:
             tree = upgrade(tree)
         # a field added since the log was written takes its default
         return record_type(
             **{
                 name: tree[name] if convert is None else convert(tree[name])
-                for name, convert in fields
+                for name, convert in forms
                 if name in tree
             }
         )
 
-    return decode
-
-
-def _schema(hint: Any) -> dict[str, Any]:
-    if inner := _optional(hint):
-        return _schema(inner)  # viewers do not understand unions; null stays allowed in practice
-    origin = typing.get_origin(hint)
-    if origin is dict:
-        return {"type": "object", "additionalProperties": _schema(typing.get_args(hint)[1])}
-    if origin is tuple:
-        return {"type": "array", "items": _schema(typing.get_args(hint)[0])}
-    if origin is np.ndarray or hint is Rotation:
-        return {"type": "array", "items": {"type": "number"}}
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        values = [member.value for member in hint]
-        return {"type": _SCHEMA_NAMES[type(values[0])], "enum": values}
-    if dataclasses.is_dataclass(hint):
-        return {"type": "object", "properties": _properties(typing.cast(type, hint))}
-    if hint is Any:
-        return {}
-    if hint not in _SCHEMA_NAMES:
-        raise TypeError(f"a {hint} cannot be recorded")
-    return {"type": _SCHEMA_NAMES[hint]}
-
-
-def _properties(record_type: type) -> dict[str, Any]:
-    return {
-        name: {**_schema(hint), "description": description(record_type.__name__, name)}
-        for name, hint in _hints(record_type)
-    }
+    return _Form({"type": "object", "properties": properties}, read)
 
 
 # Up to 0.1 an arm's state was told in the numbers of the only controller there was.

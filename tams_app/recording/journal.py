@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from tams_app.recording.topics import Facts, Recordable
-from tams_app.records import Note, PacketRecord
+from tams_app.recording.topics import Facts
+from tams_app.records import Note, PacketRecord, Record
 from tams_app.runtime.clock import Clock
 
 
 class Log(Protocol):
     """Keeps records; a frame's pixels are let go."""
 
-    def record(self, item: Recordable) -> None:
+    def record(self, item: Record) -> None:
         """Keep one record."""
 
     def record_packets(self, packets: Sequence[PacketRecord]) -> None:
@@ -31,7 +31,7 @@ class Journal:
         self._log = log
         self._show = show
 
-    def record(self, item: Recordable) -> None:
+    def record(self, item: Record) -> None:
         """Keep one record in the log."""
         self._log.record(item)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -17,92 +16,13 @@ from tams_app.recording.topics import (
     SCHEMA,
     TOPICS,
     VIDEO_PREFIX,
-    Facts,
-    FrameCaptured,
     FrameSent,
-    FrameShown,
     Header,
-    OutcomeGiven,
-    PacketBatch,
+    SessionLog,
 )
-from tams_app.records import (
-    Allocation,
-    CameraRates,
-    DroppedFrame,
-    EncodedFrame,
-    FrameQuality,
-    HandHeard,
-    LinkCapacity,
-    LinkHealth,
-    Note,
-    OperatorGlance,
-    Outcome,
-    PacketRecord,
-    PhaseChange,
-    PolicyInputs,
-    SceneTruth,
-    StateHeard,
-    StopRecord,
-    SystemSample,
-    Tick,
-    UplinkSummary,
-)
+from tams_app.records import EncodedFrame, Tick
 
 _VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
-
-
-@dataclass(slots=True)
-class SessionLog:
-    """All records of one log in the order they were written (not always that of their times).
-
-    `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
-    record; `truncated`: the file has no proper end (the session was killed, or the disk was full);
-    `gaps`: where bytes of the file have changed since, and the records of that time are missing.
-    """
-
-    header: Header
-    ended_ns: int
-    truncated: bool = False
-    gaps: list[Gap] = field(default_factory=list)
-    facts: dict[str, str] = field(default_factory=dict)
-    ticks: list[Tick] = field(default_factory=list)
-    phases: list[PhaseChange] = field(default_factory=list)
-    allocations: list[Allocation] = field(default_factory=list)
-    capacities: list[LinkCapacity] = field(default_factory=list)
-    uplink: list[UplinkSummary] = field(default_factory=list)
-    policy_inputs: list[PolicyInputs] = field(default_factory=list)
-    rates: list[CameraRates] = field(default_factory=list)
-    captured: list[FrameCaptured] = field(default_factory=list)
-    sent: list[FrameSent] = field(default_factory=list)
-    dropped: list[DroppedFrame] = field(default_factory=list)
-    shown: list[FrameShown] = field(default_factory=list)
-    quality: list[FrameQuality] = field(default_factory=list)
-    packets: list[PacketRecord] = field(default_factory=list)
-    stops: list[StopRecord] = field(default_factory=list)
-    notes: list[Note] = field(default_factory=list)
-    system: list[SystemSample] = field(default_factory=list)
-    scene: list[SceneTruth] = field(default_factory=list)
-    glances: list[OperatorGlance] = field(default_factory=list)
-    hands_heard: list[HandHeard] = field(default_factory=list)
-    states_heard: list[StateHeard] = field(default_factory=list)
-    link_health: list[LinkHealth] = field(default_factory=list)
-    outcome: Outcome | None = None
-
-    @property
-    def complete(self) -> bool:
-        """Whether everything that was written is here."""
-        return not self.truncated and not self.gaps
-
-    def add(self, record: Any) -> None:
-        """Put one record where its type belongs."""
-        if isinstance(record, PacketBatch):
-            self.packets.extend(record.packets())
-        elif isinstance(record, OutcomeGiven):
-            self.outcome = record.outcome
-        elif isinstance(record, Facts):
-            self.facts.update(record.values)
-        elif not isinstance(record, Header):
-            getattr(self, TOPICS[type(record)].records).append(record)
 
 
 _RENAMED_SCHEMA = 4

@@ -1,22 +1,24 @@
 """What a session log holds: its header, its topics, and the records only a log has.
 
-Adding a record means adding one line to `TOPICS` and one list to `SessionLog` (reader.py).
+Adding a record means adding one line to `SessionLog`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import Any, Generic, TypeAlias, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from tams_app.recording.codec import Codec
+from tams_app.recording.mcap_stream import Gap
 from tams_app.records import (
     Allocation,
     CameraRates,
+    CaptureNs,
     DroppedFrame,
     EncodedFrame,
-    Frame,
+    FrameIndex,
     FrameQuality,
     HandHeard,
     LinkCapacity,
@@ -30,13 +32,15 @@ from tams_app.records import (
     Phase,
     PhaseChange,
     PolicyInputs,
+    Record,
     SceneTruth,
-    ShownFrame,
     StateHeard,
     StopRecord,
     SystemSample,
     Tick,
+    TimeNs,
     UplinkSummary,
+    ViewName,
 )
 
 # Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
@@ -51,58 +55,71 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What is known when the session starts; the first message of every log.
+    """What is known when the session starts; the first message of every log."""
 
-    `wall_offset_ns` + any `*_ns` of the log = nanoseconds since 1970 (UTC).
-    `weights`: the phase weights that define the primary view, whatever the strategy.
-    """
-
-    version: str
-    name: str
-    seed: int
-    strategy: str
-    network: str
-    budget_mode: str
-    servo: str
-    control_rate_hz: float
-    views: tuple[str, ...]
-    fps: int
-    weights: dict[Phase, dict[str, float]]
-    started_ns: int
-    wall_offset_ns: int
-    config: dict[str, Any]  # the effective configuration
-    schema: int = SCHEMA
-
-
-@dataclass(frozen=True, slots=True)
-class Facts:
-    """What was learned after the start and belongs to the header: name to value."""
-
-    t_ns: int
-    values: dict[str, str]
+    version: Annotated[str, "of TAMS"]
+    name: Annotated[str, "of the session"]
+    seed: Annotated[int, "of scene, noise and losses"]
+    strategy: Annotated[str, "how the budget is divided"]
+    network: Annotated[str, "the emulated uplink"]
+    budget_mode: Annotated[str, "where the capacity comes from: oracle, sender or feedback"]
+    servo: Annotated[
+        str,
+        "servo mode: velocity; pose: a session up to version 2 that led the arm from pose to pose",
+    ]
+    control_rate_hz: Annotated[float, "ticks of the control loop [1/s]"]
+    views: Annotated[tuple[str, ...], "names of the views"]
+    fps: Annotated[int, "frames that each camera is asked for [1/s]"]
+    weights: Annotated[
+        dict[Phase, dict[str, float]],
+        "the matrix W: share of each view in each phase, rows sum to 1; defines the primary view "
+        "whatever the strategy",
+    ]
+    started_ns: Annotated[int, "when the session began [ns]"]
+    wall_offset_ns: Annotated[
+        int, "added to any other *_ns it gives nanoseconds since 1970, UTC [ns]"
+    ]
+    config: Annotated[dict[str, Any], "the effective configuration"]
+    schema: Annotated[int, "version of this log's format"] = SCHEMA
 
 
 @dataclass(frozen=True, slots=True)
-class FrameCaptured:
+class Facts(Record):
+    """What was learned after the start and belongs to the header."""
+
+    t_ns: TimeNs
+    values: Annotated[
+        dict[str, str],
+        "facts by their names, such as `encoder`; of a trial with people `drops_counted` and "
+        "`placed_marked`",
+    ]
+
+
+@dataclass(frozen=True, slots=True)
+class FrameCaptured(Record):
     """A camera's frame, without its pixels."""
 
-    view: str
-    index: int
-    capture_ns: int
+    view: ViewName
+    index: FrameIndex
+    capture_ns: CaptureNs
 
 
 @dataclass(frozen=True, slots=True)
 class FrameSent:
     """An encoded frame, without its bytes; those follow on the view's video topic."""
 
-    view: str
-    index: int
-    capture_ns: int
-    encoded_ns: int
-    keyframe: bool
-    size_bytes: int
-    pushed_ns: int = 0
-    rtp_timestamp: int | None = None
+    view: ViewName
+    index: FrameIndex
+    capture_ns: CaptureNs
+    encoded_ns: Annotated[int, "when the encoder had finished the frame [ns]"]
+    keyframe: Annotated[bool, "whether decoding can begin here"]
+    size_bytes: Annotated[int, "bytes of H.264 [B]"]
+    pushed_ns: Annotated[
+        int, "when the frame was handed to the sender [ns]; 0: the log does not say"
+    ] = 0
+    rtp_timestamp: Annotated[
+        int | None, "of the frame's packets, 90 kHz; null: the log does not say"
+    ] = None
 
     @staticmethod
     def of(frame: EncodedFrame) -> FrameSent:
@@ -132,36 +149,40 @@ class FrameSent:
 
 
 @dataclass(frozen=True, slots=True)
-class FrameShown:
+class FrameShown(Record):
     """A decoded frame that reached the mailbox, without its pixels."""
 
-    view: str
-    index: int
-    shown_ns: int
-    whole: bool | None = None  # None: the log does not say
+    view: ViewName
+    index: FrameIndex
+    shown_ns: Annotated[int, "when the decoded frame reached the screen [ns]"]
+    whole: Annotated[
+        bool | None,
+        "whether no packet of it or of what it is predicted from was missing; null: the log does "
+        "not say",
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
 class OutcomeGiven:
     """The verdict and when it was given."""
 
-    t_ns: int
-    outcome: Outcome
+    t_ns: TimeNs
+    outcome: Annotated[Outcome, "the verdict"]
 
 
 @dataclass(frozen=True, slots=True)
 class PacketBatch:
     """`PacketRecord`s as columns of equal length; kind and fate by number."""
 
-    view: tuple[str, ...]
-    kind: tuple[int, ...]
-    sequence: tuple[int, ...]
-    size_bytes: tuple[int, ...]
-    entered_ns: tuple[int, ...]
-    departed_ns: tuple[int, ...]
-    delivered_ns: tuple[int, ...]
-    fate: tuple[int, ...]
-    rtp_timestamp: tuple[int, ...]
+    view: Annotated[tuple[str, ...], "name of the view"]
+    kind: Annotated[tuple[int, ...], "0 media, 1 resent, 2 RTCP, 3 parity, 4 padding"]
+    sequence: Annotated[tuple[int, ...], "RTP sequence number; RTCP and padding: 0"]
+    size_bytes: Annotated[tuple[int, ...], "IP datagram with its headers [B]"]
+    entered_ns: Annotated[tuple[int, ...], "when each datagram reached the uplink [ns]"]
+    departed_ns: Annotated[tuple[int, ...], "when each left the bottleneck [ns]; 0: it overflowed"]
+    delivered_ns: Annotated[tuple[int, ...], "when each arrived [ns]; 0: it did not"]
+    fate: Annotated[tuple[int, ...], "0 delivered, 1 queue overflow, 2 lost"]
+    rtp_timestamp: Annotated[tuple[int, ...], "of the frame's packets, 90 kHz; RTCP and padding: 0"]
 
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
@@ -181,81 +202,99 @@ _COLUMNS = attrgetter(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(Pa
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
-# What a recorder accepts; pixels are never kept, only when they were captured and shown.
-Recordable: TypeAlias = (
-    Tick
-    | PhaseChange
-    | Allocation
-    | LinkCapacity
-    | UplinkSummary
-    | PolicyInputs
-    | CameraRates
-    | Frame
-    | EncodedFrame
-    | DroppedFrame
-    | ShownFrame
-    | FrameQuality
-    | PacketRecord
-    | StopRecord
-    | Note
-    | SystemSample
-    | SceneTruth
-    | OperatorGlance
-    | HandHeard
-    | StateHeard
-    | LinkHealth
-    | Outcome
-    | Facts
-)
-
 
 class Topic(Generic[T]):
-    """Where records of one type go, and the instant each stands for.
+    """Where records of one type go, and the instant each stands for."""
 
-    `records` names the list of a `SessionLog` that they are read back into, if there is one.
-    """
-
-    def __init__(
-        self, name: str, record_type: type[T], time_ns: Callable[[T], int], records: str = ""
-    ) -> None:
+    def __init__(self, name: str, record_type: type[T], time_ns: Callable[[T], int]) -> None:
         self.name = name
         self.codec = Codec(record_type)
         self.time_ns = time_ns
-        self.records = records
+
+
+def records(name: str, record_type: type[T], time_ns: Callable[[T], int]) -> list[T]:
+    """A field of `SessionLog`: the list of a topic's records; arguments as of `Topic`."""
+    topic = Topic(name, record_type, time_ns)
+    return field(default_factory=list[T], metadata={Topic: topic})
+
+
+@dataclass(slots=True)
+class SessionLog:
+    """All records of one log in the order they were written (not always that of their times).
+
+    `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
+    record; `truncated`: the file has no proper end (the session was killed, or the disk was full);
+    `gaps`: where bytes of the file have changed since, and the records of that time are missing.
+    """
+
+    header: Header
+    ended_ns: int
+    truncated: bool = False
+    gaps: list[Gap] = field(default_factory=list)
+    facts: dict[str, str] = field(default_factory=dict)
+    packets: list[PacketRecord] = field(default_factory=list)
+    outcome: Outcome | None = None
+    ticks: list[Tick] = records("/tick", Tick, lambda one: one.started_ns)
+    phases: list[PhaseChange] = records("/phase", PhaseChange, lambda one: one.t_ns)
+    allocations: list[Allocation] = records("/allocation", Allocation, lambda one: one.t_ns)
+    capacities: list[LinkCapacity] = records("/capacity", LinkCapacity, lambda one: one.t_ns)
+    uplink: list[UplinkSummary] = records("/uplink", UplinkSummary, lambda one: one.t_ns)
+    policy_inputs: list[PolicyInputs] = records(
+        "/policy/inputs", PolicyInputs, lambda one: one.t_ns
+    )
+    rates: list[CameraRates] = records("/cameras", CameraRates, lambda one: one.t_ns)
+    captured: list[FrameCaptured] = records(
+        "/frames/captured", FrameCaptured, lambda one: one.capture_ns
+    )
+    sent: list[FrameSent] = records("/frames/sent", FrameSent, lambda one: one.encoded_ns)
+    dropped: list[DroppedFrame] = records(
+        "/frames/dropped", DroppedFrame, lambda one: one.capture_ns
+    )
+    shown: list[FrameShown] = records("/frames/shown", FrameShown, lambda one: one.shown_ns)
+    quality: list[FrameQuality] = records(
+        "/frames/quality", FrameQuality, lambda one: one.capture_ns
+    )
+    stops: list[StopRecord] = records("/stop", StopRecord, lambda one: one.visible_ns)
+    notes: list[Note] = records("/note", Note, lambda one: one.t_ns)
+    system: list[SystemSample] = records("/system", SystemSample, lambda one: one.t_ns)
+    scene: list[SceneTruth] = records("/scene", SceneTruth, lambda one: one.t_ns)
+    glances: list[OperatorGlance] = records(
+        "/operator/glance", OperatorGlance, lambda one: one.t_ns
+    )
+    hands_heard: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
+    states_heard: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
+    link_health: list[LinkHealth] = records("/link/health", LinkHealth, lambda one: one.t_ns)
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything that was written is here."""
+        return not self.truncated and not self.gaps
+
+    def add(self, record: Any) -> None:
+        """Put one record where its type belongs."""
+        if isinstance(record, PacketBatch):
+            self.packets.extend(record.packets())
+        elif isinstance(record, OutcomeGiven):
+            self.outcome = record.outcome
+        elif isinstance(record, Facts):
+            self.facts.update(record.values)
+        elif not isinstance(record, Header):
+            getattr(self, _LISTS[type(record)]).append(record)
 
 
 HEADER = Topic("/header", Header, lambda header: header.started_ns)
-
-TOPICS: dict[type, Topic[Any]] = {
-    topic.codec.record_type: topic
-    for topic in (
-        HEADER,
-        Topic("/facts", Facts, lambda one: one.t_ns),
-        Topic("/tick", Tick, lambda one: one.started_ns, "ticks"),
-        Topic("/phase", PhaseChange, lambda one: one.t_ns, "phases"),
-        Topic("/allocation", Allocation, lambda one: one.t_ns, "allocations"),
-        Topic("/capacity", LinkCapacity, lambda one: one.t_ns, "capacities"),
-        Topic("/uplink", UplinkSummary, lambda one: one.t_ns, "uplink"),
-        Topic("/policy/inputs", PolicyInputs, lambda one: one.t_ns, "policy_inputs"),
-        Topic("/cameras", CameraRates, lambda one: one.t_ns, "rates"),
-        Topic("/frames/captured", FrameCaptured, lambda one: one.capture_ns, "captured"),
-        Topic("/frames/sent", FrameSent, lambda one: one.encoded_ns, "sent"),
-        Topic("/frames/dropped", DroppedFrame, lambda one: one.capture_ns, "dropped"),
-        Topic("/frames/shown", FrameShown, lambda one: one.shown_ns, "shown"),
-        Topic("/frames/quality", FrameQuality, lambda one: one.capture_ns, "quality"),
-        Topic("/packets", PacketBatch, lambda one: max(one.entered_ns)),
-        Topic("/stop", StopRecord, lambda one: one.visible_ns, "stops"),
-        Topic("/note", Note, lambda one: one.t_ns, "notes"),
-        Topic("/system", SystemSample, lambda one: one.t_ns, "system"),
-        Topic("/scene", SceneTruth, lambda one: one.t_ns, "scene"),
-        Topic("/operator/glance", OperatorGlance, lambda one: one.t_ns, "glances"),
-        Topic("/link/hand", HandHeard, lambda one: one.t_ns, "hands_heard"),
-        Topic("/link/state", StateHeard, lambda one: one.t_ns, "states_heard"),
-        Topic("/link/health", LinkHealth, lambda one: one.t_ns, "link_health"),
-        Topic("/outcome", OutcomeGiven, lambda one: one.t_ns),
-    )
+_IN_LISTS: dict[str, Topic[Any]] = {
+    one.name: one.metadata[Topic] for one in fields(SessionLog) if Topic in one.metadata
 }
-
+_LISTS = {topic.codec.record_type: name for name, topic in _IN_LISTS.items()}
+_TOPICS: tuple[Topic[Any], ...] = (
+    HEADER,
+    Topic("/facts", Facts, lambda one: one.t_ns),
+    *_IN_LISTS.values(),
+    Topic("/packets", PacketBatch, lambda one: max(one.entered_ns)),
+    Topic("/outcome", OutcomeGiven, lambda one: one.t_ns),
+)
+TOPICS = {topic.codec.record_type: topic for topic in _TOPICS}
 
 LOG_NAME = "session.mcap"  # in a session's folder
 FORMER_NAMES = {"/rates": "/cameras"}  # of topics, up to schema 3

@@ -15,9 +15,9 @@ from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, Recordable
+from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch
 from tams_app.recording.viewers import MakeViewers
-from tams_app.records import Frame, Note, PacketRecord, ShownFrame
+from tams_app.records import Frame, Note, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
@@ -70,7 +70,7 @@ class QueuedWriter(ABC, Generic[T]):
         """Finish the file; may be called twice."""
 
 
-class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
+class Recorder(QueuedWriter[Record]):
     """Writes one session log.
 
     `record` may be called from any thread and never blocks: what finds the queue full is dropped
@@ -100,7 +100,7 @@ class Recorder(QueuedWriter[Recordable | FrameCaptured | FrameShown]):
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._log = McapLog(path, header, bitstream, viewers)
 
-    def record(self, item: Recordable) -> None:
+    def record(self, item: Record) -> None:
         """Queue one record; a frame's pixels are let go at once, but for the few viewers get."""
         if self.failure is not None:
             return
@@ -185,7 +185,7 @@ class DirectRecorder:
         self._next_batch_ns = clock.now_ns() + BATCH_NS
         self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
 
-    def record(self, item: Recordable) -> None:
+    def record(self, item: Record) -> None:
         """Write one record; LogError if the disk is full or fails."""
         if isinstance(item, PacketRecord):
             self._packets.append(item)

@@ -53,6 +53,7 @@ from tams_app.records.policy import (
     Phase,
     PhaseChange,
 )
+from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
 from tams_app.records.state import LINK_LOST, SessionState, ViewState, Whole, without_figures
 from tams_app.records.trial import (
     OperatorGlance,
@@ -81,12 +82,14 @@ __all__ = [
     "ArmFigure",
     "ArmState",
     "CameraRates",
+    "CaptureNs",
     "CommandLink",
     "ControllerSample",
     "ControllerStatus",
     "DroppedFrame",
     "EncodedFrame",
     "Frame",
+    "FrameIndex",
     "FrameQuality",
     "HandHeard",
     "Haptic",
@@ -107,6 +110,7 @@ __all__ = [
     "Pose",
     "Presses",
     "Reception",
+    "Record",
     "SceneTruth",
     "ServoMode",
     "SessionState",
@@ -119,10 +123,12 @@ __all__ = [
     "SystemSample",
     "Tick",
     "TickInputs",
+    "TimeNs",
     "Twist",
     "UplinkReport",
     "UplinkSummary",
     "Vector",
+    "ViewName",
     "ViewState",
     "Whole",
     "without_figures",

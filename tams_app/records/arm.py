@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 from tams_app.records.geometry import Pose, Vector
 
@@ -33,13 +34,12 @@ class Activity(StrEnum):
 class ArmFault:
     """An error that the arm's controller reports.
 
-    code: the controller's own number, never 0.
-    text: a clause without a full stop: the number as the manual prints it, what it means and what
-        to do about it, such as "C31 (collision): remove what it hit".
+    `text` is a clause without a full stop: the number as the manual prints it, what it means and
+    what to do about it, such as "C31 (collision): remove what it hit".
     """
 
-    code: int
-    text: str
+    code: Annotated[int, "number of the arm's own controller, never 0"]
+    text: Annotated[str, "what it means and what to do about it"]
 
     @property
     def sentence(self) -> str:
@@ -49,26 +49,20 @@ class ArmFault:
 
 @dataclass(frozen=True, slots=True)
 class ArmState:
-    """The arm's last report, in the words that all arms share.
+    """The arm's last report, in the words that all arms share; nothing senses the fingers."""
 
-    received_ns: when it arrived [ns], monotonic clock.
-    joints: joint angles [rad], shape (6,).
-    tcp: the tool centre point in the base frame (z up) [m].
-    servo: the servo mode that the controller is in; None in any other mode.
-    fault: what the controller reports, None if it has no error.
-    gripper_closed: the last command that was acknowledged (nothing senses the fingers); None
-        until one was read back or sent.
-    warning_code: the controller's own number, kept in the log; 0 for none.
-    """
-
-    received_ns: int
-    joints: Vector
-    tcp: Pose
-    activity: Activity
-    servo: ServoMode | None
-    fault: ArmFault | None
-    gripper_closed: bool | None
-    warning_code: int = 0
+    received_ns: Annotated[int, "when the report arrived [ns]"]
+    joints: Annotated[Vector, "joint angles, base to flange [rad]"]
+    tcp: Annotated[Pose, "the tool centre point, base frame (z up)"]
+    activity: Annotated[Activity, "what the arm's controller says it does"]
+    servo: Annotated[
+        ServoMode | None, "servo mode: velocity or pose; null: the controller is in neither"
+    ]
+    fault: Annotated[ArmFault | None, "what the arm's controller reports; null: no error"]
+    gripper_closed: Annotated[
+        bool | None, "the last gripper command that was acknowledged; null: none yet"
+    ]
+    warning_code: Annotated[int, "number of the arm's own controller; 0: none"] = 0
 
 
 class LinkFault(StrEnum):
@@ -84,9 +78,11 @@ class LinkFault(StrEnum):
 class CommandLink:
     """Health of the arm's command connection, as its sender sees it."""
 
-    sent: int  # commands handed to the wire
-    acknowledged_ns: int  # when the last reply arrived
-    round_trip_ns: int  # of the last acknowledged command
-    slow: int  # replies later than one control period
-    failure: str  # "" or one sentence: why commands no longer get through
-    fault: LinkFault = LinkFault.NONE  # NONE exactly when `failure` is ""
+    sent: Annotated[int, "commands handed to the wire since the start"]
+    acknowledged_ns: Annotated[int, "when the last reply to a command arrived [ns]"]
+    round_trip_ns: Annotated[int, "of the last acknowledged command [ns]"]
+    slow: Annotated[int, "replies later than one control period, since the start"]
+    failure: Annotated[str, "why commands do not get through; empty: they do"]
+    fault: Annotated[
+        LinkFault, "kind of failure of the command connection; empty exactly if `failure` is"
+    ] = LinkFault.NONE

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
 
 Image: TypeAlias = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class Frame(Record):
     """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view."""
 
     view: str
@@ -22,7 +24,7 @@ class Frame:
 
 
 @dataclass(frozen=True, slots=True)
-class EncodedFrame:
+class EncodedFrame(Record):
     """A frame as it left the encoder: H.264 Annex B bytes of one access unit."""
 
     view: str
@@ -36,30 +38,36 @@ class EncodedFrame:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraRates:
+class CameraRates(Record):
     """How many frames a second the cameras gave lately, and what is asked of them from now on."""
 
-    t_ns: int
-    asked_fps: float  # less than the header's `fps` while the rig's cameras are stepped down
-    reason: str  # why `asked_fps` is another one from now on, "" if it is not
-    given_fps: dict[str, float]  # by view, over the last second; empty in the first record
-    overrun_fps: dict[
-        str, float
-    ]  # frames that a camera had besides, which the session did not take
+    t_ns: TimeNs
+    asked_fps: Annotated[
+        float,
+        "what each camera is asked for from now on [1/s]; less than the header's `fps` while the "
+        "rig's cameras are stepped down",
+    ]
+    reason: Annotated[str, "why the cameras are asked for another rate; empty: they are not"]
+    given_fps: Annotated[
+        dict[str, float], "by view, frames that came in the last second [1/s]; first record: empty"
+    ]
+    overrun_fps: Annotated[
+        dict[str, float], "by view, frames that came besides and were not taken [1/s]"
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class DroppedFrame:
+class DroppedFrame(Record):
     """A captured frame that was left out at the source because its target was below 80 kbit/s."""
 
-    view: str
-    index: int
-    capture_ns: int
-    under_way: bool = False  # because too much was on its way over the link, instead
+    view: ViewName
+    index: FrameIndex
+    capture_ns: CaptureNs
+    under_way: Annotated[bool, "left out since too much was in flight, not for its target"] = False
 
 
 @dataclass(frozen=True, slots=True)
-class ShownFrame:
+class ShownFrame(Record):
     """A decoded frame that reached the receiver's mailbox: BGR, shape (height, width, 3)."""
 
     view: str
@@ -83,21 +91,27 @@ class SteeredBy:
 
 
 @dataclass(frozen=True, slots=True)
-class FrameQuality:
-    """What became of one captured frame. Scores are SSIM, None where they were not computed.
+class FrameQuality(Record):
+    """What became of one captured frame; scores compare with the frame as it was captured."""
 
-    `age_ns`: of what was on screen when it was captured (None: nothing, or not known);
-    `frozen`: that frame stayed too long (`freeze_ns`); `concealed`: the decoder filled
-    in for lost data, None where this is not known live.
-    """
-
-    view: str
-    index: int
-    capture_ns: int
-    shown_ns: int | None  # None: never shown
-    age_ns: int | None
-    frozen: bool
-    concealed: bool | None
-    received: float | None  # the frame as shown against itself as captured
-    delivered: float | None  # what stands for it: itself, or the frame shown before it
-    live: float | None  # what was on screen when it was captured, against it
+    view: ViewName
+    index: FrameIndex
+    capture_ns: CaptureNs
+    shown_ns: Annotated[int | None, "when the decoded frame reached the screen [ns]; null: never"]
+    age_ns: Annotated[
+        int | None,
+        "age of what was on the screen at capture [ns]; null: nothing, or not known",
+    ]
+    frozen: Annotated[bool, "whether what was on the screen had stayed there too long"]
+    concealed: Annotated[
+        bool | None, "whether the decoder filled in for lost data; null: not known"
+    ]
+    received: Annotated[float | None, "SSIM of the frame as shown, 0 to 1; null: not computed"]
+    delivered: Annotated[
+        float | None,
+        "SSIM of what stood in its place (itself, or the frame shown before it), 0 to 1; null: not "
+        "computed",
+    ]
+    live: Annotated[
+        float | None, "SSIM of what was on the screen at capture, 0 to 1; null: not computed"
+    ]

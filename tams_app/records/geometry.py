@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Annotated, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +16,18 @@ Vector: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """Position [m], shape (3,), and rotation of a frame in its parent frame."""
+    """A frame in its parent frame."""
 
-    position: Vector
-    rotation: Rotation
+    position: Annotated[Vector, "x, y, z [m]"]
+    rotation: Annotated[Rotation, "quaternion x, y, z, w"]
 
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """Linear [m/s] and angular [rad/s] velocity in the arm's base frame."""
+    """A velocity in the arm's base frame."""
 
-    linear: Floats3
-    angular: Floats3
+    linear: Annotated[Floats3, "velocity x, y, z [m/s]"]
+    angular: Annotated[Floats3, "angular velocity x, y, z [rad/s]"]
 
     @staticmethod
     def zero() -> Twist:

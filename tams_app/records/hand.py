@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
 
 from tams_app.records.geometry import Pose
 
@@ -30,31 +31,32 @@ GRIP_SHOWN_ABOVE = 0.5
 class Presses:
     """How often each button has gone down since its device was read first."""
 
-    grip: int = 0
-    a: int = 0
-    b: int = 0
-    menu: int = 0
+    grip: Annotated[int, "of the grip"] = 0
+    a: Annotated[int, "of the button that closes the gripper"] = 0
+    b: Annotated[int, "of the button that opens the gripper"] = 0
+    menu: Annotated[int, "of the menu button"] = 0
 
 
 @dataclass(frozen=True, slots=True)
 class ControllerSample:
     """One reading of the tracked controller, in the tracking frame (OpenVR: y up, right-handed).
 
-    `pose` is None when the runtime calls it invalid. `pose_ns`: when the pose's value last
-    changed; `buttons_ns`: until when the buttons are known. `presses` has also those that begin and
-    end between two samples; one of a device that does not count them stays as it is.
+    `presses` has also those that begin and end between two samples; one of a device that does not
+    count them stays as it is.
     """
 
-    status: ControllerStatus
-    pose: Pose | None
-    pose_ns: int
-    buttons_ns: int
-    trigger: float  # 0..1, deadman and clutch
-    grip: float  # 0..1, toggles translation/orientation on its edge
-    a: bool  # closes the gripper on its edge
-    b: bool  # opens the gripper on its edge
-    menu: bool  # held 1 s: confirm; clicked: emergency stop
-    presses: Presses = Presses()
+    status: Annotated[ControllerStatus, "what the tracking runtime says of the controller"]
+    pose: Annotated[Pose | None, "of the controller, tracking frame; null: not valid"]
+    pose_ns: Annotated[int, "when the value of the pose last changed [ns]"]
+    buttons_ns: Annotated[int, "until when the buttons are known [ns]"]
+    trigger: Annotated[float, "how far it is pressed, 0 to 1: deadman and clutch"]
+    grip: Annotated[float, "how far it is pressed, 0 to 1: toggles translation and orientation"]
+    a: Annotated[bool, "button that closes the gripper"]
+    b: Annotated[bool, "button that opens the gripper"]
+    menu: Annotated[bool, "button; held for 1 s: confirm, clicked: emergency stop"]
+    presses: Annotated[
+        Presses, "how often each button has gone down since its device was read first"
+    ] = Presses()
 
     @property
     def pressed(self) -> tuple[str, ...]:

@@ -3,50 +3,46 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from tams_app.records.record import Record, TimeNs
 
 
 @dataclass(frozen=True, slots=True)
-class HandHeard:
-    """A sample of the hand as the robot's side heard it.
+class HandHeard(Record):
+    """A sample of the hand as the robot's side received it."""
 
-    t_ns, echo_ns: on the robot's clock; sent_ns, pose_ns: on that of the operator's side.
-    refusal: why it did not count, "" if it did. operator: the number of the application that sent
-        it, `link_operator` in its own log.
-    """
-
-    t_ns: int
-    sent_ns: int
-    pose_ns: int
-    echo_ns: int
-    refusal: str
-    operator: int
+    t_ns: TimeNs
+    sent_ns: Annotated[int, "when the operator's side sent it, on its own clock [ns]"]
+    pose_ns: Annotated[int, "when the value of the pose last changed, on the same clock [ns]"]
+    echo_ns: Annotated[int, "newest stamp of this side in the message [ns]"]
+    refusal: Annotated[str, "why the sample did not count; empty: it did"]
+    operator: Annotated[
+        int, "number of the application that sent it, `link_operator` in its own log"
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class StateHeard:
-    """A message of the robot's side as the operator's side heard it.
+class StateHeard(Record):
+    """A message of the robot's side as the operator's side received it."""
 
-    t_ns, echo_ns: on the clock of the operator's side; sent_ns: on the robot's.
-    """
-
-    t_ns: int
-    sent_ns: int
-    echo_ns: int
+    t_ns: TimeNs
+    sent_ns: Annotated[int, "when the robot's side sent it, on its own clock [ns]"]
+    echo_ns: Annotated[int, "newest stamp of the operator's side in the message, on its clock [ns]"]
 
 
 @dataclass(frozen=True, slots=True)
-class LinkHealth:
-    """How the link stands, as one side sees it.
+class LinkHealth(Record):
+    """How the link stands, as one side sees it."""
 
-    age_bound_ns: what was heard last is no older. offset_ns: the other side's clock minus ours,
-    with its uncertainty; None before the first exchange. refused, ignored: messages and datagrams
-    that changed nothing, by reason, since the start.
-    """
-
-    t_ns: int
-    connected: bool
-    age_bound_ns: int | None
-    offset_ns: int | None
-    uncertainty_ns: int | None
-    refused: dict[str, int]
-    ignored: dict[str, int]
+    t_ns: TimeNs
+    connected: Annotated[bool, "whether messages of the other side arrive"]
+    age_bound_ns: Annotated[
+        int | None, "what arrived last is no older [ns]; null: nothing has arrived"
+    ]
+    offset_ns: Annotated[
+        int | None, "the other side's clock minus this one's [ns]; null: not known yet"
+    ]
+    uncertainty_ns: Annotated[int | None, "of the offset [ns]; null: not known yet"]
+    refused: Annotated[dict[str, int], "messages that changed nothing since the start, by reason"]
+    ignored: Annotated[dict[str, int], "datagrams that changed nothing since the start, by reason"]

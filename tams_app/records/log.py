@@ -3,74 +3,92 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from tams_app.records.arm import ArmState, CommandLink
 from tams_app.records.geometry import Twist
 from tams_app.records.hand import ControllerSample
 from tams_app.records.policy import Phase
+from tams_app.records.record import Record, TimeNs
 
 
 @dataclass(frozen=True, slots=True)
 class TickInputs:
-    """What a tick was told besides hand, arm and link."""
+    """What a tick received besides hand, arm and link."""
 
-    arm_ready: bool
-    video_age_ns: int | None
-    confirm: bool
-    estop: bool
-    faults: tuple[str, ...]  # labels of what the session lost or the guard did
-    video_damaged: bool = False
+    arm_ready: Annotated[bool, "whether the arm is enabled and nothing has stopped it since"]
+    video_age_ns: Annotated[
+        int | None, "of the primary view's newest frame that counts [ns]; null: no video"
+    ]
+    confirm: Annotated[bool, "whether the operator confirmed since the tick before"]
+    estop: Annotated[bool, "whether an emergency stop was asked for since the tick before"]
+    faults: Annotated[tuple[str, ...], "labels of what the session lost, or the guard did"]
+    video_damaged: Annotated[bool, "whether a newer frame is shown that is not whole"] = False
 
 
 @dataclass(frozen=True, slots=True)
-class Tick:
+class Tick(Record):
     """One tick of the control loop, as it was seen and as it ended."""
 
-    due_ns: int
-    started_ns: int
-    finished_ns: int
-    skipped: int  # periods left out since the loop began
-    arming: str
-    reason: str  # why the arm holds or is in fault, "" otherwise
-    deadman: bool
-    orientation_mode: bool
-    phase: Phase
-    speed: float  # smoothed TCP speed v̄ [m/s]
-    vertical_speed: float  # smoothed v̄_z [m/s]
-    speed_scale: float  # 1 unless stale video or a singularity slows the arm
-    twist: Twist  # as sent
-    controller: ControllerSample
-    arm: ArmState | None
-    link: CommandLink
-    gripper: bool | None = None  # told to close (True) or open (False) by this tick
-    stop: bool = False  # this tick told the arm to stop
-    inputs: TickInputs | None = None  # None: the log is of schema 3 or older
-    lasting: str | None = None  # what of `reason` is still there, "" nothing; None: not recorded
+    due_ns: Annotated[int, "when the tick was due [ns]"]
+    started_ns: Annotated[int, "when the tick began [ns]"]
+    finished_ns: Annotated[int, "when the tick ended [ns]"]
+    skipped: Annotated[int, "control periods left out since the start"]
+    arming: Annotated[str, "state of the arming table: DISARMED, READY, ENGAGED, HOLDING or FAULT"]
+    reason: Annotated[str, "why the arm holds or is in fault; empty: it does not"]
+    deadman: Annotated[bool, "whether the trigger counts as pressed"]
+    orientation_mode: Annotated[bool, "whether the hand turns the tool instead of moving it"]
+    phase: Annotated[Phase, "phase of the task"]
+    speed: Annotated[float, "smoothed speed of the TCP [m/s]"]
+    vertical_speed: Annotated[float, "smoothed upward speed of the TCP [m/s]"]
+    speed_scale: Annotated[
+        float, "factor on the speed: 1, less with stale video or near a singularity"
+    ]
+    twist: Annotated[Twist, "velocity of the TCP as sent to the arm, base frame"]
+    controller: Annotated[ControllerSample, "the tracked controller, in the tracking frame"]
+    arm: Annotated[ArmState | None, "the arm's last report; null: none yet"]
+    link: Annotated[CommandLink, "health of the arm's command connection"]
+    gripper: Annotated[
+        bool | None, "this tick's command to close (true) or open (false); null: none"
+    ] = None
+    stop: Annotated[bool, "whether this tick commanded the arm to stop"] = False
+    inputs: Annotated[
+        TickInputs | None,
+        "what the tick received besides hand, arm and link; null: the log does not say",
+    ] = None
+    lasting: Annotated[
+        str | None,
+        "label of the reason whose cause is still there; empty: gone; null: not recorded",
+    ] = None
 
 
 @dataclass(frozen=True, slots=True)
-class StopRecord:
+class StopRecord(Record):
     """A stop that was not the operator's own release: from the fault seen to the arm at rest."""
 
-    reason: str
-    visible_ns: int
-    stopped_ns: int | None  # reported TCP speed < 1 mm/s; None if the session ended before
+    reason: Annotated[str, "what stopped the arm"]
+    visible_ns: Annotated[int, "when the cause of the stop showed [ns]"]
+    stopped_ns: Annotated[
+        int | None, "when the arm reported less than 1 mm/s [ns]; null: the session ended before"
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class SystemSample:
-    """Load of the application and of its helper processes (percent of one core)."""
+class SystemSample(Record):
+    """Load of the application and of its helper processes."""
 
-    t_ns: int
-    app_cpu_percent: float
-    helper_cpu_percent: dict[str, float]
-    rss_mb: float  # application and helpers together
+    t_ns: TimeNs
+    app_cpu_percent: Annotated[float, "processor time of the application [% of a core]"]
+    helper_cpu_percent: Annotated[
+        dict[str, float], "processor time of each helper process [% of a core]"
+    ]
+    rss_mb: Annotated[float, "resident memory, application and helpers [MB]"]
 
 
 @dataclass(frozen=True, slots=True)
-class Note:
+class Note(Record):
     """A sentence worth keeping: warnings, what was started, what was refused."""
 
-    t_ns: int
-    level: str  # info, warning or error
-    text: str
+    t_ns: TimeNs
+    level: Annotated[str, "info, warning or error"]
+    text: Annotated[str, "the sentence"]

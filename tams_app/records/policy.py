@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Annotated
+
+from tams_app.records.record import Record, TimeNs
 
 
 class Phase(StrEnum):
@@ -18,20 +21,25 @@ class Phase(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class PhaseChange:
-    """A phase began; `reason` says which line of Algorithm 1 decided."""
+class PhaseChange(Record):
+    """A phase began."""
 
-    t_ns: int
-    phase: Phase
-    reason: str
+    t_ns: TimeNs
+    phase: Annotated[Phase, "phase of the task"]
+    reason: Annotated[str, "the line of Algorithm 1 that decided"]
 
 
 @dataclass(frozen=True, slots=True)
-class Allocation:
+class Allocation(Record):
     """What the policy asked of the encoders at one instant."""
 
-    t_ns: int
-    phase: Phase
-    capacity_kbps: float  # what the budget source believes the uplink carries
-    budget_kbps: float  # B: capacity after the safety factor
-    target_kbps: dict[str, int]  # per view; the sum never exceeds B
+    t_ns: TimeNs
+    phase: Annotated[Phase, "phase of the task"]
+    capacity_kbps: Annotated[float, "what the uplink is believed to carry [kbit/s of IP datagrams]"]
+    budget_kbps: Annotated[
+        float, "B: the capacity after the safety factor [kbit/s of IP datagrams]"
+    ]
+    target_kbps: Annotated[
+        dict[str, int],
+        "target of each view [kbit/s of IP datagrams]; the sum never exceeds B",
+    ]

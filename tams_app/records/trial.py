@@ -3,50 +3,62 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from tams_app.records.geometry import Pose
+from tams_app.records.record import Record, TimeNs
 
 
 @dataclass(frozen=True, slots=True)
-class SceneTruth:
-    """Where things really are (simulated rig only), in the arm's base frame."""
+class SceneTruth(Record):
+    """Where things really are (simulated rig only)."""
 
-    t_ns: int
-    block: Pose
-    container: Pose
-    tcp: Pose
-    block_speed: float  # [m/s]
-    fingers_opening: float  # [m], 0 closed
-
-
-@dataclass(frozen=True, slots=True)
-class Outcome:
-    """The verdict on a trial (docs/GLOSSARY.md, Trial); None where it was not judged."""
-
-    completed: bool | None
-    success: bool | None
-    completion_time_s: float | None
-    drops: int | None
-    reason: str
+    t_ns: TimeNs
+    block: Annotated[Pose, "where the block is, base frame"]
+    container: Annotated[Pose, "where the container is, base frame"]
+    tcp: Annotated[Pose, "the tool centre point, base frame"]
+    block_speed: Annotated[float, "of the block [m/s]"]
+    fingers_opening: Annotated[float, "between the fingers [m]; 0: closed"]
 
 
 @dataclass(frozen=True, slots=True)
-class OperatorGlance:
-    """Which view told the simulated operator how much in one glance at the screen.
+class Outcome(Record):
+    """The verdict on a trial (docs/GLOSSARY.md, Trial)."""
 
-    Shares of what the glance added to knowing the vector from tool to block and from tool to
-    container: by view, summing to 1; empty when the glance told nothing.
-    """
+    completed: Annotated[bool | None, "whether the block was placed in time; null: not judged"]
+    success: Annotated[
+        bool | None, "whether it was placed well in time with few drops; null: not judged"
+    ]
+    completion_time_s: Annotated[
+        float | None, "from the first engagement to the placing [s]; null: not judged"
+    ]
+    drops: Annotated[int | None, "of the block; null: not judged"]
+    reason: Annotated[str, "why the session ended"]
 
-    t_ns: int
-    stage: str  # of the task, as the operator believes
-    to_block: dict[str, float]
-    to_container: dict[str, float]
-    about_block: bool  # what the stage is about: the block, else the container
-    block_sigma: float  # [m], after the glance
-    container_sigma: float  # [m]
-    lag_ns: int  # hand to eye, as the operator judges it
-    hanging: tuple[str, ...]  # views in which nothing moves although the hand does
+
+@dataclass(frozen=True, slots=True)
+class OperatorGlance(Record):
+    """Which view gave the simulated operator how much in one glance at the screen."""
+
+    t_ns: TimeNs
+    stage: Annotated[str, "of the task, as the operator believes"]
+    to_block: Annotated[
+        dict[str, float],
+        "share of each view in what the glance showed of tool to block, sum 1; empty: nothing",
+    ]
+    to_container: Annotated[
+        dict[str, float],
+        "share of each view in what the glance showed of tool to container, sum 1; empty: nothing",
+    ]
+    about_block: Annotated[bool, "whether the stage is about the block, else the container"]
+    block_sigma: Annotated[
+        float, "how surely tool to block is known after the glance, standard deviation [m]"
+    ]
+    container_sigma: Annotated[
+        float, "how surely tool to container is known after the glance, standard deviation [m]"
+    ]
+    lag_ns: Annotated[int, "hand to eye, as the operator judges it [ns]"]
+    hanging: Annotated[tuple[str, ...], "views in which nothing moves although the hand does"]
 
     @property
     def relied_on(self) -> dict[str, float]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import Annotated
+
+from tams_app.records.record import Record, TimeNs, ViewName
 
 IP_UDP_HEADER_BYTES = 28  # IPv4 (20) + UDP (8)
 
@@ -27,7 +30,7 @@ class PacketFate(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class PacketRecord:
+class PacketRecord(Record):
     """One datagram's way through the link; `size_bytes` includes IP and UDP headers."""
 
     view: str
@@ -57,10 +60,10 @@ class PacketArrival:
 class Reception:
     """A report block of a receiver (RFC 3550, 6.4.1)."""
 
-    view: str
-    fraction_lost: float  # since the report before
-    round_trip_ns: int | None  # None: not known yet
-    jitter_ns: int
+    view: ViewName
+    fraction_lost: Annotated[float, "share of packets lost since the report before"]
+    round_trip_ns: Annotated[int | None, "as the receiver reports it [ns]; null: not known yet"]
+    jitter_ns: Annotated[int, "interarrival jitter (RFC 3550) [ns]"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,16 +83,18 @@ class UplinkReport:
 
 
 @dataclass(frozen=True, slots=True)
-class PolicyInputs:
-    """All that one step of the policy was told: an `UplinkReport`, its arrivals as columns."""
+class PolicyInputs(Record):
+    """All that one step of the policy received: an `UplinkReport`, its arrivals as columns."""
 
-    t_ns: int
-    sent_bytes: int
-    receptions: tuple[Reception, ...]
-    view: tuple[str, ...]
-    sent_ns: tuple[int, ...]
-    size_bytes: tuple[int, ...]
-    arrived_ns: tuple[int | None, ...]
+    t_ns: TimeNs
+    sent_bytes: Annotated[int, "IP datagrams of all views since the start [B]"]
+    receptions: Annotated[tuple[Reception, ...], "report blocks of receivers (RFC 3550)"]
+    view: Annotated[tuple[str, ...], "of each packet that receivers reported"]
+    sent_ns: Annotated[tuple[int, ...], "when each entered the uplink [ns]"]
+    size_bytes: Annotated[tuple[int, ...], "of each, IP datagram with its headers [B]"]
+    arrived_ns: Annotated[
+        tuple[int | None, ...], "when each arrived, on the receiver's clock [ns]; null: it did not"
+    ]
 
     @staticmethod
     def of(report: UplinkReport) -> PolicyInputs:
@@ -113,25 +118,36 @@ class PolicyInputs:
 
 
 @dataclass(frozen=True, slots=True)
-class UplinkSummary:
-    """What one `UplinkReport` told the budget, all views together, as the log keeps it."""
+class UplinkSummary(Record):
+    """What one `UplinkReport` gave the budget, all views together, as the log keeps it."""
 
-    t_ns: int
-    sent_bytes: int  # since the start
-    packets: int  # that receivers told of
-    lost: int  # of these
-    arrived_bytes: int
-    # of the packet sent last of those that arrived: sent_ns, and how much longer than the
-    # fastest so far it took; None: none arrived
-    newest_sent_ns: int | None
-    queueing_ns: int | None
-    fraction_lost: dict[str, float]  # by view, of the receptions
-    round_trip_ns: dict[str, int | None]
+    t_ns: TimeNs
+    sent_bytes: Annotated[int, "IP datagrams of all views since the start [B]"]
+    packets: Annotated[int, "that receivers reported since the step before"]
+    lost: Annotated[int, "of these, those that did not arrive"]
+    arrived_bytes: Annotated[int, "IP datagrams that arrived, as receivers report [B]"]
+    newest_sent_ns: Annotated[
+        int | None, "when the last datagram that arrived was sent [ns]; null: none arrived"
+    ]
+    queueing_ns: Annotated[
+        int | None,
+        "how much longer that one took than the fastest so far [ns]; null: none arrived",
+    ]
+    fraction_lost: Annotated[
+        dict[str, float],
+        "by view, share of packets lost since the step before; `sender` only",
+    ]
+    round_trip_ns: Annotated[
+        dict[str, int | None],
+        "by view, as receivers report it [ns]; null: not known yet; `sender` only",
+    ]
 
 
 @dataclass(frozen=True, slots=True)
-class LinkCapacity:
+class LinkCapacity(Record):
     """What the uplink truly carries from `t_ns` on; infinite where there is no bottleneck."""
 
-    t_ns: int
-    capacity_kbps: float
+    t_ns: TimeNs
+    capacity_kbps: Annotated[
+        float, "what the uplink carries [kbit/s of IP datagrams]; null: no bottleneck"
+    ]

@@ -6,7 +6,7 @@ import statistics
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 from tams_app.capacity import finite
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
@@ -16,6 +16,8 @@ from tams_app.records import (
     LinkCapacity,
     PacketRecord,
     PolicyInputs,
+    TimeNs,
+    ViewName,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.told_packets import ToldPackets
@@ -23,36 +25,61 @@ from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 
 PERIOD_NS = NS_PER_S
 _UNDER_WAY = 300  # captures of a view that may still be shown
+_Loss: TypeAlias = Annotated[
+    float | None,
+    "share of datagrams that did not arrive, before repair; null: none were sent",
+]
 
 
 @dataclass(frozen=True, slots=True)
 class ViewRates:
     """One view in one second."""
 
-    view: str
-    target_kbps: float | None
-    sent_kbps: float | None
-    loss: float | None
-    captured_fps: float
-    shown_fps: float
-    latency_ms: float | None
-    live_ssim: float | None
-    received_ssim: float | None
+    view: ViewName
+    target_kbps: Annotated[float | None, "target of the view [kbit/s of IP datagrams]"]
+    sent_kbps: Annotated[
+        float | None,
+        "measured at the uplink, with repair, without padding [kbit/s]; with padding where "
+        "receivers report it of a real one",
+    ]
+    loss: _Loss
+    captured_fps: Annotated[float, "frames captured [1/s]"]
+    shown_fps: Annotated[float, "frames shown [1/s]"]
+    latency_ms: Annotated[float | None, "median from capture to shown [ms]; null: not known here"]
+    live_ssim: Annotated[
+        float | None,
+        "mean SSIM of what was on the screen at capture, 0 to 1; null: not computed",
+    ]
+    received_ssim: Annotated[
+        float | None, "mean SSIM of frames as shown, 0 to 1; null: not computed"
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class Rates:
     """All views in one second; derived from the other records, for viewers alone."""
 
-    t_ns: int  # its end
-    target_kbps: float | None
-    sent_kbps: float | None
-    budget_kbps: float | None
-    capacity_kbps: float | None  # of the emulated network
-    estimate_kbps: float | None  # of the capacity, as the budget believes
-    queue_ms: float | None
-    loss: float | None
-    views: tuple[ViewRates, ...]
+    t_ns: TimeNs  # its end
+    target_kbps: Annotated[float | None, "sum of the views' targets [kbit/s of IP datagrams]"]
+    sent_kbps: Annotated[
+        float | None,
+        "measured at the uplink, or reported by receivers of a real one: all views with repair and "
+        "padding [kbit/s]",
+    ]
+    budget_kbps: Annotated[
+        float | None, "B: the capacity after the safety factor [kbit/s of IP datagrams]"
+    ]
+    capacity_kbps: Annotated[
+        float | None, "what the emulated network carries [kbit/s]; null: no limit"
+    ]
+    estimate_kbps: Annotated[
+        float | None, "what the uplink is believed to carry [kbit/s]; null: no limit"
+    ]
+    queue_ms: Annotated[
+        float | None, "longest wait at the bottleneck [ms]; null: no packet left it"
+    ]
+    loss: _Loss
+    views: Annotated[tuple[ViewRates, ...], "the same for each view"]
 
 
 @dataclass(slots=True)
