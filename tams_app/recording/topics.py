@@ -215,7 +215,7 @@ class Topic(Generic[T]):
 def records(name: str, record_type: type[T], time_ns: Callable[[T], int]) -> list[T]:
     """A field of `SessionLog`: the list of a topic's records; arguments as of `Topic`."""
     topic = Topic(name, record_type, time_ns)
-    return field(default_factory=list[T], metadata={Topic: topic})
+    return field(default_factory=list, metadata={Topic: topic})
 
 
 @dataclass(slots=True)
