@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle, FancyBboxPatch, Rectangle, Wedge
@@ -16,18 +15,30 @@ from matplotlib.patches import Circle, FancyBboxPatch, Rectangle, Wedge
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import FIXED_VIEWPOINTS
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.palette import view_colour
+from tams_app.palette import BLUE, view_colour
+from tams_app.report.plots import (
+    BANDS,
+    FAINT,
+    INK,
+    SMALL_PT,
+    STOP,
+    WIDE_IN,
+    new_figure,
+    save_figure,
+    styled,
+)
 
 FOLDER = Path(__file__).resolve().parent.parent / "docs" / "drawings"
-GREY, DARK, RED = "#d9d9d9", "#333333", "#b00020"
+GREY, ZONE = BANDS[1], f"{BLUE}22"
 KEEP_OUT_MM = 700  # OPERATOR.md, section 2
 VIEWS = ("eih", "gt", "gs")
 NAMES = {"gt": "GT, above the table", "gs": "GS, beside it"}
 
 
+@styled
 def place(config: Config) -> Figure:
     """The table from above and from the side, to scale [mm]."""
-    figure = Figure(figsize=(11, 6.2), layout="constrained")
+    figure = new_figure(WIDE_IN, 6.2)
     top, side = figure.subplots(1, 2, width_ratios=(1.15, 1))
     _from_above(top, config)
     _from_the_side(side, config)
@@ -37,24 +48,24 @@ def place(config: Config) -> Figure:
 def _from_above(axes: Axes, config: Config) -> None:
     limits = config.limits
     axes.set_title("from above")
-    axes.add_patch(Circle((0, 0), KEEP_OUT_MM, color=RED, fill=False, linestyle="--"))
-    _note(axes, "no person, nothing that\nmust not be hit: 700 mm", (-330, -560), RED)
+    axes.add_patch(Circle((0, 0), KEEP_OUT_MM, color=STOP, fill=False, linestyle="--"))
+    _note(axes, "no person, nothing that\nmust not be hit: 700 mm", (-330, -560), STOP)
     ring = Wedge(
         (0, 0), limits.radius_max_mm, 0, 180, width=limits.radius_max_mm - limits.radius_min_mm
     )
-    ring.set(facecolor="none", edgecolor="#999999", linestyle=":")
+    ring.set(facecolor="none", edgecolor=FAINT, linestyle=":")
     axes.add_patch(ring)
     (low_x, low_y, _), (high_x, high_y, _) = limits.box_min_mm, limits.box_max_mm
     box = Rectangle((-high_y, low_x), high_y - low_y, high_x - low_x)
-    box.set(facecolor="#0072B222", edgecolor="#0072B2")
+    box.set(facecolor=ZONE, edgecolor=BLUE)
     axes.add_patch(box)
-    _note(axes, "workspace:\nbox and ring", (-235, 430), "#0072B2")
-    axes.add_patch(Circle((0, 0), 60, color=DARK))
+    _note(axes, "workspace:\nbox and ring", (-235, 430), BLUE)
+    axes.add_patch(Circle((0, 0), 60, color=INK))
     _note(axes, "base", (75, -25))
     layout = draw_layout(0)
     for thing, size, name in ((layout.block, 12, "block"), (layout.container, 96, "container")):
         x, y = -thing.y * 1000, thing.x * 1000
-        square = Rectangle((x - size / 2, y - size / 2), size, size, color=DARK, fill=size < 50)
+        square = Rectangle((x - size / 2, y - size / 2), size, size, color=INK, fill=size < 50)
         axes.add_patch(square)
         _note(axes, name, (x + size / 2 + 10, y - 12))
     for view, viewpoint in FIXED_VIEWPOINTS.items():
@@ -65,12 +76,12 @@ def _from_above(axes: Axes, config: Config) -> None:
             (-y * 1000, x * 1000),
             (-viewpoint.target[1] * 1000, viewpoint.target[0] * 1000),
         )
-    axes.annotate("", (0, 200), (0, 60), arrowprops={"arrowstyle": "->", "color": DARK})
-    axes.annotate("", (-140, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": DARK})
+    axes.annotate("", (0, 200), (0, 60), arrowprops={"arrowstyle": "->", "color": INK})
+    axes.annotate("", (-140, 0), (0, 0), arrowprops={"arrowstyle": "->", "color": INK})
     _note(axes, "x", (10, 165))
     _note(axes, "y", (-150, 15))
-    _note(axes, "emergency stop button:\nat the operator's free hand", (-560, 820), RED)
-    axes.add_patch(Circle((-610, 850), 28, color=RED))
+    _note(axes, "emergency stop button:\nat the operator's free hand", (-560, 820), STOP)
+    axes.add_patch(Circle((-610, 850), 28, color=STOP))
     axes.set(xlim=(-760, 860), ylim=(-740, 960), xlabel="−y [mm]", ylabel="x, forward [mm]")
     axes.set_aspect("equal")
 
@@ -78,19 +89,19 @@ def _from_above(axes: Axes, config: Config) -> None:
 def _from_the_side(axes: Axes, config: Config) -> None:
     limits, tool_mm = config.limits, config.arm.tcp_offset_mm_deg[2]
     axes.set_title("from the right-hand side")
-    axes.axhline(0, color=DARK)
+    axes.axhline(0, color=INK)
     _note(axes, "table", (-190, 8))
     (low_x, _, _), (high_x, _, high_z) = limits.box_min_mm, limits.box_max_mm
     box = Rectangle((low_x, limits.floor_mm), high_x - low_x, high_z - limits.floor_mm)
-    box.set(facecolor="#0072B222", edgecolor="#0072B2")
+    box.set(facecolor=ZONE, edgecolor=BLUE)
     axes.add_patch(box)
-    _note(axes, f"lowest: {limits.floor_mm:g} mm\nabove the table", (430, 12), "#0072B2")
+    _note(axes, f"lowest: {limits.floor_mm:g} mm\nabove the table", (430, 12), BLUE)
     ready_x, ready_z = 350.0, 180.0
     links = ((0, 0), (0, 243), (60, 430), (262, 380), (ready_x, ready_z + tool_mm + 60))
-    axes.plot(*zip(*links, strict=True), color="#888888", linewidth=9, solid_capstyle="round")
+    axes.plot(*zip(*links, strict=True), color=FAINT, linewidth=9, solid_capstyle="round")
     tool = ((ready_x, ready_z + tool_mm + 60), (ready_x, ready_z))
-    axes.plot(*zip(*tool, strict=True), color=DARK, linewidth=4)
-    axes.plot([ready_x], [ready_z], "o", color=RED)
+    axes.plot(*zip(*tool, strict=True), color=INK, linewidth=4)
+    axes.plot([ready_x], [ready_z], "o", color=STOP)
     _note(
         axes, f"fingertips in the ready pose:\n{ready_x:g}, 0, {ready_z:g} mm", (ready_x + 75, 150)
     )
@@ -112,9 +123,10 @@ def _camera(axes: Axes, view: str, at: tuple[float, float], target: tuple[float,
         _note(axes, NAMES[view], (at[0] - 60, at[1] + 35), colour)
 
 
+@styled
 def wiring(_config: Config) -> Figure:
     """What is plugged into what, on one computer and on two."""
-    figure = Figure(figsize=(11, 4.6), layout="constrained")
+    figure = new_figure(WIDE_IN, 4.6)
     one, two = figure.subplots(1, 2)
     boxes = {
         "cameras": ((0, 2), "three USB cameras"),
@@ -150,9 +162,9 @@ def wiring(_config: Config) -> Figure:
 def _boxes(axes: Axes, boxes: dict[str, tuple[tuple[float, float], str]]) -> None:
     for (x, y), text in boxes.values():
         box = FancyBboxPatch((x - 0.95, y - 0.3), 1.9, 0.6, boxstyle="round,pad=0.04")
-        box.set(facecolor=GREY, edgecolor=DARK, zorder=2)
+        box.set(facecolor=GREY, edgecolor=INK, zorder=2)
         axes.add_patch(box)
-        axes.text(x, y, text, ha="center", va="center", fontsize=9, zorder=3)
+        axes.text(x, y, text, ha="center", va="center", zorder=3)
 
 
 def _lines(
@@ -160,7 +172,7 @@ def _lines(
 ) -> None:
     _wire(axes, boxes["arm"][0], to, "network\ncable of\nits own")
     _wire(axes, boxes["cameras"][0], to, "USB")
-    _wire(axes, boxes["stop"][0], boxes["arm"][0], "", RED)
+    _wire(axes, boxes["stop"][0], boxes["arm"][0], "", STOP)
 
 
 def _wire(
@@ -168,11 +180,11 @@ def _wire(
     start: tuple[float, float],
     end: tuple[float, float],
     text: str,
-    colour: str = DARK,
+    colour: str = INK,
 ) -> None:
     axes.plot(*zip(start, end, strict=True), color=colour, zorder=1)
     middle = ((start[0] + end[0]) / 2, (start[1] + end[1]) / 2)
-    axes.text(*middle, text, fontsize=8, ha="center", va="bottom", zorder=4)
+    axes.text(*middle, text, fontsize=SMALL_PT, ha="center", va="bottom", zorder=4)
 
 
 BUTTONS: Sequence[tuple[str, tuple[float, float], tuple[float, float]]] = (
@@ -188,25 +200,26 @@ BUTTONS: Sequence[tuple[str, tuple[float, float], tuple[float, float]]] = (
 )
 
 
+@styled
 def controller(_config: Config) -> Figure:
     """The right controller of a VIVE Focus 3, as config/steamvr/README.md binds it; no likeness."""
-    figure = Figure(figsize=(8.6, 4.2), layout="constrained")
+    figure = new_figure(8.6, 4.2)
     axes = figure.subplots()
     axes.add_patch(Circle((0.1, 3.6), 1.0, fill=False, linewidth=7, edgecolor=GREY))
     body = FancyBboxPatch((-0.55, 0.2), 1.1, 2.6, boxstyle="round,pad=0.25")
-    body.set(facecolor=GREY, edgecolor=DARK)
+    body.set(facecolor=GREY, edgecolor=INK)
     axes.add_patch(body)
-    axes.add_patch(Circle((0, 3.0), 0.8, facecolor=GREY, edgecolor=DARK))
-    axes.add_patch(Circle((-0.4, 2.95), 0.22, facecolor="#888888"))
+    axes.add_patch(Circle((0, 3.0), 0.8, facecolor=GREY, edgecolor=INK))
+    axes.add_patch(Circle((-0.4, 2.95), 0.22, facecolor=FAINT))
     for label, centre in (("A", (0.32, 3.0)), ("B", (0.05, 3.35))):
-        axes.add_patch(Circle(centre, 0.15, facecolor="white", edgecolor=DARK))
-        axes.text(*centre, label, ha="center", va="center", fontsize=8)
-    axes.add_patch(Wedge((0.72, 3.2), 0.35, -60, 80, facecolor="#888888"))
-    axes.add_patch(Rectangle((-0.95, 1.2), 0.28, 0.9, facecolor="#888888"))
+        axes.add_patch(Circle(centre, 0.15, facecolor="white", edgecolor=INK))
+        axes.text(*centre, label, ha="center", va="center", fontsize=SMALL_PT)
+    axes.add_patch(Wedge((0.72, 3.2), 0.35, -60, 80, facecolor=FAINT))
+    axes.add_patch(Rectangle((-0.95, 1.2), 0.28, 0.9, facecolor=FAINT))
     for text, at, written in BUTTONS:
         axes.annotate(
-            text, at, written, fontsize=9, va="center",
-            arrowprops={"arrowstyle": "-", "color": DARK},
+            text, at, written, va="center",
+            arrowprops={"arrowstyle": "-", "color": INK},
         )  # fmt: skip
     axes.set(xlim=(-4.8, 5.6), ylim=(-0.2, 4.8))
     axes.set_aspect("equal")
@@ -214,8 +227,8 @@ def controller(_config: Config) -> Figure:
     return figure
 
 
-def _note(axes: Axes, text: str, at: tuple[float, float], colour: str = DARK) -> None:
-    axes.text(*at, text, color=colour, fontsize=8)
+def _note(axes: Axes, text: str, at: tuple[float, float], colour: str = INK) -> None:
+    axes.text(*at, text, color=colour, fontsize=SMALL_PT)
 
 
 DRAWINGS: dict[str, Callable[[Config], Figure]] = {
@@ -226,12 +239,9 @@ DRAWINGS: dict[str, Callable[[Config], Figure]] = {
 
 
 def main() -> None:
-    mpl.rcParams["svg.hashsalt"] = "tams"  # the same drawing is the same file
-    mpl.rcParams["svg.fonttype"] = "none"
     config = load_config(CONFIG_DIRECTORY / "lite6.yaml", {})
-    FOLDER.mkdir(exist_ok=True)
     for name, draw in DRAWINGS.items():
-        draw(config).savefig(FOLDER / f"{name}.svg", metadata={"Date": None})
+        save_figure(draw(config), FOLDER / f"{name}.svg")
 
 
 if __name__ == "__main__":

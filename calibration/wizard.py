@@ -8,12 +8,13 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-from calibration.figures import check_figure
 from calibration.options import WizardOptions
 from calibration.store import Calibration, CalibrationSet, utc_now
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, TamsError
+
+FIGURE_SUFFIXES = (".png", ".jpg")
 
 Options = TypeVar("Options", bound=WizardOptions)
 
@@ -114,3 +115,13 @@ class Wizard(ABC, Generic[Options]):
                 self.ui.say(f"\nEnded early: {str(error) or 'Ctrl-C'}")
                 self.store.keep(self.ui, part)
             raise
+
+
+def check_figure(path: Path) -> None:
+    """ConfigError if no figure can be drawn there."""
+    if path.suffix.lower() not in FIGURE_SUFFIXES:
+        raise ConfigError(f"--figure {path}: is drawn to {' or '.join(FIGURE_SUFFIXES)}")
+    if not path.parent.is_dir():
+        raise ConfigError(f"--figure {path}: there is no folder {path.parent}")
+    if path.is_dir():
+        raise ConfigError(f"--figure {path}: is a folder, not a file")

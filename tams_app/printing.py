@@ -24,6 +24,11 @@ def plain(text: str) -> str:
     return _CONTROL.sub("", text)
 
 
+def known(value: float | None, form: str = "{:.0f}") -> str:
+    """A number in a form of `str.format`, a dash for what is not known."""
+    return "–" if value is None else form.format(value)
+
+
 class Console(RichConsole):
     """A console that prints text as it is, without markup and control characters."""
 

@@ -22,11 +22,11 @@ from calibration.cameras.image_quality import (
     sharpness,
 )
 from calibration.cameras.timing import FEWEST_FRAMES, Rate, measure_rate, rate_advice
-from calibration.figures import new_figure, save_figure
 from calibration.ui import WizardUI
 from tams_app.errors import UnreadableLogError
 from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference
 from tams_app.records import Frame, Image
+from tams_app.report.plots import WIDE_IN, new_figure, save_figure, styled
 from tams_app.session.recorders import REFERENCE_NAME
 
 
@@ -85,16 +85,17 @@ class Findings:
         return lines
 
 
+@styled
 def draw_findings(found: Sequence[Findings], path: Path) -> None:
     """The views with what is known of each; TamsError if it cannot be written."""
-    figure = new_figure(9.6, 3.6)
+    figure = new_figure(WIDE_IN, 4.1)
     for axes, each in zip(figure.subplots(1, len(found), squeeze=False)[0], found, strict=True):
-        axes.set_title(f"{each.view.upper()}: {each.camera}", fontsize=9)
+        axes.set_title(f"{each.view.upper()}: {each.camera}")
         if each.image is not None:
             axes.imshow(cv2.cvtColor(each.image, cv2.COLOR_BGR2RGB))
         axes.set_xticks([])
         axes.set_yticks([])
-        axes.set_xlabel("\n".join(each.lines()), fontsize=7.5, loc="left")
+        axes.set_xlabel("\n".join(each.lines()), loc="left")
     save_figure(figure, path)
 
 

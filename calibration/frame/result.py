@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from rich.table import Table
 
-from calibration.figures import new_figure, save_figure
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
@@ -23,6 +22,7 @@ from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
 from tams_app.config.calibrated import read_calibrated
 from tams_app.config.yaml_file import read_yaml
+from tams_app.report.plots import GRID, INK, WIDE_IN, new_figure, save_figure, styled
 
 KIND = "frame"
 _DIGITS = 9  # the configuration wants orthonormal to 1e-6
@@ -186,9 +186,10 @@ def _quality(config: Config, outcome: Outcome) -> dict[str, Any]:
     return quality
 
 
+@styled
 def save_fit(fit: FrameFit | TouchFit, path: Path) -> None:
     """How the strokes or touches lie in the frame that they make, as a figure."""
-    figure = new_figure(9.6, 3.3)
+    figure = new_figure(WIDE_IN, 3.8)
     if isinstance(fit, FrameFit):
         axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
         for place, plane in zip(axes[:2], _PLANES, strict=True):
@@ -200,8 +201,7 @@ def save_fit(fit: FrameFit | TouchFit, path: Path) -> None:
         subject = f"{len(fit.misses_mm)} touches"
     figure.suptitle(
         f"Frame from {subject}: right within {fit.error_bound_deg:.1f}° (95 %), "
-        f"residual {fit.residual_mm:.1f} mm",
-        fontsize=11,
+        f"residual {fit.residual_mm:.1f} mm"
     )
     save_figure(figure, path)
 
@@ -221,8 +221,8 @@ def _draw_directions(axes: Axes, fit: FrameFit, plane: tuple[int, int]) -> None:
             markevery=[1],
             markersize=3.5,
         )
-    axes.axhline(0, color="0.8", linewidth=0.8, zorder=0)
-    axes.axvline(0, color="0.8", linewidth=0.8, zorder=0)
+    axes.axhline(0, color=GRID, linewidth=0.8, zorder=0)
+    axes.axvline(0, color=GRID, linewidth=0.8, zorder=0)
     axes.set_xlabel(f"robot {AXES[plane[0]]} [mm]")
     axes.set_ylabel(f"robot {AXES[plane[1]]} [mm]")
     axes.set_aspect("equal", adjustable="datalim")
@@ -234,10 +234,10 @@ def _draw_angles(axes: Axes, fit: FrameFit) -> None:
         opacity = 1.0 if stroke.used else 0.3
         axes.bar(number, stroke.angle_deg, color=_COLOURS[stroke.line.axis], alpha=opacity)
     axes.axhline(
-        fit.error_bound_deg, color="0.2", linestyle="--", linewidth=1, label="error bound (95 %)"
+        fit.error_bound_deg, color=INK, linestyle="--", linewidth=1, label="error bound (95 %)"
     )
-    axes.legend(loc="upper right", frameon=False, fontsize=8)
-    axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes], fontsize=8)
+    axes.legend(loc="upper right")
+    axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes])
     axes.set_ylim(0, 1.25 * max(fit.error_bound_deg, *(s.angle_deg for s in fit.strokes)))
     axes.set_ylabel("off the prompted axis [°]")
 

@@ -9,13 +9,14 @@ from typing import Any
 from matplotlib.axes import Axes
 from rich.table import Table
 
-from calibration.figures import new_figure, save_figure
 from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
 from calibration.phases.trials import PHASES, Scores
 from calibration.ui import plain_table
 from tams_app import palette
 from tams_app.config import PhasesConfig
+from tams_app.printing import known
 from tams_app.records import Phase
+from tams_app.report.plots import INK, PAGE_IN, legend_beside, new_figure, save_figure, styled
 
 POOR_RECALL = 0.5
 _TITLES = {
@@ -24,8 +25,7 @@ _TITLES = {
     "align_dwell_s": "dwell $T_{align}$ [s]",
     "pre_release_dwell_s": "dwell $T_{pre}$ [s]",
 }
-# blue and vermilion of Okabe and Ito's palette
-_CHOSEN, _DEFAULT, _CURVE = palette.BLUE, palette.VERMILLION, "#222222"
+_CHOSEN, _DEFAULT, _CURVE = palette.BLUE, palette.VERMILLION, INK
 
 
 def thresholds_table(found: PhaseFit) -> Table:
@@ -63,7 +63,7 @@ def confusion_table(scores: Scores) -> Table:
     table = plain_table("true \\ inferred", *names, "recall", gap=1)
     for phase, row in zip(PHASES, scores.confusion, strict=True):
         cells = [str(count) if count else "·" for count in row]
-        table.add_row(phase.value, *cells, _part(scores.recall(phase)))
+        table.add_row(phase.value, *cells, known(scores.recall(phase), "{:.3f}"))
     return table
 
 
@@ -78,8 +78,8 @@ def switches_table(scores: Scores) -> Table:
             str(len(switches.delays_s)),
             str(switches.missed),
             str(switches.spurious),
-            _seconds(switches.percentile_s(50)),
-            _seconds(switches.percentile_s(90)),
+            known(switches.percentile_s(50), "{:+.2f}"),
+            known(switches.percentile_s(90), "{:+.2f}"),
         )
     return table
 
@@ -149,38 +149,27 @@ def _of(scores: Scores) -> str:
     return f"{scores.accuracy:.3f} ({scores.mean_recall:.3f})"
 
 
-def _part(value: float | None) -> str:
-    return "–" if value is None else f"{value:.3f}"
-
-
-def _seconds(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.2f}"
-
-
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
 
 
+@styled
 def save_sensitivity(curves: Sequence[Sensitivity], path: Path) -> None:
     """Draw `curves` to `path`; TamsError if it cannot be written."""
-    figure = new_figure(8.0, 5.0)
+    figure = new_figure(PAGE_IN, 5.0)
     axes = figure.subplots(2, 2, sharey=True)
     for axis, curve in zip(axes.flat, curves, strict=True):
         _draw_curve(axis, curve)
     for row in axes:
         row[0].set_ylabel("frame-wise accuracy")
-    handles, labels = axes[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
-    save_figure(figure, path, dpi=110)
+    legend_beside(figure, axes[0][0])
+    save_figure(figure, path)
 
 
 def _draw_curve(axis: Axes, curve: Sensitivity) -> None:
     axis.plot(curve.values, curve.accuracy, color=_CURVE, label="the other three as chosen")
     axis.axvline(curve.chosen, color=_CHOSEN, label="chosen")
     axis.axvline(curve.default, color=_DEFAULT, linestyle="--", label="default")
-    axis.set_xlabel(_TITLES[curve.parameter], fontsize=9)
+    axis.set_xlabel(_TITLES[curve.parameter])
     axis.set_xlim(0.0, float(curve.values[-1]))
-    axis.tick_params(labelsize=8)
-    axis.grid(linewidth=0.5, color="#d9d9d9")
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
+    axis.grid()

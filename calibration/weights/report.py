@@ -9,14 +9,25 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from calibration.figures import new_figure, save_figure
 from calibration.store import Calibration
 from calibration.weights.clips import CutSession
 from calibration.weights.cutting import LONGEST_S, SHORTEST_S
 from calibration.weights.fit import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment, verdict
 from calibration.weights.ratings import LEAST, MOST, Sheet, necessity_table
 from tams_app.palette import view_colour
+from tams_app.printing import known
 from tams_app.records import Phase
+from tams_app.report.plots import (
+    INK,
+    SMALL_PT,
+    TEXT_PT,
+    WIDE_IN,
+    Style,
+    legend_beside,
+    new_figure,
+    save_figure,
+    styled,
+)
 
 KIND = "weights"
 _RULE = (
@@ -35,13 +46,13 @@ def describe(assessment: Assessment, views: Sequence[str]) -> str:
         )
         votes = "/".join(str(row.votes[view]) for view in views)
         lines.append(
-            f"{phase.value:13}{shares}   {votes:7} {_number(assessment.concordance[phase])}"
+            f"{phase.value:13}{shares}   {votes:7} {known(assessment.concordance[phase], '{:.2f}')}"
         )
     lines.append("* the dominant view, the one most often named most critical")
     lines += [
-        f"Agreement over all phases: necessity alpha {_number(assessment.necessity_alpha)} "
+        f"Agreement over all phases: necessity alpha {known(assessment.necessity_alpha, '{:.2f}')} "
         f"({verdict(assessment.necessity_alpha)}), most critical view alpha "
-        f"{_number(assessment.critical_alpha)} ({verdict(assessment.critical_alpha)}).",
+        f"{known(assessment.critical_alpha, '{:.2f}')} ({verdict(assessment.critical_alpha)}).",
     ]
     if assessment.all_remarks:
         lines += ["Be wary:", *(f"- {remark}" for remark in assessment.all_remarks)]
@@ -153,24 +164,20 @@ def _session_quality(cut: CutSession) -> dict[str, Any]:
     }
 
 
-def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
-
-
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 3)
 
 
-_SMALL_PT, _TEXT_PT = 8, 9
 _SPREAD = 0.09  # between the dots of raters with the same answer
 _ROWS_IN = 0.62
 
 
+@styled
 def save_weights(
     assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str], path: Path
 ) -> None:
     """W, the necessity every rater gave, the votes and Kendall's W by phase, drawn to a file."""
-    figure = new_figure(11, 1.5 + _ROWS_IN * len(Phase))
+    figure = new_figure(WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
     shares, necessity, votes, concordance = figure.subplots(
         1, 4, sharey=True, width_ratios=(2.2, 3.2, 2.2, 1.4)
     )
@@ -178,11 +185,9 @@ def save_weights(
     _draw_necessity(necessity, sheets, views)
     _draw_votes(votes, assessment, views)
     _draw_concordance(concordance, assessment)
-    figure.suptitle(_title(assessment), fontsize=_TEXT_PT)
-    handles, labels = necessity.get_legend_handles_labels()
-    at: dict[str, Any] = {"loc": "outside lower center", "ncols": len(views), "frameon": False}
-    figure.legend(handles, labels, fontsize=_SMALL_PT, **at)
-    save_figure(figure, path, dpi=110)
+    figure.suptitle(_title(assessment), fontsize=TEXT_PT)
+    legend_beside(figure, necessity, "lower center")
+    save_figure(figure, path)
 
 
 def _title(assessment: Assessment) -> str:
@@ -190,7 +195,7 @@ def _title(assessment: Assessment) -> str:
     if assessment.simulated:
         whose += f", {assessment.simulated} of them simulated: not people"
     alphas = (assessment.necessity_alpha, assessment.critical_alpha)
-    first, second = ("–" if alpha is None else f"{alpha:.2f}" for alpha in alphas)
+    first, second = (known(alpha, "{:.2f}") for alpha in alphas)
     return (
         f"{whose}. Krippendorff's alpha: necessity {first} (ordinal), most critical view {second} "
         f"(nominal); {RELIABLE_ALPHA:.3f} is reliable, below {TENTATIVE_ALPHA} is not"
@@ -204,8 +209,8 @@ def _draw_shares(axes: Axes, assessment: Assessment, views: Sequence[str]) -> No
     for (y, x), share in np.ndenumerate(matrix):
         weight = "bold" if views[x] == list(rows.values())[y].dominant else "normal"
         colour = "white" if share > 0.4 else "black"
-        how: dict[str, Any] = {"ha": "center", "va": "center", "fontweight": weight}
-        axes.text(x, y, f"{share:.2f}", fontsize=_TEXT_PT, color=colour, **how)
+        how: Style = {"ha": "center", "va": "center", "fontweight": weight}
+        axes.text(x, y, f"{share:.2f}", color=colour, **how)
     kept = "\n(kept as it was)"
     names = [phase.value + ("" if rows[phase].dominant else kept) for phase in Phase]
     axes.set_xticks(range(len(views)), [view.upper() for view in views])
@@ -229,10 +234,10 @@ def _draw_necessity(axes: Axes, sheets: Sequence[Sheet], views: Sequence[str]) -
             axes.plot(x, height, "o", ms=3.5, alpha=0.75, color=colour, label=label)
             if len(points):
                 low, high = y + middle - 0.12, y + middle + 0.12
-                axes.vlines(points.mean(), low, high, color="black", linewidth=1.5, zorder=3)
+                axes.vlines(points.mean(), low, high, color=INK, linewidth=1.5, zorder=3)
     axes.set_xlim(LEAST - 0.5, MOST + 0.5)
     axes.set_xticks(range(LEAST, MOST + 1))
-    axes.grid(axis="x", linewidth=0.5, color="#d9d9d9")
+    axes.grid(axis="x")
     _style(axes, "necessity: a dot per rater, a bar at the mean")
 
 
@@ -243,7 +248,7 @@ def _draw_votes(axes: Axes, assessment: Assessment, views: Sequence[str]) -> Non
         colour = view_colour(number)
         bars = axes.barh(range(len(Phase)), counts, left=left, height=0.5, color=colour)
         labels = [str(count) if count else "" for count in counts]
-        axes.bar_label(bars, labels, label_type="center", fontsize=_SMALL_PT, color="white")
+        axes.bar_label(bars, labels, label_type="center", fontsize=SMALL_PT, color="white")
         left += counts
     axes.set_xlim(0, max(assessment.raters, 1))
     _style(axes, "named most critical by")
@@ -254,13 +259,11 @@ def _draw_concordance(axes: Axes, assessment: Assessment) -> None:
     known = [value or 0.0 for value in values]
     bars = axes.barh(range(len(Phase)), known, height=0.3, color="#666666")
     labels = ["not defined" if value is None else f"{value:.2f}" for value in values]
-    axes.bar_label(bars, labels, padding=2, fontsize=_SMALL_PT)
+    axes.bar_label(bars, labels, padding=2, fontsize=SMALL_PT)
     axes.set_xlim(0, 1.3)
     _style(axes, "Kendall's W")
 
 
 def _style(axes: Axes, title: str) -> None:
-    axes.set_title(title, fontsize=_TEXT_PT)
-    axes.tick_params(labelsize=_SMALL_PT)
-    axes.spines[["top", "right"]].set_visible(False)
+    axes.set_title(title, fontsize=TEXT_PT)
     axes.set_ylim(len(Phase) - 0.5, -0.5)

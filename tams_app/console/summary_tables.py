@@ -9,7 +9,8 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-_NOTHING = "–"
+from tams_app.printing import known
+
 _STOPS_NAMED = 5
 
 
@@ -25,12 +26,12 @@ def link_table(link: Mapping[str, Any]) -> Table:
         f"{number} {reason}" for reason, number in link["samples"]["refused"].items()
     )
     rows = {
-        "Link": f"round trip p50 {_number(trips['p50'], '{:.0f} ms')}, "
-        f"p99 {_number(trips['p99'], '{:.0f} ms')}; times between the two computers are right to "
+        "Link": f"round trip p50 {known(trips['p50'], '{:.0f} ms')}, "
+        f"p99 {known(trips['p99'], '{:.0f} ms')}; times between the two computers are right to "
         f"within {link['uncertainty_ms']:.1f} ms",
-        "Hand": f"age of a sample p50 {_number(ages['p50'], '{:.0f} ms')}, "
-        f"p99 {_number(ages['p99'], '{:.0f} ms')}; to the command p50 "
-        f"{_number(commands['p50'], '{:.0f} ms')}, p99 {_number(commands['p99'], '{:.0f} ms')}; "
+        "Hand": f"age of a sample p50 {known(ages['p50'], '{:.0f} ms')}, "
+        f"p99 {known(ages['p99'], '{:.0f} ms')}; to the command p50 "
+        f"{known(commands['p50'], '{:.0f} ms')}, p99 {known(commands['p99'], '{:.0f} ms')}; "
         f"{link['samples']['counted']} of {link['samples']['heard']} counted"
         + (f" ({refused})" if refused else ""),
     }
@@ -45,7 +46,7 @@ def _headline(summary: Mapping[str, Any]) -> Text:
     if outcome["completed"] is None:
         verdict = "no verdict on the task"
     elif outcome["completed"]:
-        time_s = _number(outcome["completion_time_s"], "{:.1f} s")
+        time_s = known(outcome["completion_time_s"], "{:.1f} s")
         verdict = f"completed in {time_s}, drops: {outcome['drops']}"
         verdict += ", success" if outcome["success"] else ", no success"
     else:
@@ -63,24 +64,24 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
     control, arm, uplink = summary["control"], summary["arm"], summary["uplink"]
     stops = [stop["stop_time_ms"] for stop in arm["stops"] if stop["stop_time_ms"] is not None]
     rows: dict[str, str | Table] = {
-        "Control loop": f"{_number(control['rate_hz'], '{:g} Hz')}, {control['ticks']} ticks, "
+        "Control loop": f"{known(control['rate_hz'], '{:g} Hz')}, {control['ticks']} ticks, "
         f"late {_percent(control['late_fraction'], 2)} ({control['skipped']} skipped), "
-        f"period error p99 {_number(control['period_error_ms']['p99'], '{:.2f} ms')}",
-        "Arm": f"round trip p50 {_number(arm['round_trip_ms']['p50'], '{:.1f} ms')}, "
-        f"p99 {_number(arm['round_trip_ms']['p99'], '{:.1f} ms')}; stops: {len(arm['stops'])}"
+        f"period error p99 {known(control['period_error_ms']['p99'], '{:.2f} ms')}",
+        "Arm": f"round trip p50 {known(arm['round_trip_ms']['p50'], '{:.1f} ms')}, "
+        f"p99 {known(arm['round_trip_ms']['p99'], '{:.1f} ms')}; stops: {len(arm['stops'])}"
         + (f", longest {max(stops):.0f} ms" if stops else ""),
         "Stops": _stops_table(arm["stops"]) if arm["stops"] else "",
-        "Uplink": f"{_number(uplink['sent_kbps_mean'], '{:.0f}')} of "
-        f"{_number(uplink['capacity_kbps'], '{:.0f}')} kbit/s, "
+        "Uplink": f"{known(uplink['sent_kbps_mean'], '{:.0f}')} of "
+        f"{known(uplink['capacity_kbps'], '{:.0f}')} kbit/s, "
         f"used {_percent(uplink['utilisation'], 0)}, "
-        f"queue p95 {_number(uplink['queue_ms']['p95'], '{:.0f} ms')}",
+        f"queue p95 {known(uplink['queue_ms']['p95'], '{:.0f} ms')}",
         "Loss": f"{_percent(uplink['loss_fraction'], 2)} before repair, "
         f"{_percent(uplink['residual_loss_fraction'], 2)} after",
         "Freezes": _freezes(summary["views"]),
         "Primary view": _quality(summary["primary_view"]),
-        "Load": f"application {_number(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
-        f"helpers {_number(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
-        f"{_number(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
+        "Load": f"application {known(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
+        f"helpers {known(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
+        f"{known(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
     }
     table = Table.grid(padding=(0, 2))
     for name, value in rows.items():
@@ -113,7 +114,7 @@ def _freezes(views: Mapping[str, Mapping[str, Any]]) -> str:
 
 def _quality(primary: Mapping[str, Any]) -> str:
     names = ("received", "delivered", "live")
-    scores = [f"{name} {_number(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
+    scores = [f"{name} {known(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
     return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
 
 
@@ -138,25 +139,21 @@ def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
         latency, freezes = entry["latency_ms"], entry["freezes"]
         table.add_row(
             view.upper(),
-            _number(entry["target_kbps_mean"], "{:.0f}"),
-            _number(entry["sent_kbps_mean"], "{:.0f}"),
+            known(entry["target_kbps_mean"], "{:.0f}"),
+            known(entry["sent_kbps_mean"], "{:.0f}"),
             _percent(entry["tracking_error"], 1),
-            f"{_number(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
+            f"{known(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
             f"{entry['frames_shown']}/{entry['frames_captured']}",
-            _number(latency["p50"], "{:.0f}"),
-            _number(latency["p95"], "{:.0f}"),
-            _number(freezes["count"], "{:d}") + _seconds(freezes["total_s"]),
-            _number(entry["received_ssim"], "{:.3f}"),
+            known(latency["p50"], "{:.0f}"),
+            known(latency["p95"], "{:.0f}"),
+            known(freezes["count"], "{:d}") + _seconds(freezes["total_s"]),
+            known(entry["received_ssim"], "{:.3f}"),
         )
     return table
 
 
-def _number(value: float | None, form: str) -> str:
-    return _NOTHING if value is None else form.format(value)
-
-
 def _percent(value: float | None, digits: int) -> str:
-    return _NOTHING if value is None else f"{100 * value:.{digits}f} %"
+    return known(None if value is None else 100 * value, f"{{:.{digits}f}} %")
 
 
 def _seconds(value: float | None) -> str:

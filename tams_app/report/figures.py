@@ -1,4 +1,4 @@
-"""Figures of a session, drawn for print: bitrates.png, the paper's bitrate tracking figure."""
+"""Rates over a session's time, and bitrates.png: the paper's bitrate tracking figure."""
 
 from __future__ import annotations
 
@@ -7,29 +7,52 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tams_app.outputs import new_file
 from tams_app.palette import view_colour
 from tams_app.recording import SessionLog
-from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
+from tams_app.report.plots import (
+    FAINT,
+    INK,
+    PAPER_IN,
+    SMALL_PT,
+    TIME_AXIS,
+    TINY_PT,
+    Stretch,
+    draw_event,
+    new_figure,
+    save_figure,
+    styled,
+)
+from tams_app.summary.tables import Floats, FrameTable, Integers, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS
 WINDOW_FRAMES = 7.5  # at least
 STEPS_PER_FRAME = 4  # how far the window slides at a time
-DPI = 200
-WIDTH_IN = 7.16  # two columns of the paper
 ROW_IN = 1.15
 
-_TARGET = "#000000"
-_PHASE_LINE = "#777777"
-_FRAMES = "#555555"
 _MIN_LABEL_FRACTION = 0.035  # of the width: phases shorter than this keep their line only
-_STYLE_PT = 8
 _TARGET_PT, _MEASURED_PT = 0.9, 1.3
+
+
+def since_start_s(log: SessionLog, t_ns: int) -> float:
+    """A time of the session's clock in seconds since the session started."""
+    return (t_ns - log.header.started_ns) / NS_PER_S
+
+
+def all_since_start_s(log: SessionLog, t_ns: Integers) -> Floats:
+    """As `since_start_s`, of each."""
+    seconds: Floats = (t_ns - log.header.started_ns) / NS_PER_S
+    return seconds
+
+
+def phase_stretches(log: SessionLog) -> list[Stretch]:
+    """Each phase with its end, in order."""
+    times_s = [since_start_s(log, t_ns) for t_ns in (*(c.t_ns for c in log.phases), log.ended_ns)]
+    names = (change.phase.value.replace("_", "-").title() for change in log.phases)
+    return [Stretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,6 +98,48 @@ def frame_interval_ns(log: SessionLog, view: str) -> int:
     return int(np.median(usual_ns)) if len(usual_ns) else NS_PER_S // log.header.fps
 
 
+@dataclass(frozen=True, slots=True)
+class Rates:
+    """What was asked of each view and what was sent of it, while video was asked for."""
+
+    span: Span
+    targets: Targets
+    t_s: Floats  # of the targets, and of the end
+    curves: dict[str, RateCurve]  # empty ones without packets
+
+    @staticmethod
+    def of(log: SessionLog) -> Rates | None:
+        """None for a log without video."""
+        packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
+        if span is None:
+            return None
+        curves = {
+            view: measured_rate(
+                packets, place, span, frame_interval_ns(log, view), log.header.started_ns
+            )
+            if len(packets.size_bytes)
+            else RateCurve(np.empty(0), np.empty(0))
+            for place, view in enumerate(log.header.views)
+        }
+        t_s = all_since_start_s(log, np.append(targets.t_ns, span.end_ns))
+        return Rates(span, targets, t_s, curves)
+
+    def most_kbps(self) -> float:
+        """Of any view, asked for or sent."""
+        columns = (*self.targets.kbps.values(), *(curve.kbps for curve in self.curves.values()))
+        return max(float(kbps.max(initial=0.0)) for kbps in columns)
+
+    def draw(self, axis: Axes, place: int, view: str) -> None:
+        """Target and measured rate of `view`, number `place` of all."""
+        kbps, curve = self.targets.kbps[view], self.curves[view]
+        asked = np.append(kbps, kbps[-1]) / 1000
+        axis.step(self.t_s, asked, where="post", color=INK, lw=_TARGET_PT, zorder=3, label="target")
+        if len(curve.t_s):
+            colour = view_colour(place)
+            axis.plot(curve.t_s, curve.kbps / 1000, color=colour, lw=_MEASURED_PT, label="sent")
+
+
+@styled
 def bitrates_figure(log: SessionLog) -> Figure:
     """Target and measured rate of each view over time, its frames a second dotted.
 
@@ -82,68 +147,44 @@ def bitrates_figure(log: SessionLog) -> Figure:
 
     Also drawn for a log without any video, so that every session leaves the same files.
     """
-    packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
-    views = log.header.views
-    figure = Figure(figsize=(WIDTH_IN, ROW_IN * len(views) + 0.75), layout="constrained")
-    FigureCanvasAgg(figure)
+    views, rates = log.header.views, Rates.of(log)
+    figure = new_figure(PAPER_IN, ROW_IN * len(views) + 0.75)
     axes = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for place, (view, axis) in enumerate(zip(views, axes, strict=True)):
-        if span is not None:
-            _draw_view(axis, log, place, packets, targets, span)
-        _dress(axis, view)
-    _draw_phases(log, list(axes), span)
-    axes[-1].set_xlabel("Time since session start [s]", fontsize=_STYLE_PT)
+        if rates is not None:
+            rates.draw(axis, place, view)
+            _draw_frames(axis, log, view, rates.span)
+        dress_rate(axis, view.upper())
+        axis.margins(x=0)
+    if rates is not None:
+        _draw_phases(log, list(axes), rates.span)
+    axes[-1].set_xlabel(TIME_AXIS)
     longest_ns = max(window_of_ns(frame_interval_ns(log, view)) for view in views)
     measured = f"Measured, {longest_ns // NS_PER_MS} ms windows"
     figure.legend(
         handles=[
-            Line2D([], [], color=_TARGET, linewidth=_TARGET_PT, label="Target"),
-            Line2D([], [], color=view_colour(0), linewidth=_MEASURED_PT, label=measured),
-            Line2D([], [], color=_FRAMES, linewidth=_TARGET_PT, linestyle=":", label="Frames/s"),
+            Line2D([], [], color=INK, lw=_TARGET_PT, label="Target"),
+            Line2D([], [], color=view_colour(0), lw=_MEASURED_PT, label=measured),
+            Line2D([], [], color=FAINT, lw=_TARGET_PT, linestyle=":", label="Frames/s"),
         ],
         loc="outside upper right",
         ncols=3,
-        fontsize=_STYLE_PT,
-        frameon=False,
     )
-    figure.suptitle(
-        f"{log.header.strategy} on {log.header.network}, {log.header.budget_mode} budget",
-        x=0.01,
-        ha="left",
-        fontsize=_STYLE_PT,
-    )
+    title = f"{log.header.strategy} on {log.header.network}, {log.header.budget_mode} budget"
+    figure.suptitle(title, x=0.01, ha="left", fontsize=SMALL_PT)
     return figure
 
 
 def save_bitrates(log: SessionLog, path: Path) -> None:
     """Write bitrates.png."""
-    with new_file(path) as file:
-        bitrates_figure(log).savefig(file, dpi=DPI, format="png")
+    save_figure(bitrates_figure(log), path)
 
 
-def _draw_view(
-    axis: Axes, log: SessionLog, place: int, packets: PacketTable, targets: Targets, span: Span
-) -> None:
-    origin_ns = log.header.started_ns
-    view = log.header.views[place]
-    kbps, frame_ns = targets.kbps[view], frame_interval_ns(log, view)
-    axis.step(
-        (np.append(targets.t_ns, span.end_ns) - origin_ns) / NS_PER_S,
-        np.append(kbps, kbps[-1]) / 1000,
-        where="post",
-        color=_TARGET,
-        linewidth=_TARGET_PT,
-        zorder=3,
-    )
-    if len(packets.size_bytes):
-        curve = measured_rate(packets, place, span, frame_ns, origin_ns)
-        axis.plot(
-            curve.t_s,
-            curve.kbps / 1000,
-            color=view_colour(place),
-            linewidth=_MEASURED_PT,
-        )
-    _draw_frames(axis, log, view, span)
+def dress_rate(axis: Axes, name: str) -> None:
+    """The axis of a rate, from 0; `name`: of the view or of the uplink."""
+    axis.set_ylabel(f"{name}\n[Mbit/s]")
+    axis.set_ylim(bottom=0)
+    axis.grid(axis="y")
 
 
 def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
@@ -151,46 +192,30 @@ def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
     capture_ns = FrameTable.of(log, view).capture_ns
     ends_ns = np.arange(span.start_ns + NS_PER_S, span.end_ns + 1, NS_PER_S // 4)
     frames = np.searchsorted(capture_ns, ends_ns) - np.searchsorted(capture_ns, ends_ns - NS_PER_S)
-    t_s = (ends_ns - log.header.started_ns) / NS_PER_S
     right = axis.twinx()
-    right.plot(t_s, frames, color=_FRAMES, linewidth=_TARGET_PT, linestyle=":")
+    t_s = all_since_start_s(log, ends_ns)
+    right.plot(t_s, frames, color=FAINT, lw=_TARGET_PT, linestyle=":")
     right.set_ylim(0, 1.05 * log.header.fps)
     right.set_yticks([0, log.header.fps])
-    right.set_ylabel("frames/s", fontsize=_STYLE_PT - 1, color=_FRAMES)
-    right.tick_params(labelsize=_STYLE_PT - 1, colors=_FRAMES)
-    right.spines[["top", "left"]].set_visible(False)
+    right.set_ylabel("[frames/s]", fontsize=TINY_PT, color=FAINT)
+    right.tick_params(labelsize=TINY_PT, colors=FAINT)
+    right.spines["left"].set_visible(False)
 
 
-def _dress(axis: Axes, view: str) -> None:
-    axis.set_ylabel(f"{view.upper()}\n[Mbit/s]", fontsize=_STYLE_PT)
-    axis.set_ylim(bottom=0)
-    axis.margins(x=0)
-    axis.tick_params(labelsize=_STYLE_PT - 1)
-    axis.grid(axis="y", linewidth=0.3, color="#cccccc")
-    axis.spines[["top", "right"]].set_visible(False)
-
-
-def _draw_phases(log: SessionLog, axes: list[Axes], span: Span | None) -> None:
+def _draw_phases(log: SessionLog, axes: list[Axes], span: Span) -> None:
     """A dashed line where each phase begins, its name on top where it fits."""
-    if span is None:
-        return
-    start_s, end_s = ((t - log.header.started_ns) / NS_PER_S for t in (span.start_ns, span.end_ns))
+    start_s, end_s = (since_start_s(log, t_ns) for t_ns in (span.start_ns, span.end_ns))
     axes[0].set_xlim(start_s, end_s)
-    begins_s = [(change.t_ns - log.header.started_ns) / NS_PER_S for change in log.phases]
-    for change, begin_s, next_s in zip(log.phases, begins_s, [*begins_s[1:], end_s], strict=True):
-        visible_s = max(begin_s, start_s)
-        if next_s <= start_s or begin_s >= end_s:
+    for phase, change in zip(phase_stretches(log), log.phases, strict=True):
+        begin_s, until_s = max(phase.start_s, start_s), min(phase.end_s, end_s)
+        if until_s <= start_s or begin_s >= end_s:
             continue
+        fits = until_s - begin_s >= _MIN_LABEL_FRACTION * (end_s - start_s)
         for axis in axes:
-            axis.axvline(visible_s, color=_PHASE_LINE, linestyle="--", linewidth=0.7, zorder=1)
-        if next_s - visible_s >= _MIN_LABEL_FRACTION * (end_s - start_s):
-            axes[0].annotate(
-                change.phase.value.replace("_", "-"),
-                (visible_s, 1.0),
-                xycoords=("data", "axes fraction"),
-                xytext=(2, 1),
-                textcoords="offset points",
-                fontsize=_STYLE_PT - 2.5,
-                rotation=20,
-                va="bottom",
+            draw_event(
+                axis,
+                begin_s,
+                change.phase.value.replace("_", "-") if fits and axis is axes[0] else "",
+                {"color": FAINT, "linestyle": "--", "linewidth": 0.7, "zorder": 1},
+                {"fontsize": TINY_PT - 1.5, "rotation": 20, "xytext": (2, 1), "va": "bottom"},
             )

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import base64
-import io
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from markupsafe import Markup
-from matplotlib.figure import Figure
+import cv2
+import numpy as np
 
 from tams_app import __version__
 from tams_app.outputs import write_file
 from tams_app.policy.weights import WeightMatrix
+from tams_app.printing import known
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import ShownPicture
+from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
-from tams_app.report.timeline import Stretch, phase_stretches, stops_of, timeline_figure
+from tams_app.report.plots import Stretch, to_svg
+from tams_app.report.timeline import stops_of, timeline_figure
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
 _TEMPLATE_NAME = "session.html.j2"
-_STILL_WITHIN_S = 1.0  # of the phase's beginning
+_LEAST_RANGE = 8  # of a picture's grey levels; an encoder's first frames may show nothing at all
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,12 +41,22 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
+class Still:
+    """A picture of a view, `t_s` after the session's start; `source`: of an image in a page."""
+
+    view: str
+    t_s: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
 class PhaseStills:
-    """What the operator saw when a phase began: a picture of each view that there is one of."""
+    """What the operator saw as a phase began, and the views that the log has no picture of."""
 
     phase: Stretch
     primary: str
-    pictures: Mapping[str, str]  # the source of an image, by view
+    pictures: tuple[Still, ...]
+    missing: tuple[str, ...]
 
 
 def write_page(
@@ -62,18 +74,18 @@ def session_page(
     log: SessionLog, summary: Mapping[str, Any], stills: list[PhaseStills], title: str
 ) -> str:
     """The page; `title`: the session's folder."""
-    environment = page_environment(Path(__file__).parent)
-    environment.filters["number"] = _number
+    environment = page_environment()
+    environment.filters["number"] = known
     return environment.get_template(_TEMPLATE_NAME).render(
         title=title,
         version=__version__,
         header=log.header,
         summary=summary,
-        notes=[(_s(log, note.t_ns), note.level, note.text) for note in log.notes],
+        notes=[(since_start_s(log, note.t_ns), note.level, note.text) for note in log.notes],
         stops=stop_rows(log),
-        phases=phase_stretches(log),
         stills=stills,
-        timeline=Markup(_svg(timeline_figure(log))),
+        has_pictures=any(still.pictures for still in stills),
+        timeline=to_svg(timeline_figure(log)),
     )
 
 
@@ -93,42 +105,30 @@ def stop_rows(log: SessionLog) -> list[Stop]:
 
 
 def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseStills]:
-    """For each phase the first picture of each view that was shown in its first second."""
+    """For each phase the first picture of each view that was shown in it and is not blank."""
     weights = WeightMatrix(log.header.weights) if log.header.weights else None
     phases = phase_stretches(log)
-    found: list[dict[str, ShownPicture]] = [{} for _ in phases]
+    found: list[dict[str, Still]] = [{} for _ in phases]
     for picture in pictures:
-        t_s = _s(log, picture.shown_ns - log.header.wall_offset_ns)
+        t_s = since_start_s(log, picture.shown_ns - log.header.wall_offset_ns)
         for phase, of_phase in zip(phases, found, strict=True):
-            until_s = min(phase.start_s + _STILL_WITHIN_S, phase.end_s)
-            if phase.start_s <= t_s < until_s:
-                of_phase.setdefault(picture.view, picture)
-    changes = [change.phase for change in log.phases]
+            is_new = phase.start_s <= t_s < phase.end_s and picture.view not in of_phase
+            if is_new and not _is_blank(picture):
+                coded = base64.b64encode(picture.data).decode("ascii")
+                source = f"data:image/jpeg;base64,{coded}"
+                of_phase[picture.view] = Still(picture.view, t_s, source)
     return [
         PhaseStills(
             phase,
-            "" if weights is None else weights.primary_view(change),
-            {view: _source(of_phase[view]) for view in log.header.views if view in of_phase},
+            "" if weights is None else weights.primary_view(change.phase),
+            tuple(of_phase[view] for view in log.header.views if view in of_phase),
+            tuple(view for view in log.header.views if view not in of_phase),
         )
-        for phase, change, of_phase in zip(phases, changes, found, strict=True)
+        for phase, change, of_phase in zip(phases, log.phases, found, strict=True)
     ]
 
 
-def _source(picture: ShownPicture) -> str:
-    return f"data:image/jpeg;base64,{base64.b64encode(picture.data).decode('ascii')}"
-
-
-def _svg(figure: Figure) -> str:
-    """As an element of a page: sharp at any size, with words that can be searched."""
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
-
-
-def _s(log: SessionLog, t_ns: int) -> float:
-    return (t_ns - log.header.started_ns) / NS_PER_S
-
-
-def _number(value: float | None, form: str = "%.0f") -> str:
-    return "–" if value is None else form % value
+def _is_blank(picture: ShownPicture) -> bool:
+    pixels = np.frombuffer(picture.data, np.uint8)
+    image = cv2.imdecode(pixels, cv2.IMREAD_REDUCED_GRAYSCALE_8) if len(pixels) else None
+    return image is None or int(np.ptp(image)) < _LEAST_RANGE

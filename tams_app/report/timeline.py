@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, TypeAlias
-
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tams_app.palette import (
@@ -20,42 +15,38 @@ from tams_app.palette import (
 )
 from tams_app.recording import SessionLog
 from tams_app.records import StopRecord
-from tams_app.report.figures import RateCurve, frame_interval_ns, measured_rate
-from tams_app.summary.tables import Floats, FrameTable, PacketTable, Span, Targets
+from tams_app.report.figures import (
+    Rates,
+    all_since_start_s,
+    dress_rate,
+    phase_stretches,
+    since_start_s,
+)
+from tams_app.report.plots import (
+    GROUND,
+    HATCH,
+    SMALL_PT,
+    STOP,
+    TIME_AXIS,
+    TINY_PT,
+    WIDE_IN,
+    Stretch,
+    Style,
+    draw_event,
+    draw_phase_strip,
+    new_figure,
+    styled,
+)
+from tams_app.summary.tables import FrameTable
 from tams_app.teleop.safety import ArmingState
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
-WIDTH_IN, ROW_IN, BAND_IN = 11.0, 1.25, 0.55
-_TEXT_PT = 9
-_STOP = "#B00020"
-_PHASE_COLOURS = ("#e8e8e8", "#cfcfcf")  # in turn; the names tell them apart
-_LAST = 0.94  # part of the session
-_NAME_LEVELS = 3  # names of short phases stand on other levels, so that none hides another
+ROW_IN, BAND_IN = 1.25, 0.55
 _HELD: dict[str, tuple[str, str]] = {  # the word, and the strokes behind the curves
     ArmingState.HOLDING: ("hold", "//"),
     ArmingState.FAULT: ("fault", "xx"),
 }
 _QUALITY_WINDOW_S = 1.0
-
-Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """A part of the session, in seconds since its start."""
-
-    name: str
-    start_s: float
-    end_s: float
-
-
-def phase_stretches(log: SessionLog) -> list[Stretch]:
-    """Each phase with its end, in order."""
-    ends = [change.t_ns for change in log.phases[1:]] + [log.ended_ns]
-    return [
-        Stretch(change.phase.value.replace("_", "-").title(), _s(log, change.t_ns), _s(log, end_ns))
-        for change, end_ns in zip(log.phases, ends, strict=False)
-    ]
 
 
 def held_stretches(log: SessionLog) -> list[Stretch]:
@@ -65,132 +56,84 @@ def held_stretches(log: SessionLog) -> list[Stretch]:
     for arming, t_ns in (*((one.arming, one.started_ns) for one in log.ticks), ("", log.ended_ns)):
         if arming != state:
             if state in _HELD:
-                found.append(Stretch(_HELD[state][0], _s(log, since_ns), _s(log, t_ns)))
+                ends_s = (since_start_s(log, end_ns) for end_ns in (since_ns, t_ns))
+                found.append(Stretch(_HELD[state][0], *ends_s))
             state, since_ns = arming, t_ns
     return found
 
 
 def stops_of(log: SessionLog) -> list[tuple[float, StopRecord]]:
     """Each stop with its time in seconds since the start, in the order of their numbers."""
-    return [(_s(log, stop.visible_ns), stop) for stop in sorted(log.stops, key=_visible_ns)]
+    return [(since_start_s(log, one.visible_ns), one) for one in sorted(log.stops, key=_visible_ns)]
 
 
+@styled
 def timeline_figure(log: SessionLog) -> Figure:
     """All of a session; also drawn for a log without any video."""
-    views = log.header.views
+    views, ended_s = log.header.views, since_start_s(log, log.ended_ns)
     heights = [BAND_IN, *([ROW_IN] * (len(views) + 3))]
-    figure = Figure(figsize=(WIDTH_IN, sum(heights) + 0.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(WIDE_IN, sum(heights) + 0.6)
     rows = figure.subplots(
         len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )[:, 0]
-    band, *rates, link, delay, quality = rows
-    span = Span.of(log)
-    _draw_phases(band, log)
-    most_kbps = _draw_rates(rates, link, log, span)
-    for axis in rates:  # one scale, so that the views can be compared
-        axis.set_ylim(0, 1.08 * max(most_kbps, 1.0) / 1000)
-    for place, view in enumerate(views):
+    band, *of_views, link, delay, quality = rows
+    draw_phase_strip(band, phase_stretches(log), ended_s)
+    rates = Rates.of(log)
+    for place, (view, axis) in enumerate(zip(views, of_views, strict=True)):
+        dress_rate(axis, view.upper())
+        if rates is not None:
+            rates.draw(axis, place, view)
         _draw_delay(delay, log, place, view)
         _draw_quality(quality, log, place, view)
-    for axis, label in (
-        *((axis, f"{view.upper()}\nMbit/s") for view, axis in zip(views, rates, strict=True)),
-        (link, "Uplink\nMbit/s"),
-        (delay, "Capture to\nscreen, ms"),
-        (quality, "SSIM live"),
-    ):
-        _dress(axis, label)
+    most_kbps = 0.0 if rates is None else rates.most_kbps()
+    for axis in of_views:  # one scale, so that the views can be compared
+        axis.set_ylim(0, 1.08 * max(most_kbps, 1.0) / 1000)
+    if rates is not None:
+        _draw_uplink(link, log, rates)
+    dress_rate(link, "Uplink")
+    for axis, label in ((delay, "Capture to\nscreen [ms]"), (quality, "SSIM live")):
+        axis.set_ylabel(label)
+        axis.grid(axis="y")
     delay.set_ylim(bottom=0)
     quality.set_ylim(top=1.0)
     for axis in rows[1:]:
         _draw_stops(axis, log)
-    for axis in (rates[0], link, delay, quality):
+    for axis in (of_views[0], link, delay, quality):
         if axis.get_legend_handles_labels()[0]:
-            axis.legend(
-                loc="lower right",
-                ncols=4,
-                fontsize=_TEXT_PT - 2,
-                framealpha=0.85,
-                edgecolor="none",
-                borderaxespad=0.2,
-            )
-    rows[-1].set_xlabel("Time since session start, s", fontsize=_TEXT_PT)
-    rows[-1].set_xlim(0.0, max(_s(log, log.ended_ns), 0.1))
+            ground: Style = {"frameon": True, "facecolor": GROUND, "edgecolor": "none"}
+            axis.legend(loc="lower right", ncols=4, fontsize=TINY_PT, framealpha=0.85, **ground)
+    rows[-1].set_xlabel(TIME_AXIS)
+    rows[-1].set_xlim(0.0, max(ended_s, 0.1))
     return figure
 
 
-def _draw_phases(axis: Axes, log: SessionLog) -> None:
-    """Bands, every one with its name; names of short ones are on other levels."""
-    axis.set_ylim(0, 1)
-    axis.set_yticks([])
-    axis.spines[:].set_visible(False)
-    whole_s = _s(log, log.ended_ns)
-    for number, phase in enumerate(phase_stretches(log)):
-        axis.axvspan(phase.start_s, phase.end_s, color=_PHASE_COLOURS[number % 2], linewidth=0)
-        is_last = phase.start_s > _LAST * whole_s  # there its name ends where the figure does
-        axis.text(
-            whole_s if is_last else phase.start_s,
-            0.97 - number % _NAME_LEVELS / _NAME_LEVELS,
-            phase.name,
-            fontsize=_TEXT_PT - 2,
-            va="top",
-            ha="right" if is_last else "left",
-        )
-
-
-def _draw_rates(rates: Sequence[Axes], link: Axes, log: SessionLog, span: Span | None) -> float:
-    """Target and measured rate of each view and of the uplink; the most of a view [kbit/s]."""
-    if span is None:
-        return 0.0
-    packets, targets = PacketTable.of(log), Targets.of(log)
-    t_s = _seconds(log, np.append(targets.t_ns, span.end_ns))
-    most_kbps, total = 0.0, None
-    for place, (view, axis) in enumerate(zip(log.header.views, rates, strict=True)):
-        kbps = targets.kbps[view]
-        axis.step(
-            t_s, np.append(kbps, kbps[-1]) / 1000, where="post", color="black", lw=1, label="target"
-        )
-        curve = measured_rate(
-            packets, place, span, frame_interval_ns(log, view), log.header.started_ns
-        )
-        if len(curve.t_s):
-            axis.plot(curve.t_s, curve.kbps / 1000, color=view_colour(place), lw=1.4, label="sent")
-        most_kbps = max(most_kbps, float(kbps.max()), float(curve.kbps.max(initial=0.0)))
-        total = _sum(total, curve)
-    if total is not None:
-        link.plot(total.t_s, total.kbps / 1000, color=UPLINK_SENT, lw=2.2, label="sent, all views")
-    budget_kbps = np.append(targets.budget_kbps, targets.budget_kbps[-1])
+def _draw_uplink(link: Axes, log: SessionLog, rates: Rates) -> None:
+    """Rate, budget and capacities of the uplink."""
+    curves = [curve for curve in rates.curves.values() if len(curve.t_s)]
+    if curves:  # at the times of the first
+        t_s = curves[0].t_s
+        sent = sum(np.interp(t_s, curve.t_s, curve.kbps) for curve in curves) / 1000
+        link.plot(t_s, sent, color=UPLINK_SENT, lw=2.2, label="sent, all views")
     step: Style = {"where": "post", "lw": 1}
-    link.step(t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
+    budget_kbps = np.append(rates.targets.budget_kbps, rates.targets.budget_kbps[-1])
+    link.step(rates.t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
     believed = [one.capacity_kbps for one in sorted(log.allocations, key=lambda one: one.t_ns)]
     estimate = np.array([np.nan if kbps is None else kbps for kbps in (*believed, believed[-1])])
-    link.step(
-        t_s, estimate / 1000, color=CAPACITY_ESTIMATE, ls="--", label="capacity estimate", **step
-    )
+    dashed: Style = {**step, "ls": "--", "color": CAPACITY_ESTIMATE}
+    link.step(rates.t_s, estimate / 1000, label="capacity estimate", **dashed)
     if emulated := [one for one in log.capacities if one.capacity_kbps is not None]:
-        ends_s = _seconds(log, np.array([*(one.t_ns for one in emulated), span.end_ns]))
+        ends_ns = np.array([*(one.t_ns for one in emulated), rates.span.end_ns])
         kbps = np.array([one.capacity_kbps for one in (*emulated, emulated[-1])], dtype=float)
-        link.step(
-            ends_s, kbps / 1000, color=EMULATED_CAPACITY, ls=":", label="emulated capacity", **step
-        )
-    link.set_ylim(bottom=0)
-    return most_kbps
-
-
-def _sum(total: RateCurve | None, curve: RateCurve) -> RateCurve | None:
-    """Rates at the times of the first curve."""
-    if not len(curve.t_s):
-        return total
-    if total is None:
-        return curve
-    return RateCurve(total.t_s, total.kbps + np.interp(total.t_s, curve.t_s, curve.kbps))
+        dotted: Style = {**step, "ls": ":", "color": EMULATED_CAPACITY}
+        t_s = all_since_start_s(log, ends_ns)
+        link.step(t_s, kbps / 1000, label="emulated capacity", **dotted)
 
 
 def _draw_delay(axis: Axes, log: SessionLog, place: int, view: str) -> None:
     frames = FrameTable.of(log, view)
     shown = frames.shown_ns > 0
     axis.plot(
-        _seconds(log, frames.shown_ns[shown]),
+        all_since_start_s(log, frames.shown_ns[shown]),
         (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS,
         color=view_colour(place),
         lw=1,
@@ -203,7 +146,7 @@ def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
     scored = [(one.capture_ns, one.live) for one in log.quality if one.view == view and one.live]
     if not scored:
         return
-    t_s = _seconds(log, np.array([t_ns for t_ns, _ in scored], dtype=np.int64))
+    t_s = all_since_start_s(log, np.array([t_ns for t_ns, _ in scored], dtype=np.int64))
     seconds = np.floor(t_s / _QUALITY_WINDOW_S)
     values = np.array([value for _, value in scored])
     ends = np.unique(seconds)
@@ -215,44 +158,12 @@ def _draw_stops(axis: Axes, log: SessionLog) -> None:
     """Holds and faults hatched, each stop a numbered line."""
     hatches = dict(_HELD.values())
     for held in held_stretches(log):
-        axis.axvspan(
-            held.start_s,
-            held.end_s,
-            facecolor="none",
-            edgecolor="#bbbbbb",
-            hatch=hatches[held.name],
-            linewidth=0,
-            zorder=0,
-        )
+        strokes: Style = {"facecolor": "none", "edgecolor": HATCH, "hatch": hatches[held.name]}
+        axis.axvspan(held.start_s, held.end_s, linewidth=0, zorder=0, **strokes)
+    line: Style = {"color": STOP, "lw": 1.2}
     for number, (t_s, _) in enumerate(stops_of(log), start=1):
-        axis.axvline(t_s, color=_STOP, lw=1.2)
-        axis.annotate(
-            str(number),
-            (t_s, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(2, -2),
-            textcoords="offset points",
-            color=_STOP,
-            fontsize=_TEXT_PT - 1,
-            va="top",
-        )
-
-
-def _dress(axis: Axes, label: str) -> None:
-    axis.set_ylabel(label, fontsize=_TEXT_PT)
-    axis.tick_params(labelsize=_TEXT_PT - 1)
-    axis.grid(axis="y", linewidth=0.3, color="#cccccc")
-    axis.spines[["top", "right"]].set_visible(False)
+        draw_event(axis, t_s, str(number), line, {"color": STOP, "fontsize": SMALL_PT})
 
 
 def _visible_ns(stop: StopRecord) -> int:
     return stop.visible_ns
-
-
-def _s(log: SessionLog, t_ns: int) -> float:
-    return (t_ns - log.header.started_ns) / NS_PER_S
-
-
-def _seconds(log: SessionLog, t_ns: np.ndarray) -> Floats:
-    seconds: Floats = (t_ns - log.header.started_ns) / NS_PER_S
-    return seconds

@@ -46,7 +46,8 @@ def pictures() -> Iterable[ShownFrame]:
     """As the operator's side shows them, on a clock that is an hour less."""
     for at_s, grey in ((0.3, FIRST_GREY), (1.6, LATER_GREY)):
         for view in VIEWS:
-            image = np.full((48, 64, 3), grey, np.uint8)
+            image = np.full((48, 64, 3), grey - 20, np.uint8)
+            image[:24] = grey + 20
             shown_ns = START_NS - HOUR_NS + round(at_s * NS_PER_S)
             yield ShownFrame(view, 0, shown_ns, image, shown_ns, True)
 

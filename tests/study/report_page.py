@@ -37,7 +37,8 @@ class Page:
 
     @property
     def images(self) -> list[ElementTree.Element]:
-        return list(self._root.iter("img"))
+        """What holds a plot, with its words for those who do not see it."""
+        return [one for one in self._root.iter("div") if one.get("role") == "img"]
 
     def tables(self, caption: str) -> list[PageTable]:
         """Those with these words in their caption."""

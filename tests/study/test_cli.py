@@ -95,6 +95,7 @@ def test_report_writes_where_it_is_told_and_is_made_again_from_its_tables(
 
     monkeypatch.setattr(build, "drawing", MagicMock())  # figures take most of the time
     monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
+    monkeypatch.setattr(build, "to_svg", lambda figure: "drawn")
     folder, tables = tmp_path / "s", tmp_path / "s" / "tables"
     study("run", "--sim", "--participants", 1, "--config", config, "--out", folder)
     code, text, err = study("report", folder, "--out", tmp_path / "r", "--tolerance-ssim", 0.02)

@@ -155,6 +155,7 @@ def test_the_tracking_example_is_drawn_from_a_fitting_trial_s_log(
         write_log(tmp_path / trial.attempts[0].folder / "session.mcap")
     monkeypatch.setattr(build, "drawing", MagicMock())  # the other figures
     monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
+    monkeypatch.setattr(build, "to_svg", lambda figure: "drawn")
     report = build.build_report(read_results(study))
     assert "rate of each view, TAMS on S2 (P01-0" in report.html
     assert report.figures["tracking"] == b"drawn"

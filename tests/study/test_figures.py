@@ -12,7 +12,8 @@ from matplotlib.text import Annotation
 
 from tams_app.recording import SessionLog
 from tams_app.records import Phase, PhaseChange
-from tams_app.report.figures import DPI, WIDTH_IN, bitrates_figure, measured_rate, save_bitrates
+from tams_app.report.figures import bitrates_figure, measured_rate, save_bitrates
+from tams_app.report.plots import DPI, PAPER_IN
 from tams_app.summary.tables import PacketTable, Span
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header
@@ -87,7 +88,7 @@ def test_the_file_is_an_image_for_print(tmp_path: Path) -> None:
     save_bitrates(Synthetic(2.0).log(), tmp_path / "bitrates.png")
     image = cv2.imread(str(tmp_path / "bitrates.png"))
     assert image is not None
-    assert image.shape[1] == round(WIDTH_IN * DPI)
+    assert image.shape[1] == round(PAPER_IN * DPI)
     assert image.std() > 5
 
 

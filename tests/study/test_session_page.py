@@ -20,11 +20,13 @@ from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
-from tams_app.recording.pictures import read_pictures
+from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.report.figures import phase_stretches
+from tams_app.report.plots import THEME, to_svg
 from tams_app.report.session_page import stills_of
-from tams_app.report.timeline import held_stretches, phase_stretches, timeline_figure
+from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.teleop.hands import HANDS
@@ -42,6 +44,13 @@ def second(t_s: float) -> int:
     return START_NS + round(t_s * NS_PER_S)
 
 
+def picture(grey: int, contrast: int = 20) -> np.ndarray:
+    """A picture of two halves, shape (48, 64, 3), whose mean is `grey`."""
+    image = np.full((48, 64, 3), grey - contrast, np.uint8)
+    image[:24] = grey + contrast
+    return image
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Three seconds in three phases, with two stops, a note, and pictures in a grey of each."""
@@ -55,8 +64,8 @@ def folder(tmp_path: Path) -> Path:
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))
             for view in VIEWS:
-                image = np.full((48, 64, 3), grey, np.uint8)
                 shown_ns, capture_ns = second(number + 0.2), second(number + 0.1)
+                image = picture(grey)
                 log.record(ShownFrame(view, 30 * number, shown_ns, image, capture_ns, True))
             for at in range(120 * number, 120 * (number + 1)):
                 log.record(tick(at))
@@ -113,15 +122,98 @@ def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> 
     path = folder / "session.mcap"
     stills = stills_of(read_log(path), read_pictures(path))
     for still, grey in zip(stills, GREYS, strict=True):
-        assert list(still.pictures) == list(VIEWS)
-        for source in still.pictures.values():
-            data = np.frombuffer(base64.b64decode(source.partition(",")[2]), np.uint8)
+        assert [one.view for one in still.pictures] == list(VIEWS)
+        for one in still.pictures:
+            data = np.frombuffer(base64.b64decode(one.source.partition(",")[2]), np.uint8)
             assert abs(float(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).mean()) - grey) < 3
     assert page.count('class="primary"') == 3
 
 
+def test_a_still_is_the_first_picture_with_something_in_it_and_a_view_without_is_named() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+
+    def shown(view: str, t_s: float, grey: int, contrast: int) -> ShownPicture:
+        wall_ns = second(t_s) + log.header.wall_offset_ns
+        return ShownPicture(
+            view, wall_ns, cv2.imencode(".jpg", picture(grey, contrast))[1].tobytes()
+        )
+
+    reach, align = stills_of(
+        log,
+        [
+            shown("eih", 0.1, 131, 0),  # an encoder's first frame at its lowest rate
+            shown("gt", 0.2, 131, 0),
+            shown("eih", 1.4, 90, 20),
+            shown("eih", 1.9, 200, 20),
+            ShownPicture("gs", second(3.1) + log.header.wall_offset_ns, b"no picture"),
+        ],
+    )
+    (still,) = reach.pictures
+    assert (still.view, round(still.t_s, 3)) == ("eih", 1.4)
+    assert reach.missing == ("gt", "gs")
+    assert (align.pictures, align.missing) == ((), VIEWS)
+
+
+def test_a_view_without_a_picture_is_named_on_the_page(folder: Path) -> None:
+    blank = folder.parent / "blank"
+    blank.mkdir()
+    clock, viewers = VirtualClock(START_NS), viewers_of(load_config(), live=False)
+    log = DirectRecorder(blank / "session.mcap", header(), clock, 0, True, viewers)
+    with closing(log):
+        log.record(PhaseChange(START_NS, Phase.REACH, "a rule"))
+        for view, contrast in (("eih", 20), ("gt", 0)):
+            shown_ns, image = second(0.2), picture(120, contrast)
+            log.record(ShownFrame(view, 0, shown_ns, image, second(0.1), True))
+        clock.advance_ns(NS_PER_S)
+        for at in range(121):
+            log.record(tick(at))
+    write_summary(blank)
+    page = " ".join((blank / PAGE_NAME).read_text(encoding="utf-8").split())
+    assert "the log has no picture of GT, GS from this phase." in page
+
+
+def test_the_key_numbers_stand_at_the_top(page: str) -> None:
+    text = re.sub(r"<[^>]+>", "|", page[: page.index("<h2>")])
+
+    found = [part for part in text.split("|") if part.strip()]
+    for name, value in (("Outcome", "Not judged"), ("Completion time", "–"), ("Stops", "2")):
+        assert found[found.index(name) + 1] == value
+    assert found[found.index("Stops") + 2] == "longest to rest 80 ms"
+    assert found[found.index("Late ticks") + 1] == "0.00 %"
+    for name in ("SSIM, primary view", "Capture to screen", "Freezes", "Uplink"):
+        assert name in found
+
+
+def test_the_page_and_its_plot_follow_a_dark_scheme(page: str) -> None:
+    assert "@media screen and (prefers-color-scheme: dark)" in page
+    plot = page[page.index("<svg") : page.index("</svg>")]
+    for name, (light, dark) in THEME.items():
+        assert f"--{name}: {light};" in page
+        assert f"--{name}: {dark};" in page
+        assert light not in plot
+    assert "var(--ink)" in plot
+    assert "var(--stop)" in plot
+
+
+def test_words_of_a_plot_can_be_searched_and_the_same_session_gives_the_same_plot() -> None:
+    log = Synthetic(6.0, switch_s=3.0).log()
+    first, second_one = (str(to_svg(timeline_figure(log))) for _ in range(2))
+    assert first == second_one
+    assert ">Time since session start [s]</text>" in first
+    assert "http" not in first
+
+
+def test_no_name_in_one_plot_is_a_name_in_another() -> None:
+    names = [
+        set(re.findall(r' id="([^"]+)"', str(to_svg(timeline_figure(log)))))
+        for log in (Synthetic(6.0).log(), Synthetic(3.0, switch_s=1.0).log())
+    ]
+    assert names[0]
+    assert not any(name.endswith(("_1", "_2")) for found in names for name in found)
+
+
 def test_notes_are_told_with_their_levels(page: str) -> None:
-    assert '<td class="warning">hold, stale video.</td>' in page
+    assert '<td class="words warning">hold, stale video.</td>' in page
 
 
 def test_a_log_without_pictures_says_so(folder: Path, tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,10 +17,10 @@ from tams_app.outputs import made_folder, write_file
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.report.figures import bitrates_figure
 from tams_app.report.pages import page_environment
+from tams_app.report.plots import to_png, to_svg
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
 from tams_app.study.report import drawing, paper, wording
-from tams_app.study.report.drawing import to_png
 from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData
@@ -59,10 +58,10 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
     figures: dict[str, bytes] = {}
 
     def draw(name: str, make: Callable[..., Figure], *arguments: Any, **options: Any) -> Markup:
-        """The figure as the source of an image."""
-        figures[name] = to_png(make(*arguments, **options))
-        coded = base64.b64encode(figures[name]).decode("ascii")
-        return Markup(f"data:image/png;base64,{coded}")
+        """The figure as an element of the page."""
+        figure = make(*arguments, **options)
+        figures[name] = to_png(figure)
+        return to_svg(figure)
 
     page = _template().render(
         data=data,

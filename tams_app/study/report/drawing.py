@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Sequence
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from tams_app import palette
 from tams_app.records import Phase
+from tams_app.report.plots import (
+    GROUND,
+    INK,
+    PAGE_IN,
+    SMALL_PT,
+    TEXT_PT,
+    Style,
+    draw_interval,
+    legend_beside,
+    new_figure,
+    styled,
+)
 from tams_app.study.report import paper
 from tams_app.study.report.findings import Quantity
 from tams_app.study.report.measures import Measures
@@ -28,24 +38,11 @@ COLOURS = (
 )
 MARKERS = ("s", "^", "o", "D", "v", "P", "X")
 HATCHES = ("", "//", "..", "xx", "\\\\", "++", "oo")
-INK = "#222222"
-GRID = "#d9d9d9"
-DPI = 150
-WIDTH_IN = 8.0
-SMALL_PT, TEXT_PT, TITLE_PT = 8, 9, 10
 _TICKS = 4  # more would run into each other
 _JITTER_SEED = 5
 
-Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
 
-
-def to_png(figure: Figure) -> bytes:
-    """The figure as it is printed; the same data give the same bytes."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-    return buffer.getvalue()
-
-
+@styled
 def ssim_figure(measures: Measures) -> Figure:
     """Received SSIM of the primary view beside the paper's."""
     figure, (axis,) = _new_figure(2.8)
@@ -59,11 +56,12 @@ def ssim_figure(measures: Measures) -> Figure:
             hollow: Style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 6}
             axis.plot(x + 0.06, theirs, MARKERS[place % len(MARKERS)], label=label, **hollow)
     _name_networks(axis, measures)
-    axis.set_ylabel("Received SSIM, primary view", fontsize=TEXT_PT)
-    _legend_above(figure, axis)
+    axis.set_ylabel("Received SSIM, primary view")
+    legend_beside(figure, axis)
     return figure
 
 
+@styled
 def ssim_phases_figure(measures: Measures) -> Figure:
     """Received SSIM of the primary view by phase, a panel for each network."""
     plan = measures.data.plan
@@ -76,12 +74,13 @@ def ssim_phases_figure(measures: Measures) -> Figure:
                 label = name(strategy) if column == 0 else None
                 _draw_estimate(axis, column + shifts[place], found, place, label)
         _name_phases(axis, rotation=35, ha="right", fontsize=SMALL_PT)
-        axis.set_title(name(network), fontsize=TITLE_PT)
-    axes[0].set_ylabel("Received SSIM, primary view", fontsize=TEXT_PT)
-    _legend_above(figure, axes[0])
+        axis.set_title(name(network))
+    axes[0].set_ylabel("Received SSIM, primary view")
+    legend_beside(figure, axes[0])
     return figure
 
 
+@styled
 def differences_figure(
     measures: Measures, quantities: Sequence[Quantity], one_scale: bool = False
 ) -> Figure:
@@ -95,7 +94,7 @@ def differences_figure(
     )
     for axis, quantity in zip(axes, quantities, strict=True):
         axis.grid(visible=False)
-        axis.grid(axis="x", linewidth=0.5, color=GRID)
+        axis.grid(axis="x")
         axis.axvline(0, color=INK, linewidth=1)
         for other, shift in zip(others, _offsets(len(others), 0.5), strict=True):
             place = plan.strategies.index(other)
@@ -103,7 +102,7 @@ def differences_figure(
                 found = measures.difference(other, network, quantity.column).estimate
                 label = f"against {name(other)}" if row == 0 else None
                 _draw_estimate(axis, row + shift, found, place, label, across=True)
-        axis.set_title(quantity.title, fontsize=TITLE_PT)
+        axis.set_title(quantity.title)
         axis.set_xlabel(quantity.better, fontsize=SMALL_PT)
         axis.set_ylim(len(plan.networks) - 0.5, -0.5)
         axis.set_yticks(range(len(plan.networks)), [name(one) for one in plan.networks])
@@ -113,10 +112,11 @@ def differences_figure(
         ends = [end for axis in drawn for end in axis.get_xlim()]
         for axis in axes:
             axis.set_xlim(min(ends), max(ends))
-    _legend_above(figure, axes[0])
+    legend_beside(figure, axes[0])
     return figure
 
 
+@styled
 def completion_time_figure(measures: Measures) -> Figure:
     """The paper's box plot: quartiles, median, whiskers 5th to 95th percentile, a dot per trial."""
     figure, (axis,) = _new_figure(3.6)
@@ -133,11 +133,12 @@ def completion_time_figure(measures: Measures) -> Figure:
     for place, strategy in enumerate(plan.strategies):
         axis.fill_between([], [], color=COLOURS[place % len(COLOURS)], label=name(strategy))
     _name_networks(axis, measures)
-    axis.set_ylabel("Completion time [s]", fontsize=TEXT_PT)
-    _legend_above(figure, axis)
+    axis.set_ylabel("Completion time [s]")
+    legend_beside(figure, axis)
     return figure
 
 
+@styled
 def success_figure(measures: Measures) -> Figure:
     """Success rates with Wilson's intervals beside the paper's."""
     figure, (axis,) = _new_figure(3.0)
@@ -160,34 +161,35 @@ def success_figure(measures: Measures) -> Figure:
             edgecolor=INK,
             linewidth=0.6,
             alpha=0.8,
-            yerr=[[value - low], [high - value]],
-            error_kw={"ecolor": INK, "elinewidth": 0.9, "capsize": 3},
             **fill,
         )
+        draw_interval(axis, x, (value, low, high), fmt="none")
         above: Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
         axis.annotate(f"{value:.0f} %", (x, high), fontsize=SMALL_PT, **above)
         theirs = paper.SUCCESS_SHARE.get((strategy, network))
         if theirs is not None:
             known = axis.get_legend_handles_labels()[1]
             label = None if "paper, people" in known else "paper, people"
-            white: Style = {"markerfacecolor": "white", "markeredgecolor": INK, "markersize": 5}
+            white: Style = {"markerfacecolor": GROUND, "markeredgecolor": INK, "markersize": 5}
             axis.plot(x, 100 * theirs, "D", label=label, **white)
     axis.set_ylim(0, 112)
     axis.set_yticks(range(0, 101, 20))
     _name_networks(axis, measures)
-    axis.set_ylabel("Success [%]", fontsize=TEXT_PT)
-    _legend_above(figure, axis)
+    axis.set_ylabel("Success [%]")
+    legend_beside(figure, axis)
     return figure
 
 
+@styled
 def relied_on_figure(measures: Measures) -> Figure:
     """Each view's share of what the operator's glances told, beside the rows of W."""
     figure, (axis,) = _new_figure(3.0)
     weights = measures.weights
     for column, phase in enumerate(PHASES):
         below_told = below_weight = 0.0
-        for place, view in enumerate(measures.data.config.video.views, start=1):
-            fill: Style = {"color": COLOURS[place], "hatch": HATCHES[place - 1], "edgecolor": INK}
+        for place, view in enumerate(measures.data.config.video.views):
+            colour, hatch = palette.view_colour(place), HATCHES[place % len(HATCHES)]
+            fill: Style = {"color": colour, "hatch": hatch, "edgecolor": INK}
             found = measures.relied_on(phase, view)
             told, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
             label = view.upper() if column == 0 else None
@@ -196,24 +198,21 @@ def relied_on_figure(measures: Measures) -> Figure:
             axis.bar(column + 0.2, weight, bottom=below_weight, alpha=0.45, **bar)
             below_told, below_weight = below_told + told, below_weight + weight
     _name_phases(axis, fontsize=TEXT_PT)
-    axis.set_ylabel("Share", fontsize=TEXT_PT)
+    axis.set_ylabel("Share")
     axis.set_ylim(0, 1.02)
-    _legend_above(figure, axis)
+    legend_beside(figure, axis)
     return figure
 
 
+@styled
 def _new_figure(
     height_in: float, columns: int = 1, share_y: bool = True
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with one row of axes: light grid behind the data, no frame at the top and right."""
-    figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
-    FigureCanvasAgg(figure)
+    """A figure with one row of axes and a grid."""
+    figure = new_figure(PAGE_IN, height_in)
     axes = list(figure.subplots(1, columns, squeeze=False, sharey=share_y)[0])
     for axis in axes:
-        axis.set_axisbelow(True)
-        axis.grid(axis="y", linewidth=0.5, color=GRID)
-        axis.spines[["top", "right"]].set_visible(False)
-        axis.tick_params(labelsize=SMALL_PT, colors=INK)
+        axis.grid(axis="y")
     return figure, axes
 
 
@@ -241,13 +240,6 @@ def _name_phases(axis: Axes, **style: Any) -> None:
     axis.set_xticks(range(len(PHASES)), [phase_name(one) for one in PHASES], **style)
 
 
-def _legend_above(figure: Figure, axis: Axes) -> None:
-    """The labels of `axis` in one row above the figure."""
-    handles, labels = axis.get_legend_handles_labels()
-    place: Style = {"loc": "outside upper center", "ncols": max(1, len(labels)), "frameon": False}
-    figure.legend(handles, labels, fontsize=SMALL_PT, **place)
-
-
 def _draw_estimate(
     axis: Axes,
     where: float,
@@ -259,21 +251,13 @@ def _draw_estimate(
     """A marker for strategy number `place`, its interval upright at x, or lying (`across`) at y."""
     if found is None:
         return
-    error = None
-    if found.low is not None and found.high is not None:
-        error = [[found.value - found.low], [found.high - found.value]]
-    axis.errorbar(
-        *((found.value, where) if across else (where, found.value)),
-        xerr=error if across else None,
-        yerr=None if across else error,
+    draw_interval(
+        axis,
+        where,
+        (found.value, found.low, found.high),
+        across,
         fmt=MARKERS[place % len(MARKERS)],
         color=COLOURS[place % len(COLOURS)],
-        markeredgecolor=INK,
-        markeredgewidth=0.5,
-        ecolor=INK,
-        elinewidth=0.9,
-        capsize=2.5,
-        markersize=6,
         label=label,
     )
 
