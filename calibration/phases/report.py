@@ -25,7 +25,6 @@ _TITLES = {
     "align_dwell_s": "dwell $T_{align}$ [s]",
     "pre_release_dwell_s": "dwell $T_{pre}$ [s]",
 }
-_CHOSEN, _DEFAULT, _CURVE = palette.BLUE, palette.VERMILLION, INK
 
 
 def thresholds_table(found: PhaseFit) -> Table:
@@ -167,9 +166,9 @@ def save_sensitivity(curves: Sequence[Sensitivity], path: Path) -> None:
 
 
 def _draw_curve(axis: Axes, curve: Sensitivity) -> None:
-    axis.plot(curve.values, curve.accuracy, color=_CURVE, label="the other three as chosen")
-    axis.axvline(curve.chosen, color=_CHOSEN, label="chosen")
-    axis.axvline(curve.default, color=_DEFAULT, linestyle="--", label="default")
+    axis.plot(curve.values, curve.accuracy, color=INK, label="the other three as chosen")
+    axis.axvline(curve.chosen, color=palette.BLUE, label="chosen")
+    axis.axvline(curve.default, color=palette.VERMILLION, linestyle="--", label="default")
     axis.set_xlabel(_TITLES[curve.parameter])
     axis.set_xlim(0.0, float(curve.values[-1]))
     axis.grid()

@@ -17,17 +17,7 @@ from calibration.weights.ratings import LEAST, MOST, Sheet, necessity_table
 from tams_app.palette import view_colour
 from tams_app.printing import known
 from tams_app.records import Phase
-from tams_app.report.plots import (
-    INK,
-    SMALL_PT,
-    TEXT_PT,
-    WIDE_IN,
-    Style,
-    legend_beside,
-    new_figure,
-    save_figure,
-    styled,
-)
+from tams_app.report import plots
 
 KIND = "weights"
 _RULE = (
@@ -172,12 +162,12 @@ _SPREAD = 0.09  # between the dots of raters with the same answer
 _ROWS_IN = 0.62
 
 
-@styled
+@plots.styled
 def save_weights(
     assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str], path: Path
 ) -> None:
     """W, the necessity every rater gave, the votes and Kendall's W by phase, drawn to a file."""
-    figure = new_figure(WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
+    figure = plots.new_figure(plots.WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
     shares, necessity, votes, concordance = figure.subplots(
         1, 4, sharey=True, width_ratios=(2.2, 3.2, 2.2, 1.4)
     )
@@ -185,9 +175,9 @@ def save_weights(
     _draw_necessity(necessity, sheets, views)
     _draw_votes(votes, assessment, views)
     _draw_concordance(concordance, assessment)
-    figure.suptitle(_title(assessment), fontsize=TEXT_PT)
-    legend_beside(figure, necessity, "lower center")
-    save_figure(figure, path)
+    figure.suptitle(_title(assessment), fontsize=plots.TEXT_PT)
+    plots.legend_beside(figure, necessity, "lower center")
+    plots.save_figure(figure, path)
 
 
 def _title(assessment: Assessment) -> str:
@@ -209,7 +199,7 @@ def _draw_shares(axes: Axes, assessment: Assessment, views: Sequence[str]) -> No
     for (y, x), share in np.ndenumerate(matrix):
         weight = "bold" if views[x] == list(rows.values())[y].dominant else "normal"
         colour = "white" if share > 0.4 else "black"
-        how: Style = {"ha": "center", "va": "center", "fontweight": weight}
+        how: plots.Style = {"ha": "center", "va": "center", "fontweight": weight}
         axes.text(x, y, f"{share:.2f}", color=colour, **how)
     kept = "\n(kept as it was)"
     names = [phase.value + ("" if rows[phase].dominant else kept) for phase in Phase]
@@ -234,7 +224,7 @@ def _draw_necessity(axes: Axes, sheets: Sequence[Sheet], views: Sequence[str]) -
             axes.plot(x, height, "o", ms=3.5, alpha=0.75, color=colour, label=label)
             if len(points):
                 low, high = y + middle - 0.12, y + middle + 0.12
-                axes.vlines(points.mean(), low, high, color=INK, linewidth=1.5, zorder=3)
+                axes.vlines(points.mean(), low, high, color=plots.INK, linewidth=1.5, zorder=3)
     axes.set_xlim(LEAST - 0.5, MOST + 0.5)
     axes.set_xticks(range(LEAST, MOST + 1))
     axes.grid(axis="x")
@@ -248,7 +238,7 @@ def _draw_votes(axes: Axes, assessment: Assessment, views: Sequence[str]) -> Non
         colour = view_colour(number)
         bars = axes.barh(range(len(Phase)), counts, left=left, height=0.5, color=colour)
         labels = [str(count) if count else "" for count in counts]
-        axes.bar_label(bars, labels, label_type="center", fontsize=SMALL_PT, color="white")
+        axes.bar_label(bars, labels, label_type="center", fontsize=plots.SMALL_PT, color="white")
         left += counts
     axes.set_xlim(0, max(assessment.raters, 1))
     _style(axes, "named most critical by")
@@ -259,11 +249,11 @@ def _draw_concordance(axes: Axes, assessment: Assessment) -> None:
     known = [value or 0.0 for value in values]
     bars = axes.barh(range(len(Phase)), known, height=0.3, color="#666666")
     labels = ["not defined" if value is None else f"{value:.2f}" for value in values]
-    axes.bar_label(bars, labels, padding=2, fontsize=SMALL_PT)
+    axes.bar_label(bars, labels, padding=2, fontsize=plots.SMALL_PT)
     axes.set_xlim(0, 1.3)
     _style(axes, "Kendall's W")
 
 
 def _style(axes: Axes, title: str) -> None:
-    axes.set_title(title, fontsize=TEXT_PT)
+    axes.set_title(title, fontsize=plots.TEXT_PT)
     axes.set_ylim(len(Phase) - 0.5, -0.5)

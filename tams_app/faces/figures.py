@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 from tams_app.faces.messages import Opening, ReplayFacts, TrialFacts
+from tams_app.printing import known
 from tams_app.records import SessionState, ViewState
 
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
-
-
-def whole(value: float | None) -> str:
-    """A number without decimals, a dash for what is not known."""
-    return "–" if value is None else f"{value:.0f}"
 
 
 def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, ...]:
     """The cells below HEADINGS."""
     return (
         name.upper(),
-        f"{whole(view.sent_kbps)} / {whole(view.target_kbps)}",
-        f"{whole(view.fps)} / {whole(asked_fps)}",
-        f"{whole(view.latency_ms)} ms",
-        f"{whole(view.age_ms)} ms",
+        f"{known(view.sent_kbps)} / {known(view.target_kbps)}",
+        f"{known(view.fps)} / {known(asked_fps)}",
+        f"{known(view.latency_ms)} ms",
+        f"{known(view.age_ms)} ms",
     )
 
 
@@ -28,9 +24,9 @@ def uplink_texts(state: SessionState) -> tuple[str, str]:
     """The uplink's load and condition."""
     loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
     return (
-        f"uplink {whole(state.link_kbps)} kbit/s of budget {whole(state.budget_kbps)}, "
-        f"capacity {whole(state.capacity_kbps)}, estimated {whole(state.estimate_kbps)}",
-        f"queue {whole(state.queue_ms)} ms, loss {loss} %",
+        f"uplink {known(state.link_kbps)} kbit/s of budget {known(state.budget_kbps)}, "
+        f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}",
+        f"queue {known(state.queue_ms)} ms, loss {loss} %",
     )
 
 

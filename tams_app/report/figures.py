@@ -12,19 +12,7 @@ from matplotlib.lines import Line2D
 
 from tams_app.palette import view_colour
 from tams_app.recording import SessionLog
-from tams_app.report.plots import (
-    FAINT,
-    INK,
-    PAPER_IN,
-    SMALL_PT,
-    TIME_AXIS,
-    TINY_PT,
-    Stretch,
-    draw_event,
-    new_figure,
-    save_figure,
-    styled,
-)
+from tams_app.report import plots
 from tams_app.summary.tables import Floats, FrameTable, Integers, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -32,7 +20,6 @@ WINDOW_NS = 250 * NS_PER_MS
 WINDOW_FRAMES = 7.5  # at least
 STEPS_PER_FRAME = 4  # how far the window slides at a time
 ROW_IN = 1.15
-
 _MIN_LABEL_FRACTION = 0.035  # of the width: phases shorter than this keep their line only
 _TARGET_PT, _MEASURED_PT = 0.9, 1.3
 
@@ -48,11 +35,11 @@ def all_since_start_s(log: SessionLog, t_ns: Integers) -> Floats:
     return seconds
 
 
-def phase_stretches(log: SessionLog) -> list[Stretch]:
+def phase_stretches(log: SessionLog) -> list[plots.Stretch]:
     """Each phase with its end, in order."""
     times_s = [since_start_s(log, t_ns) for t_ns in (*(c.t_ns for c in log.phases), log.ended_ns)]
     names = (change.phase.value.replace("_", "-").title() for change in log.phases)
-    return [Stretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
+    return [plots.Stretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,41 +92,37 @@ class Rates:
     span: Span
     targets: Targets
     t_s: Floats  # of the targets, and of the end
-    curves: dict[str, RateCurve]  # empty ones without packets
+    curves: dict[str, RateCurve]  # of the views that packets are known of
 
     @staticmethod
     def of(log: SessionLog) -> Rates | None:
         """None for a log without video."""
         packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
+        origin_ns = log.header.started_ns
         if span is None:
             return None
-        curves = {
-            view: measured_rate(
-                packets, place, span, frame_interval_ns(log, view), log.header.started_ns
-            )
-            if len(packets.size_bytes)
-            else RateCurve(np.empty(0), np.empty(0))
+        found = {
+            view: measured_rate(packets, place, span, frame_interval_ns(log, view), origin_ns)
             for place, view in enumerate(log.header.views)
+            if len(packets.size_bytes)
         }
+        curves = {view: curve for view, curve in found.items() if len(curve.t_s)}
         t_s = all_since_start_s(log, np.append(targets.t_ns, span.end_ns))
         return Rates(span, targets, t_s, curves)
 
-    def most_kbps(self) -> float:
-        """Of any view, asked for or sent."""
-        columns = (*self.targets.kbps.values(), *(curve.kbps for curve in self.curves.values()))
-        return max(float(kbps.max(initial=0.0)) for kbps in columns)
-
     def draw(self, axis: Axes, place: int, view: str) -> None:
         """Target and measured rate of `view`, number `place` of all."""
-        kbps, curve = self.targets.kbps[view], self.curves[view]
+        kbps = self.targets.kbps[view]
         asked = np.append(kbps, kbps[-1]) / 1000
-        axis.step(self.t_s, asked, where="post", color=INK, lw=_TARGET_PT, zorder=3, label="target")
-        if len(curve.t_s):
+        axis.step(
+            self.t_s, asked, where="post", color=plots.INK, lw=_TARGET_PT, zorder=3, label="target"
+        )
+        if curve := self.curves.get(view):
             colour = view_colour(place)
             axis.plot(curve.t_s, curve.kbps / 1000, color=colour, lw=_MEASURED_PT, label="sent")
 
 
-@styled
+@plots.styled
 def bitrates_figure(log: SessionLog) -> Figure:
     """Target and measured rate of each view over time, its frames a second dotted.
 
@@ -148,7 +131,7 @@ def bitrates_figure(log: SessionLog) -> Figure:
     Also drawn for a log without any video, so that every session leaves the same files.
     """
     views, rates = log.header.views, Rates.of(log)
-    figure = new_figure(PAPER_IN, ROW_IN * len(views) + 0.75)
+    figure = plots.new_figure(plots.PAPER_IN, ROW_IN * len(views) + 0.75)
     axes = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for place, (view, axis) in enumerate(zip(views, axes, strict=True)):
         if rates is not None:
@@ -158,26 +141,26 @@ def bitrates_figure(log: SessionLog) -> Figure:
         axis.margins(x=0)
     if rates is not None:
         _draw_phases(log, list(axes), rates.span)
-    axes[-1].set_xlabel(TIME_AXIS)
+    axes[-1].set_xlabel(plots.TIME_AXIS)
     longest_ns = max(window_of_ns(frame_interval_ns(log, view)) for view in views)
     measured = f"Measured, {longest_ns // NS_PER_MS} ms windows"
     figure.legend(
         handles=[
-            Line2D([], [], color=INK, lw=_TARGET_PT, label="Target"),
+            Line2D([], [], color=plots.INK, lw=_TARGET_PT, label="Target"),
             Line2D([], [], color=view_colour(0), lw=_MEASURED_PT, label=measured),
-            Line2D([], [], color=FAINT, lw=_TARGET_PT, linestyle=":", label="Frames/s"),
+            Line2D([], [], color=plots.FAINT, lw=_TARGET_PT, linestyle=":", label="Frames/s"),
         ],
         loc="outside upper right",
         ncols=3,
     )
     title = f"{log.header.strategy} on {log.header.network}, {log.header.budget_mode} budget"
-    figure.suptitle(title, x=0.01, ha="left", fontsize=SMALL_PT)
+    figure.suptitle(title, x=0.01, ha="left", fontsize=plots.SMALL_PT)
     return figure
 
 
 def save_bitrates(log: SessionLog, path: Path) -> None:
     """Write bitrates.png."""
-    save_figure(bitrates_figure(log), path)
+    plots.save_figure(bitrates_figure(log), path)
 
 
 def dress_rate(axis: Axes, name: str) -> None:
@@ -194,11 +177,11 @@ def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
     frames = np.searchsorted(capture_ns, ends_ns) - np.searchsorted(capture_ns, ends_ns - NS_PER_S)
     right = axis.twinx()
     t_s = all_since_start_s(log, ends_ns)
-    right.plot(t_s, frames, color=FAINT, lw=_TARGET_PT, linestyle=":")
+    right.plot(t_s, frames, color=plots.FAINT, lw=_TARGET_PT, linestyle=":")
     right.set_ylim(0, 1.05 * log.header.fps)
     right.set_yticks([0, log.header.fps])
-    right.set_ylabel("[frames/s]", fontsize=TINY_PT, color=FAINT)
-    right.tick_params(labelsize=TINY_PT, colors=FAINT)
+    right.set_ylabel("[frames/s]", fontsize=plots.TINY_PT, color=plots.FAINT)
+    right.tick_params(labelsize=plots.TINY_PT, colors=plots.FAINT)
     right.spines["left"].set_visible(False)
 
 
@@ -212,10 +195,10 @@ def _draw_phases(log: SessionLog, axes: list[Axes], span: Span) -> None:
             continue
         fits = until_s - begin_s >= _MIN_LABEL_FRACTION * (end_s - start_s)
         for axis in axes:
-            draw_event(
+            plots.draw_event(
                 axis,
                 begin_s,
                 change.phase.value.replace("_", "-") if fits and axis is axes[0] else "",
-                {"color": FAINT, "linestyle": "--", "linewidth": 0.7, "zorder": 1},
-                {"fontsize": TINY_PT - 1.5, "rotation": 20, "xytext": (2, 1), "va": "bottom"},
+                {"color": plots.FAINT, "linestyle": "--", "linewidth": 0.7, "zorder": 1},
+                {"fontsize": plots.TINY_PT - 1.5, "rotation": 20, "xytext": (2, 1), "va": "bottom"},
             )

@@ -166,12 +166,7 @@ def to_svg(figure: Figure) -> Markup:
     return Markup(text)
 
 
-_METADATA: dict[str, Style] = {
-    "png": {"Software": None},
-    "svg": {"Date": None, "Creator": None},
-}
-
-
 @styled
 def _save(figure: Figure, file: Any, form: str, **options: Any) -> None:
-    figure.savefig(file, dpi=DPI, format=form, metadata=_METADATA.get(form), **options)
+    undated = {"png": {"Software": None}, "svg": {"Date": None, "Creator": None}}.get(form)
+    figure.savefig(file, dpi=DPI, format=form, metadata=undated, **options)

@@ -25,7 +25,6 @@ from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS
 
-_TEMPLATE_NAME = "session.html.j2"
 _LEAST_RANGE = 8  # of a picture's grey levels; an encoder's first frames may show nothing at all
 
 
@@ -66,18 +65,11 @@ def write_page(
 
     `pictures`: those that were shown, with times by the log's wall clock.
     """
-    page = session_page(log, summary, stills_of(log, pictures), path.parent.name)
-    write_file(path, page)
-
-
-def session_page(
-    log: SessionLog, summary: Mapping[str, Any], stills: list[PhaseStills], title: str
-) -> str:
-    """The page; `title`: the session's folder."""
     environment = page_environment()
     environment.filters["number"] = known
-    return environment.get_template(_TEMPLATE_NAME).render(
-        title=title,
+    stills = stills_of(log, pictures)
+    page = environment.get_template("session.html.j2").render(
+        title=path.parent.name,
         version=__version__,
         header=log.header,
         summary=summary,
@@ -87,6 +79,7 @@ def session_page(
         has_pictures=any(still.pictures for still in stills),
         timeline=to_svg(timeline_figure(log)),
     )
+    write_file(path, page)
 
 
 def stop_rows(log: SessionLog) -> list[Stop]:

@@ -15,27 +15,13 @@ from tams_app.palette import (
 )
 from tams_app.recording import SessionLog
 from tams_app.records import StopRecord
+from tams_app.report import plots
 from tams_app.report.figures import (
     Rates,
     all_since_start_s,
     dress_rate,
     phase_stretches,
     since_start_s,
-)
-from tams_app.report.plots import (
-    GROUND,
-    HATCH,
-    SMALL_PT,
-    STOP,
-    TIME_AXIS,
-    TINY_PT,
-    WIDE_IN,
-    Stretch,
-    Style,
-    draw_event,
-    draw_phase_strip,
-    new_figure,
-    styled,
 )
 from tams_app.summary.tables import FrameTable
 from tams_app.teleop.safety import ArmingState
@@ -49,35 +35,36 @@ _HELD: dict[str, tuple[str, str]] = {  # the word, and the strokes behind the cu
 _QUALITY_WINDOW_S = 1.0
 
 
-def held_stretches(log: SessionLog) -> list[Stretch]:
+def held_stretches(log: SessionLog) -> list[plots.Stretch]:
     """While the arm was held or stopped by a fault, with the word for it."""
-    found: list[Stretch] = []
+    found: list[plots.Stretch] = []
     state, since_ns = "", 0
     for arming, t_ns in (*((one.arming, one.started_ns) for one in log.ticks), ("", log.ended_ns)):
         if arming != state:
             if state in _HELD:
                 ends_s = (since_start_s(log, end_ns) for end_ns in (since_ns, t_ns))
-                found.append(Stretch(_HELD[state][0], *ends_s))
+                found.append(plots.Stretch(_HELD[state][0], *ends_s))
             state, since_ns = arming, t_ns
     return found
 
 
 def stops_of(log: SessionLog) -> list[tuple[float, StopRecord]]:
     """Each stop with its time in seconds since the start, in the order of their numbers."""
-    return [(since_start_s(log, one.visible_ns), one) for one in sorted(log.stops, key=_visible_ns)]
+    ordered = sorted(log.stops, key=lambda stop: stop.visible_ns)
+    return [(since_start_s(log, stop.visible_ns), stop) for stop in ordered]
 
 
-@styled
+@plots.styled
 def timeline_figure(log: SessionLog) -> Figure:
     """All of a session; also drawn for a log without any video."""
     views, ended_s = log.header.views, since_start_s(log, log.ended_ns)
     heights = [BAND_IN, *([ROW_IN] * (len(views) + 3))]
-    figure = new_figure(WIDE_IN, sum(heights) + 0.6)
+    figure = plots.new_figure(plots.WIDE_IN, sum(heights) + 0.6)
     rows = figure.subplots(
         len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
     )[:, 0]
     band, *of_views, link, delay, quality = rows
-    draw_phase_strip(band, phase_stretches(log), ended_s)
+    plots.draw_phase_strip(band, phase_stretches(log), ended_s)
     rates = Rates.of(log)
     for place, (view, axis) in enumerate(zip(views, of_views, strict=True)):
         dress_rate(axis, view.upper())
@@ -85,9 +72,9 @@ def timeline_figure(log: SessionLog) -> Figure:
             rates.draw(axis, place, view)
         _draw_delay(delay, log, place, view)
         _draw_quality(quality, log, place, view)
-    most_kbps = 0.0 if rates is None else rates.most_kbps()
+    most = max(0.001, *(axis.dataLim.y1 for axis in of_views))
     for axis in of_views:  # one scale, so that the views can be compared
-        axis.set_ylim(0, 1.08 * max(most_kbps, 1.0) / 1000)
+        axis.set_ylim(0, 1.08 * most)
     if rates is not None:
         _draw_uplink(link, log, rates)
     dress_rate(link, "Uplink")
@@ -100,33 +87,33 @@ def timeline_figure(log: SessionLog) -> Figure:
         _draw_stops(axis, log)
     for axis in (of_views[0], link, delay, quality):
         if axis.get_legend_handles_labels()[0]:
-            ground: Style = {"frameon": True, "facecolor": GROUND, "edgecolor": "none"}
-            axis.legend(loc="lower right", ncols=4, fontsize=TINY_PT, framealpha=0.85, **ground)
-    rows[-1].set_xlabel(TIME_AXIS)
+            ground: plots.Style = {"frameon": True, "facecolor": plots.GROUND, "edgecolor": "none"}
+            axis.legend(
+                loc="lower right", ncols=4, fontsize=plots.TINY_PT, framealpha=0.85, **ground
+            )
+    rows[-1].set_xlabel(plots.TIME_AXIS)
     rows[-1].set_xlim(0.0, max(ended_s, 0.1))
     return figure
 
 
 def _draw_uplink(link: Axes, log: SessionLog, rates: Rates) -> None:
     """Rate, budget and capacities of the uplink."""
-    curves = [curve for curve in rates.curves.values() if len(curve.t_s)]
-    if curves:  # at the times of the first
+    if curves := list(rates.curves.values()):  # at the times of the first
         t_s = curves[0].t_s
         sent = sum(np.interp(t_s, curve.t_s, curve.kbps) for curve in curves) / 1000
         link.plot(t_s, sent, color=UPLINK_SENT, lw=2.2, label="sent, all views")
-    step: Style = {"where": "post", "lw": 1}
+    step: plots.Style = {"where": "post", "lw": 1}
     budget_kbps = np.append(rates.targets.budget_kbps, rates.targets.budget_kbps[-1])
     link.step(rates.t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
     believed = [one.capacity_kbps for one in sorted(log.allocations, key=lambda one: one.t_ns)]
     estimate = np.array([np.nan if kbps is None else kbps for kbps in (*believed, believed[-1])])
-    dashed: Style = {**step, "ls": "--", "color": CAPACITY_ESTIMATE}
+    dashed: plots.Style = {**step, "ls": "--", "color": CAPACITY_ESTIMATE}
     link.step(rates.t_s, estimate / 1000, label="capacity estimate", **dashed)
     if emulated := [one for one in log.capacities if one.capacity_kbps is not None]:
-        ends_ns = np.array([*(one.t_ns for one in emulated), rates.span.end_ns])
+        ends = np.array([*(one.t_ns for one in emulated), rates.span.end_ns])
         kbps = np.array([one.capacity_kbps for one in (*emulated, emulated[-1])], dtype=float)
-        dotted: Style = {**step, "ls": ":", "color": EMULATED_CAPACITY}
-        t_s = all_since_start_s(log, ends_ns)
-        link.step(t_s, kbps / 1000, label="emulated capacity", **dotted)
+        dotted: plots.Style = {**step, "ls": ":", "color": EMULATED_CAPACITY}
+        link.step(all_since_start_s(log, ends), kbps / 1000, label="emulated capacity", **dotted)
 
 
 def _draw_delay(axis: Axes, log: SessionLog, place: int, view: str) -> None:
@@ -156,14 +143,15 @@ def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
 
 def _draw_stops(axis: Axes, log: SessionLog) -> None:
     """Holds and faults hatched, each stop a numbered line."""
-    hatches = dict(_HELD.values())
     for held in held_stretches(log):
-        strokes: Style = {"facecolor": "none", "edgecolor": HATCH, "hatch": hatches[held.name]}
+        strokes: plots.Style = {
+            "facecolor": "none",
+            "edgecolor": plots.HATCH,
+            "hatch": dict(_HELD.values())[held.name],
+        }
         axis.axvspan(held.start_s, held.end_s, linewidth=0, zorder=0, **strokes)
-    line: Style = {"color": STOP, "lw": 1.2}
+    line: plots.Style = {"color": plots.STOP, "lw": 1.2}
     for number, (t_s, _) in enumerate(stops_of(log), start=1):
-        draw_event(axis, t_s, str(number), line, {"color": STOP, "fontsize": SMALL_PT})
-
-
-def _visible_ns(stop: StopRecord) -> int:
-    return stop.visible_ns
+        plots.draw_event(
+            axis, t_s, str(number), line, {"color": plots.STOP, "fontsize": plots.SMALL_PT}
+        )

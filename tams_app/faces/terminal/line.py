@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
-from tams_app.printing import Console
+from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import words_of_hand
@@ -45,9 +45,9 @@ def status_words(state: SessionState) -> Words:
     full = [
         arm_line(state),
         "   ".join(_view(name, view, state.asked_fps) for name, view in state.views.items()),
-        f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)} kbit/s, "
-        f"capacity {_whole(state.capacity_kbps)}, estimated {_whole(state.estimate_kbps)}, "
-        f"queue {_whole(state.queue_ms)} ms{_ssim(state)}",
+        f"link {known(state.link_kbps)}/{known(state.budget_kbps)} kbit/s, "
+        f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}, "
+        f"queue {known(state.queue_ms)} ms{_ssim(state)}",
         *reason_parts(state),
     ]
     return Words(fitting(_parts(state)), SEPARATOR.join(full), "".join(reason_parts(state)))
@@ -78,15 +78,15 @@ def _parts(state: SessionState) -> list[str]:
     if silence_of(state) is not None:
         return parts
     name = state.primary_view if state.primary_view in views else next(iter(views), "")
-    link = f"link {_whole(state.link_kbps)}/{_whole(state.budget_kbps)}k"
+    link = f"link {known(state.link_kbps)}/{known(state.budget_kbps)}k"
     if name:
         view = views[name]
         parts += [
-            f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)}k",
-            f"{_whole(view.age_ms)}ms",
-            f"{_whole(view.fps)}/{_whole(state.asked_fps)}fps",
+            f"{name} {known(view.sent_kbps)}/{known(view.target_kbps)}k",
+            f"{known(view.age_ms)}ms",
+            f"{known(view.fps)}/{known(state.asked_fps)}fps",
         ]
-    return [*parts, link, f"q{_whole(state.queue_ms)}ms"]
+    return [*parts, link, f"q{known(state.queue_ms)}ms"]
 
 
 def arm_line(state: SessionState) -> str:
@@ -192,8 +192,8 @@ def _gripper(closed: bool | None) -> str:
 
 def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
     return (
-        f"{name} {_whole(view.sent_kbps)}/{_whole(view.target_kbps)} kbit/s "
-        f"{_whole(view.fps)}/{_whole(asked_fps)} fps {_whole(view.age_ms)} ms"
+        f"{name} {known(view.sent_kbps)}/{known(view.target_kbps)} kbit/s "
+        f"{known(view.fps)}/{known(asked_fps)} fps {known(view.age_ms)} ms"
     )
 
 
@@ -201,7 +201,3 @@ def _ssim(state: SessionState) -> str:
     if state.live_ssim is None:
         return ""
     return f", live SSIM of {state.primary_view} {state.live_ssim:.2f}"
-
-
-def _whole(value: float | None) -> str:
-    return "–" if value is None else f"{value:.0f}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import getmembers, isfunction
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,6 @@ from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
 
 HTML_NAME = "report.html"
-TEMPLATE_NAME = "report.html.j2"
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,18 +84,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
 
 def _template() -> jinja2.Template:
     environment = page_environment(Path(__file__).parent)
-    filters = (
-        wording.name,
-        wording.term_name,
-        wording.phase_name,
-        wording.number,
-        wording.interval,
-        wording.value,
-        wording.percent,
-        wording.p_value,
-        wording.listed,
-    )
-    environment.filters |= {one.__name__: one for one in filters}
+    environment.filters |= dict(getmembers(wording, isfunction))
     environment.filters["apply"] = lambda text, name: environment.filters[name](text)
     environment.filters["prefixed"] = lambda text, prefix: f"{prefix}{text}"
     environment.tests["not_fitted"] = lambda found: isinstance(found, NotFitted)
@@ -105,7 +94,7 @@ def _template() -> jinja2.Template:
         "PHASES": PHASES,
         "FEWEST_TO_TEST": FEWEST_TO_TEST,
     }
-    return environment.get_template(TEMPLATE_NAME)
+    return environment.get_template("report.html.j2")
 
 
 def _run_facts(measures: Measures) -> dict[str, Any]:

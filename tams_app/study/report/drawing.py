@@ -12,18 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from tams_app import palette
 from tams_app.records import Phase
-from tams_app.report.plots import (
-    GROUND,
-    INK,
-    PAGE_IN,
-    SMALL_PT,
-    TEXT_PT,
-    Style,
-    draw_interval,
-    legend_beside,
-    new_figure,
-    styled,
-)
+from tams_app.report import plots
 from tams_app.study.report import paper
 from tams_app.study.report.findings import Quantity
 from tams_app.study.report.measures import Measures
@@ -42,7 +31,7 @@ _TICKS = 4  # more would run into each other
 _JITTER_SEED = 5
 
 
-@styled
+@plots.styled
 def ssim_figure(measures: Measures) -> Figure:
     """Received SSIM of the primary view beside the paper's."""
     figure, (axis,) = _new_figure(2.8)
@@ -53,15 +42,19 @@ def ssim_figure(measures: Measures) -> Figure:
         theirs = paper.RECEIVED_SSIM.get((strategy, network))
         if theirs is not None:
             label = "paper, people" if column == place == 0 else None
-            hollow: Style = {"markerfacecolor": "none", "markeredgecolor": INK, "markersize": 6}
+            hollow: plots.Style = {
+                "markerfacecolor": "none",
+                "markeredgecolor": plots.INK,
+                "markersize": 6,
+            }
             axis.plot(x + 0.06, theirs, MARKERS[place % len(MARKERS)], label=label, **hollow)
     _name_networks(axis, measures)
     axis.set_ylabel("Received SSIM, primary view")
-    legend_beside(figure, axis)
+    plots.legend_beside(figure, axis)
     return figure
 
 
-@styled
+@plots.styled
 def ssim_phases_figure(measures: Measures) -> Figure:
     """Received SSIM of the primary view by phase, a panel for each network."""
     plan = measures.data.plan
@@ -73,14 +66,14 @@ def ssim_phases_figure(measures: Measures) -> Figure:
                 found = measures.phase_mean(strategy, network, phase)
                 label = name(strategy) if column == 0 else None
                 _draw_estimate(axis, column + shifts[place], found, place, label)
-        _name_phases(axis, rotation=35, ha="right", fontsize=SMALL_PT)
+        _name_phases(axis, rotation=35, ha="right", fontsize=plots.SMALL_PT)
         axis.set_title(name(network))
     axes[0].set_ylabel("Received SSIM, primary view")
-    legend_beside(figure, axes[0])
+    plots.legend_beside(figure, axes[0])
     return figure
 
 
-@styled
+@plots.styled
 def differences_figure(
     measures: Measures, quantities: Sequence[Quantity], one_scale: bool = False
 ) -> Figure:
@@ -95,7 +88,7 @@ def differences_figure(
     for axis, quantity in zip(axes, quantities, strict=True):
         axis.grid(visible=False)
         axis.grid(axis="x")
-        axis.axvline(0, color=INK, linewidth=1)
+        axis.axvline(0, color=plots.INK, linewidth=1)
         for other, shift in zip(others, _offsets(len(others), 0.5), strict=True):
             place = plan.strategies.index(other)
             for row, network in enumerate(plan.networks):
@@ -103,7 +96,7 @@ def differences_figure(
                 label = f"against {name(other)}" if row == 0 else None
                 _draw_estimate(axis, row + shift, found, place, label, across=True)
         axis.set_title(quantity.title)
-        axis.set_xlabel(quantity.better, fontsize=SMALL_PT)
+        axis.set_xlabel(quantity.better, fontsize=plots.SMALL_PT)
         axis.set_ylim(len(plan.networks) - 0.5, -0.5)
         axis.set_yticks(range(len(plan.networks)), [name(one) for one in plan.networks])
         axis.xaxis.set_major_locator(MaxNLocator(_TICKS))
@@ -112,11 +105,11 @@ def differences_figure(
         ends = [end for axis in drawn for end in axis.get_xlim()]
         for axis in axes:
             axis.set_xlim(min(ends), max(ends))
-    legend_beside(figure, axes[0])
+    plots.legend_beside(figure, axes[0])
     return figure
 
 
-@styled
+@plots.styled
 def completion_time_figure(measures: Measures) -> Figure:
     """The paper's box plot: quartiles, median, whiskers 5th to 95th percentile, a dot per trial."""
     figure, (axis,) = _new_figure(3.6)
@@ -134,22 +127,22 @@ def completion_time_figure(measures: Measures) -> Figure:
         axis.fill_between([], [], color=COLOURS[place % len(COLOURS)], label=name(strategy))
     _name_networks(axis, measures)
     axis.set_ylabel("Completion time [s]")
-    legend_beside(figure, axis)
+    plots.legend_beside(figure, axis)
     return figure
 
 
-@styled
+@plots.styled
 def success_figure(measures: Measures) -> Figure:
     """Success rates with Wilson's intervals beside the paper's."""
     figure, (axis,) = _new_figure(3.0)
     count = len(measures.data.plan.strategies)
     for place, strategy, column, network, x in _side_by_side(measures, 0.78):
-        fill: Style = {
+        fill: plots.Style = {
             "color": COLOURS[place % len(COLOURS)],
             "hatch": HATCHES[place % len(HATCHES)],
         }
         if column == 0:
-            axis.bar([0], [0], edgecolor=INK, label=name(strategy), **fill)
+            axis.bar([0], [0], edgecolor=plots.INK, label=name(strategy), **fill)
         found = measures.share(strategy, network, "success")
         if found is None or found.low is None or found.high is None:
             continue
@@ -158,29 +151,33 @@ def success_figure(measures: Measures) -> Figure:
             x,
             value,
             0.78 / count * 0.9,
-            edgecolor=INK,
+            edgecolor=plots.INK,
             linewidth=0.6,
             alpha=0.8,
             **fill,
         )
-        draw_interval(axis, x, (value, low, high), fmt="none")
-        above: Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
-        axis.annotate(f"{value:.0f} %", (x, high), fontsize=SMALL_PT, **above)
+        plots.draw_interval(axis, x, (value, low, high), fmt="none")
+        above: plots.Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
+        axis.annotate(f"{value:.0f} %", (x, high), fontsize=plots.SMALL_PT, **above)
         theirs = paper.SUCCESS_SHARE.get((strategy, network))
         if theirs is not None:
             known = axis.get_legend_handles_labels()[1]
             label = None if "paper, people" in known else "paper, people"
-            white: Style = {"markerfacecolor": GROUND, "markeredgecolor": INK, "markersize": 5}
+            white: plots.Style = {
+                "markerfacecolor": plots.GROUND,
+                "markeredgecolor": plots.INK,
+                "markersize": 5,
+            }
             axis.plot(x, 100 * theirs, "D", label=label, **white)
     axis.set_ylim(0, 112)
     axis.set_yticks(range(0, 101, 20))
     _name_networks(axis, measures)
     axis.set_ylabel("Success [%]")
-    legend_beside(figure, axis)
+    plots.legend_beside(figure, axis)
     return figure
 
 
-@styled
+@plots.styled
 def relied_on_figure(measures: Measures) -> Figure:
     """Each view's share of what the operator's glances told, beside the rows of W."""
     figure, (axis,) = _new_figure(3.0)
@@ -189,27 +186,26 @@ def relied_on_figure(measures: Measures) -> Figure:
         below_told = below_weight = 0.0
         for place, view in enumerate(measures.data.config.video.views):
             colour, hatch = palette.view_colour(place), HATCHES[place % len(HATCHES)]
-            fill: Style = {"color": colour, "hatch": hatch, "edgecolor": INK}
+            fill: plots.Style = {"color": colour, "hatch": hatch, "edgecolor": plots.INK}
             found = measures.relied_on(phase, view)
             told, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
             label = view.upper() if column == 0 else None
-            bar: Style = {"width": 0.34, "linewidth": 0.6, **fill}
+            bar: plots.Style = {"width": 0.34, "linewidth": 0.6, **fill}
             axis.bar(column - 0.2, told, bottom=below_told, alpha=0.9, label=label, **bar)
             axis.bar(column + 0.2, weight, bottom=below_weight, alpha=0.45, **bar)
             below_told, below_weight = below_told + told, below_weight + weight
-    _name_phases(axis, fontsize=TEXT_PT)
+    _name_phases(axis, fontsize=plots.TEXT_PT)
     axis.set_ylabel("Share")
     axis.set_ylim(0, 1.02)
-    legend_beside(figure, axis)
+    plots.legend_beside(figure, axis)
     return figure
 
 
-@styled
 def _new_figure(
     height_in: float, columns: int = 1, share_y: bool = True
 ) -> tuple[Figure, list[Axes]]:
     """A figure with one row of axes and a grid."""
-    figure = new_figure(PAGE_IN, height_in)
+    figure = plots.new_figure(plots.PAGE_IN, height_in)
     axes = list(figure.subplots(1, columns, squeeze=False, sharey=share_y)[0])
     for axis in axes:
         axis.grid(axis="y")
@@ -233,7 +229,7 @@ def _side_by_side(measures: Measures, width: float) -> Iterator[tuple[int, str, 
 def _name_networks(axis: Axes, measures: Measures) -> None:
     networks = measures.data.plan.networks
     axis.set_xlim(-0.5, len(networks) - 0.5)
-    axis.set_xticks(range(len(networks)), [name(one) for one in networks], fontsize=TEXT_PT)
+    axis.set_xticks(range(len(networks)), [name(one) for one in networks], fontsize=plots.TEXT_PT)
 
 
 def _name_phases(axis: Axes, **style: Any) -> None:
@@ -251,7 +247,7 @@ def _draw_estimate(
     """A marker for strategy number `place`, its interval upright at x, or lying (`across`) at y."""
     if found is None:
         return
-    draw_interval(
+    plots.draw_interval(
         axis,
         where,
         (found.value, found.low, found.high),
@@ -265,7 +261,7 @@ def _draw_estimate(
 def _draw_box(
     axis: Axes, times: list[float], x: float, width: float, place: int, random: np.random.Generator
 ) -> None:
-    thin: Style = {"color": INK, "linewidth": 0.9}
+    thin: plots.Style = {"color": plots.INK, "linewidth": 0.9}
     axis.boxplot(
         [times],
         positions=[x],
@@ -274,10 +270,14 @@ def _draw_box(
         showfliers=False,
         patch_artist=True,
         manage_ticks=False,
-        boxprops={"facecolor": COLOURS[place % len(COLOURS)], "alpha": 0.55, "edgecolor": INK},
-        medianprops={"color": INK, "linewidth": 1.6},
+        boxprops={
+            "facecolor": COLOURS[place % len(COLOURS)],
+            "alpha": 0.55,
+            "edgecolor": plots.INK,
+        },
+        medianprops={"color": plots.INK, "linewidth": 1.6},
         whiskerprops=thin,
         capprops=thin,
     )
     scattered = x + random.uniform(-0.35, 0.35, len(times)) * width
-    axis.plot(scattered, times, ".", color=INK, alpha=0.45, markersize=3.5)
+    axis.plot(scattered, times, ".", color=plots.INK, alpha=0.45, markersize=3.5)
