@@ -17,6 +17,7 @@ from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
 from tams_app.config import CameraConfig, load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
+from tams_app.report.plots import DPI, WIDE_IN
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -96,7 +97,7 @@ def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses
     kept = yaml.safe_load(written.read_text())["calibration"]["quality"]["gt"]
     assert kept["rate_hz"] == pytest.approx(30, rel=2e-3)
     assert kept["edge_blur_px"] < 1.0
-    assert cv2.imread(str(figure)).shape[1] == 960
+    assert cv2.imread(str(figure)).shape[1] == round(WIDE_IN * DPI)
 
 
 def test_the_latency_measured_is_what_the_configuration_then_says(rig, bench):

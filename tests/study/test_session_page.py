@@ -195,12 +195,10 @@ def test_the_page_and_its_plot_follow_a_dark_scheme(page: str) -> None:
     assert "var(--stop)" in plot
 
 
-def test_words_of_a_plot_can_be_searched_and_the_same_session_gives_the_same_plot() -> None:
-    log = Synthetic(6.0, switch_s=3.0).log()
-    first, second_one = (str(to_svg(timeline_figure(log))) for _ in range(2))
-    assert first == second_one
-    assert ">Time since session start [s]</text>" in first
-    assert "http" not in first
+def test_words_of_a_plot_can_be_searched_and_it_names_no_address() -> None:
+    plot = str(to_svg(timeline_figure(Synthetic(6.0, switch_s=3.0).log())))
+    assert ">Time since session start [s]</text>" in plot
+    assert "http" not in plot
 
 
 def test_no_name_in_one_plot_is_a_name_in_another() -> None:
