@@ -63,7 +63,7 @@ class PhaseOptions(WizardOptions):
     """Options of `calibrate phases`."""
 
     mark: Annotated[
-        bool, typer.Option("--mark", help="Mark the phases of each LOG on a replay as text.")
+        bool, typer.Option("--mark", help="Mark the phases of each LOG in its replay, by keys.")
     ] = False
     trials: Annotated[
         int | None, typer.Option(help="--sim: to learn from; default 10.", show_default=False)

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
+from tams_app.console.replay.marks import Mark
 from tams_app.errors import UnreadableLogError
 from tams_app.records import Phase, SceneTruth, Tick, Vector
 from tams_app.task.judge import TaskGeometry
@@ -152,6 +153,13 @@ def true_labels(
         )
     labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes), rules)
     return labels
+
+
+def marked_labels(marks: Sequence[Mark], t_s: Floats) -> Codes:
+    """The marked phase of every tick, shape (n,)."""
+    codes = [NOT_COUNTED, *(NOT_COUNTED if m.phase is None else CODE[m.phase] for m in marks)]
+    place = np.searchsorted([mark.t_s for mark in marks], t_s, side="right")
+    return np.array(codes, np.int8)[place]
 
 
 def _first_engaged(ticks: Sequence[Tick]) -> int | None:

@@ -10,10 +10,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import TypeAlias
 
-from calibration.phases.labels import LabelRules, true_labels
-from calibration.phases.marking import FILE_NAME, Replay, labels_from, read_marks, replay_of
+from calibration.phases.labels import LabelRules, marked_labels, true_labels
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
+from tams_app.console.replay.marks import FILE_NAME, Marking, read_marks
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.robot.build import task_geometry
@@ -55,11 +55,10 @@ def logged_trials(
     return Material(trials, [], f"recorded trials: {', '.join(names)}{said}", simulated)
 
 
-def logged_replay(folder: Path, smoothing_ms: float) -> Replay:
-    """A recorded session for marking."""
-    log = _read(folder)
+def marking_of(folder: Path, smoothing_ms: float, log: SessionLog) -> Marking:
+    """The marks beside `log`, which is in `folder`, to go on with."""
     motion = motion_of(folder.name, log.ticks, log.header.started_ns, smoothing_ms)
-    return replay_of(motion, log.ticks)
+    return Marking(folder / FILE_NAME, motion.last_s)
 
 
 def virtual_trials(
@@ -110,8 +109,7 @@ def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: Lab
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
     if marks.is_file():
-        last_s = float(motion.t_s[-1])
-        return Trial(motion, labels_from(read_marks(marks, last_s), motion.t_s))
+        return Trial(motion, marked_labels(read_marks(marks, motion.last_s), motion.t_s))
     if not log.scene:
         raise ConfigError(
             f"{folder}: its phases are not known: mark them with "

@@ -37,6 +37,11 @@ class Motion:
     t_s: Floats
     inputs: tuple[StepInput, ...]
 
+    @property
+    def last_s(self) -> float:
+        """When the last tick was."""
+        return float(self.t_s[-1])
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:

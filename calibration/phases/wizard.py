@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 from rich.progress_bar import ProgressBar
@@ -21,13 +22,12 @@ from calibration.phases.fit import (
     sensitivity,
 )
 from calibration.phases.labels import LabelRules
-from calibration.phases.marking import FILE_NAME, mark_trial
 from calibration.phases.report import save_sensitivity
 from calibration.phases.sources import (
     Material,
     check_folders,
-    logged_replay,
     logged_trials,
+    marking_of,
     virtual_trials,
 )
 from calibration.phases.trials import Scores
@@ -35,7 +35,10 @@ from calibration.store import Calibration
 from calibration.ui import as_text
 from calibration.wizard import Wizard
 from tams_app.config import PhasesConfig
-from tams_app.errors import ConfigError
+from tams_app.console.replay.marks import FILE_NAME
+from tams_app.console.replay.run import run_replay
+from tams_app.errors import ConfigError, SetupError
+from tams_app.faces.display import has_display
 
 KIND = "phases"
 _DEFAULT_TRIALS = 10
@@ -69,6 +72,11 @@ class PhaseWizard(Wizard[PhaseOptions]):
             raise ConfigError("--trials and --held-out are for --sim: logs are given with --from")
         if options.goal_height_mm is not None and not options.goal_height_mm > 0:
             raise ConfigError("--goal-height-mm must be more than 0")
+        if options.mark and not has_display():
+            raise SetupError(
+                "--mark shows each trial in a window: start it where there is a display, or write "
+                f"{FILE_NAME} beside the log by hand as docs/calibration/phases.md says"
+            )
         if not options.mark:
             check_count(len(options.logs) if options.logs else self._learn_from)
         check_folders(options.logs)
@@ -114,13 +122,12 @@ class PhaseWizard(Wizard[PhaseOptions]):
         return _DEFAULT_TRIALS if self.options.trials is None else self.options.trials
 
     def _mark(self) -> None:
-        """Marks for each log in turn."""
-        if not self.ui.attended:
-            raise ConfigError("--mark asks a person for the phases: start it from a terminal")
+        """Marks for each log in turn, in its replay."""
+        smoothing_ms = self.config.policy.phases.smoothing_ms
         for folder in self.options.logs:
-            replay = logged_replay(folder, self.config.policy.phases.smoothing_ms)
-            marks = mark_trial(self.ui, replay, folder / FILE_NAME)
-            self.ui.say(f"{folder / FILE_NAME}: {len(marks)} marks")
+            self.ui.say(f"\n{folder}: mark its phases in the window; Q when it is done.")
+            run_replay(folder, marking_of=partial(marking_of, folder, smoothing_ms))
+            self.ui.say(f"Its marks are kept in {folder / FILE_NAME}.")
         self.ui.say(
             f"Once at least {LEAST_TRIALS} trials are marked, give them all without --mark."
         )

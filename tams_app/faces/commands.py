@@ -7,9 +7,14 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
+from tams_app.records import Phase
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 
 Action: TypeAlias = Callable[[], None]
+PHASE_KEYS: Mapping[str, Phase | None] = MappingProxyType(
+    {str(number): phase for number, phase in enumerate(Phase, start=1)} | {"0": None}
+)
+"""Which phase each key marks in a replay; None: nothing that counts."""
 
 
 class Command(StrEnum):

@@ -20,7 +20,7 @@ from tams_app.runtime.shared_ring import (
 )
 
 _LENGTH = struct.Struct("<I")
-_SHAPE = RingShape(head_bytes=16 * 1024, heads=4)
+_SHAPE = RingShape(head_bytes=32 * 1024, heads=4)
 
 
 class FactsWriter:

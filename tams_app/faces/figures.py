@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
-from tams_app.records import SessionState, ViewState
+from tams_app.records import Phase, SessionState, ViewState
 
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
 
@@ -53,6 +54,18 @@ def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
         time = f"The time is over ({limit}): Q ends the trial"
     drops = f"Drops: {trial.drops} (X: more, Backspace: less)"
     return trial.participant, trial.title, time, drops, "P ends it when the block is placed"
+
+
+def marking_texts(phase: str) -> tuple[str, ...]:
+    """The phase marked at the moment shown, and the keys; as many as `trial_texts`."""
+    keys = [f"{key} {one}" for key, one in PHASE_KEYS.items() if one is not None]
+    return (
+        phase if phase in list(Phase) else "no phase",
+        " · ".join(keys[:3]),
+        " · ".join(keys[3:]),
+        "0 no phase · Backspace: undo",
+        "Page Up, Page Down: 0.1 s · F1: all keys",
+    )
 
 
 def minutes(t_s: float) -> str:

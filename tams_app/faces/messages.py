@@ -46,7 +46,8 @@ class Opening(msgspec.Struct, frozen=True):
     """The facts that a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
-    may be shown that tells the strategy or the network of a trial. hand: of `HANDS`. replay: the
+    may be shown that tells the strategy or the network of a trial, or the phases of one that a
+    person marks. hand: of `HANDS`. replay: the
     log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
     which a frame is called old.
     """
@@ -72,11 +73,16 @@ class TrialFacts(msgspec.Struct, frozen=True):
 
 
 class ReplayFacts(msgspec.Struct, frozen=True):
-    """The state of a replay; its position is the time of its facts."""
+    """The state of a replay; its position is the time of its facts.
+
+    marks: the phases that a person marks in it, in place of those of its log; None where they mark
+    none.
+    """
 
     speed: float  # times the real one
     paused: bool  # or at the end
     jumps: int = 0  # how often it went elsewhere than on
+    marks: tuple[Stretch, ...] | None = None
 
 
 class Said(msgspec.Struct, frozen=True):

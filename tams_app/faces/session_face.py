@@ -107,11 +107,15 @@ class ShownReplay(Protocol):
     def facts(self) -> ReplayFacts:
         """Its speed, and whether it is paused."""
 
+    @property
+    def blind(self) -> bool:
+        """Whether nothing may be shown that tells the phases of its log."""
+
     def on_keys(self, keys: Keys) -> None:
-        """Take in the keys that are down; called in a thread of the window.
+        """Take in the keys pressed; called in a thread of the window.
 
         Args:
-            keys: all of them.
+            keys: all that are down, and how often each was pressed.
         """
 
     def seek(self, t_s: float) -> None:
@@ -162,8 +166,10 @@ class SessionFace:
     def open(self) -> None:
         """Show it, once the session has started."""
         session = self._session
-        outline = None if self._replay is None else self._replay.outline
-        self._client.open(session.config, session.screen, self._trial is not None, outline)
+        replay = self._replay
+        blind = self._trial is not None or (replay is not None and replay.blind)
+        outline = None if replay is None else replay.outline
+        self._client.open(session.config, session.screen, blind, outline)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
             session.displays.add(lambda: self._client.heard_ns or self._opened_ns)

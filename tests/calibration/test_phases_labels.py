@@ -10,8 +10,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.phases.labels import Geometry, LabelRules, geometric_labels, true_labels
+from calibration.phases.labels import (
+    Geometry,
+    LabelRules,
+    geometric_labels,
+    marked_labels,
+    true_labels,
+)
 from calibration.phases.trials import CODE, NOT_COUNTED, PHASES
+from tams_app.console.replay.marks import Mark
 from tams_app.errors import LogError
 from tams_app.records import Phase
 from tams_app.task.judge import TaskGeometry
@@ -193,3 +200,12 @@ def test_a_log_in_which_the_arm_never_followed_is_refused() -> None:
     idle = [replace(tick, deadman=False, arming="ready") for tick in ticks]
     with pytest.raises(LogError, match="has no record of an engagement of the arm"):
         true_labels("a trial", idle, scene, SIZES)
+
+
+def test_a_phase_holds_from_its_mark_to_the_next_and_nothing_before_the_first() -> None:
+    t_s = np.array([0.0, 0.99, 1.0, 2.49, 2.5, 3.9, 4.0, 7.0])
+    nothing, reach, align = NOT_COUNTED, CODE[Phase.REACH], CODE[Phase.ALIGN]
+    marks = [Mark(1.0, Phase.REACH), Mark(2.5, Phase.ALIGN), Mark(4.0, None)]
+    expected = [nothing, nothing, reach, reach, align, align, nothing, nothing]
+    assert marked_labels(marks, t_s).tolist() == expected
+    assert marked_labels([], t_s).tolist() == [nothing] * 8

@@ -8,6 +8,7 @@ import shutil
 from contextlib import redirect_stdout
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -23,10 +24,14 @@ from calibration.phases.trials import CODE, NOT_COUNTED, Trial
 from calibration.phases.wizard import PhaseWizard
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
+from tams_app.console.replay.marks import Mark, write_marks
 from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
+from tams_app.units import NS_PER_S
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
 from tests.scripted_ui import ScriptedUI
+from tests.synthetic_session import START_NS
 
 pytestmark = pytest.mark.untimed
 
@@ -236,17 +241,22 @@ def test_with_nobody_to_ask_nothing_is_written(logs, config_path) -> None:
     assert not (config_path.parent / "calibration").exists()
 
 
-MARKS = ["0.6 reach", "1.6 align", "g", "gra", "+0.4", "tra", "5.5 pre", "g", "rel", "+0.4"]
+def mark(folders: tuple[Path, ...]) -> None:
+    """Marks beside each log, as its replay writes them."""
+    for folder in folders:
+        ticks = read_log(folder / LOG_NAME).ticks
+        closes, opens = (
+            (tick.started_ns - START_NS) / NS_PER_S
+            for before, tick in pairwise(ticks)
+            if before.arm.gripper_closed != tick.arm.gripper_closed
+        )
+        begins = (0.6, 1.6, closes, closes + 0.4, 5.5, opens)
+        marks = map(Mark, begins, Phase)
+        write_marks(folder / "phases.csv", [*marks, Mark(opens + 0.4, None)])
 
 
-def mark(config_path: Path, folders: tuple[Path, ...]) -> None:
-    ui = ScriptedUI([*MARKS, "rea", "q", *MARKS, "-", "q", *MARKS, "-", "q"])
-    assert calibrate(config_path, ui, logs=folders, mark=True) == 0
-
-
-def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs, config_path) -> None:
-    mark(config_path, own_logs)
-    assert (own_logs[2] / "phases.csv").read_text().splitlines()[-1].endswith(",-")
+def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs) -> None:
+    mark(own_logs)
     found = labelled(own_logs)
     assert found.source == "recorded trials: trial-0 (marked), trial-1 (marked), trial-2 (marked)"
     for trial in found.trials:
@@ -259,7 +269,7 @@ def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs, config_p
 def test_after_a_yes_the_file_says_which_trials_a_person_marked(
     logs, own_logs, config_path
 ) -> None:
-    mark(config_path, own_logs)
+    mark(own_logs)
     folders = (logs[0], *own_logs[1:])
     ui = ScriptedUI(["y"])
     assert calibrate(config_path, ui, logs=folders, goal_height_mm=100.0) == 0
@@ -273,13 +283,15 @@ def test_after_a_yes_the_file_says_which_trials_a_person_marked(
 
 @pytest.mark.usefixtures("fitted")
 def test_marks_know_no_height(own_logs, config_path) -> None:
-    mark(config_path, own_logs)
+    mark(own_logs)
     assert calibrate(config_path, ScriptedUI(["y"]), logs=own_logs, goal_height_mm=100.0) == 0
     assert "below" not in file_in_force(config_path.parent).read_text(encoding="utf-8")
 
 
-def test_marking_needs_somebody_at_the_terminal(own_logs, config_path) -> None:
-    with pytest.raises(ConfigError, match="--mark asks a person"):
+def test_marking_without_a_display_says_what_it_needs(own_logs, config_path, monkeypatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SetupError, match="start it where there is a display, or write"):
         calibrate(config_path, ScriptedUI(), logs=own_logs, mark=True)
 
 
@@ -297,7 +309,7 @@ def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
 @pytest.mark.usefixtures("fitted")
 def test_only_trials_of_real_devices_count_for_real_devices(logs, own_logs, tmp_path) -> None:
     config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
-    mark(config_path, own_logs)
+    mark(own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
         calibrate(config_path, ScriptedUI(), logs=(logs[0], *own_logs[1:]), yes=True)
     with pytest.raises(ConfigError, match="has real devices"):
@@ -314,13 +326,14 @@ def test_a_copy_of_a_log_is_no_trial_of_its_own(logs, config_path, tmp_path) -> 
 
 
 def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
-    logs, config_path, tmp_path
+    logs, config_path, tmp_path, monkeypatch
 ) -> None:
     empty = record(tmp_path / "empty", [], [])
     with pytest.raises(LogError, match="empty: has no state of the arm"):
         calibrate(config_path, ScriptedUI(), logs=(*logs[:2], empty))
+    monkeypatch.setenv("DISPLAY", ":none")
     with pytest.raises(LogError, match="empty: has no state of the arm"):
-        calibrate(config_path, ScriptedUI(["q"]), logs=(empty,), mark=True)
+        calibrate(config_path, ScriptedUI(), logs=(empty,), mark=True)
 
 
 def test_without_mujoco_simulated_trials_say_what_is_missing(config_path, monkeypatch) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
 from tams_app.faces.messages import Outline, Stretch
@@ -16,24 +16,35 @@ _SEVERITY = {state.value: number for number, state in enumerate(ArmingState)}
 
 def outline_of(log: SessionLog) -> Outline:
     """Phases and states of `log`. A stop is in it however short it was."""
-    start_ns = log.header.started_ns
-    length_ns = max(log.ended_ns - start_ns, 1)
-
-    def cell_of(t_ns: int) -> int:
-        return min(max((t_ns - start_ns) * CELLS // length_ns, 0), CELLS - 1)
-
-    phases, states = [""] * CELLS, [""] * CELLS
-    for change in log.phases:
-        phases[cell_of(change.t_ns)] = change.phase.value
+    start_ns, length_ns = log.header.started_ns, _length_ns(log)
+    states = [""] * CELLS
     for tick in log.ticks:
-        cell = cell_of(tick.started_ns)
+        cell = _cell(tick.started_ns - start_ns, length_ns)
         states[cell] = max(states[cell], tick.arming, key=lambda state: _SEVERITY.get(state, -1))
-    cell_s = length_ns / CELLS / NS_PER_S
-    return Outline(length_ns / NS_PER_S, _stretches(phases, cell_s), _stretches(states, cell_s))
+    changes = ((change.t_ns - start_ns, change.phase.value) for change in log.phases)
+    return Outline(length_ns / NS_PER_S, phases_row(log, changes), _stretches(states, length_ns))
 
 
-def _stretches(words: Sequence[str], cell_s: float) -> tuple[Stretch, ...]:
+def phases_row(log: SessionLog, changes: Iterable[tuple[int, str]]) -> tuple[Stretch, ...]:
+    """Phases over the length of `log`, by when each begins [ns since its start], in order."""
+    length_ns = _length_ns(log)
+    words = [""] * CELLS
+    for since_ns, word in changes:
+        words[_cell(since_ns, length_ns)] = word
+    return _stretches(words, length_ns)
+
+
+def _length_ns(log: SessionLog) -> int:
+    return max(log.ended_ns - log.header.started_ns, 1)
+
+
+def _cell(since_ns: int, length_ns: int) -> int:
+    return min(max(since_ns * CELLS // length_ns, 0), CELLS - 1)
+
+
+def _stretches(words: Sequence[str], length_ns: int) -> tuple[Stretch, ...]:
     """Cells of the same word as one; a cell without any has that of the one before it."""
+    cell_s = length_ns / CELLS / NS_PER_S
     changes: list[tuple[int, str]] = []
     for cell, word in enumerate(words):
         if word and (not changes or word != changes[-1][1]):

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.replay.logged_config import logged_config
+from tams_app.console.replay.marks import Marking
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, SignalledError, TamsError
@@ -15,15 +17,23 @@ from tams_app.faces.display import has_display
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 from tams_app.progress import waiting
-from tams_app.recording import read_log
+from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
 
 FASTEST = 100.0
 
 
-def run_replay(given: Path, speed: float, headless: bool) -> int:
-    """Show the log of a session, or of the folder that has it, until it is ended; the exit code."""
+def run_replay(
+    given: Path,
+    speed: float = 1.0,
+    headless: bool = False,
+    marking_of: Callable[[SessionLog], Marking] | None = None,
+) -> int:
+    """Show the log of a session, or of the folder that has it, until it is ended; the exit code.
+
+    `marking_of`: where its phases are marked by keys, the marks so far.
+    """
     if not 0.01 <= speed <= FASTEST:
         raise ConfigError(f"--speed: {speed:g} is not between 0.01 and {FASTEST:g}")
     path = session_log(given)
@@ -32,6 +42,7 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
     with tempfile.TemporaryDirectory(prefix="tams-replay-") as folder:
         with waiting("reading the log", console):
             log = read_log(path)
+            marking = None if marking_of is None else marking_of(log)
             session = ReplaySession(
                 log,
                 PictureFinder(path),
@@ -40,6 +51,7 @@ def run_replay(given: Path, speed: float, headless: bool) -> int:
                 speed,
                 MonotonicClock().now_ns,
                 _key_help(headless),
+                marking,
             )
         show_session(session, console, interrupted=signals.append, replay=session)
     if session.failure:

@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Final
 
 import cv2
+import msgspec
 import numpy as np
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
+from tams_app.console.replay.marks import Marking
 from tams_app.console.replay.moments import Moments
-from tams_app.console.replay.outline import outline_of
+from tams_app.console.replay.outline import outline_of, phases_row
 from tams_app.console.replay.playback import STEP_NS, Playback
 from tams_app.errors import UnreadableLogError
+from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
-from tams_app.records import Note, SessionState
+from tams_app.records import Note, SessionState, without_figures
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
-KEY_STEPS: Final = {"Left": -STEP_NS, "Right": STEP_NS, "Home": -(1 << 62), "End": 1 << 62}
-KEY_SPEEDS: Final = {"Up": 1, "Down": -1}
+_FINE_NS = NS_PER_S // 10
+_LONG_NS = 1 << 62
 
 
 class Requests:
@@ -37,21 +40,14 @@ class Requests:
         self._playback = playback
         self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
 
+    def ask(self, action: Callable[[], None]) -> None:
+        self._asked.put(action)
+
     def confirm(self, asked_ns: int | None = None) -> None:
-        self._asked.put(self._playback.toggle)
+        self.ask(self._playback.toggle)
 
     def estop(self) -> None:
-        self._asked.put(self._playback.pause)
-
-    def press(self, key: str) -> None:
-        """An arrow key, Home or End; others change nothing."""
-        if key in KEY_STEPS:
-            self._asked.put(lambda: self._playback.move(KEY_STEPS[key]))
-        elif key in KEY_SPEEDS:
-            self._asked.put(lambda: self._playback.faster(KEY_SPEEDS[key]))
-
-    def seek(self, position_ns: int) -> None:
-        self._asked.put(lambda: self._playback.seek(position_ns))
+        self.ask(self._playback.pause)
 
     def carry_out(self) -> None:
         while not self._asked.empty():
@@ -73,10 +69,12 @@ class ReplaySession:
         speed: float,
         now_ns: Callable[[], int],
         key_help: str = "",
+        marking: Marking | None = None,
     ) -> None:
         """`config`: the session's own. `folder`: for what the window's process writes.
 
-        `key_help`: which keys there are, to be told behind how it goes.
+        `key_help`: which keys there are, to be told behind how it goes. `marking`: of this log, by
+        keys; it goes on, paused, from the last mark.
         """
         self.config, self.folder = config, folder
         self.sentences = Sentences()
@@ -85,12 +83,21 @@ class ReplaySession:
         self._log, self._pictures = log, pictures
         self._moments = Moments(log)
         self._now_ns, self._key_help = now_ns, key_help
+        self.blind = marking is not None
+        self._marking = marking
         self.outline = outline_of(log)
+        if self.blind:  # who marks does not know what was inferred
+            self.outline = msgspec.structs.replace(self.outline, phases=())
         self.playback = Playback(log.header.started_ns, log.ended_ns, speed)
         self.signals = Requests(self.playback)
+        self._actions = self._actions_by_key()
+        if marking is not None:
+            self.playback.pause()
+            if marking.marks:
+                self._go_to(marking.marks[-1].t_s)
         self._noted_ns = log.header.started_ns - NS_PER_S
         self._note: Note | None = None
-        self._held: frozenset[str] = frozenset()
+        self._presses: Mapping[str, int] = {}
         self._told = ""
         self._shown: dict[str, int] = {}
         video = config.video
@@ -117,23 +124,35 @@ class ReplaySession:
         return (self.playback.position_ns - self._log.header.started_ns) / NS_PER_S
 
     def state(self) -> SessionState:
-        return self._moments.at(self.playback.position_ns)
+        """As it was shown; where phases are marked, with the marked one and without figures."""
+        state = self._moments.at(self.playback.position_ns)
+        if self._marking is None:
+            return state
+        mark = self._marking.mark_at(state.t_s)
+        return msgspec.structs.replace(
+            without_figures(state), phase="" if mark is None else mark.name, primary_view=""
+        )
 
     def facts(self) -> ReplayFacts:
-        """Its speed, whether it is paused, and its jumps."""
-        playback = self.playback
-        return ReplayFacts(playback.speed, playback.paused or playback.at_end, playback.jumps)
+        """Its speed, whether it is paused, its jumps, and the marks."""
+        playback, marks = self.playback, None
+        if self._marking is not None:
+            changes = ((round(mark.t_s * NS_PER_S), mark.name) for mark in self._marking.marks)
+            marks = phases_row(self._log, changes)
+        paused = playback.paused or playback.at_end
+        return ReplayFacts(playback.speed, paused, playback.jumps, marks)
 
     def on_keys(self, keys: Keys) -> None:
-        """Arrow keys: 5 s back and forth, faster and slower; Home and End. From one thread."""
-        held = frozenset(keys.held)
-        for key in held - self._held:
-            self.signals.press(key)
-        self._held = held
+        """Do what each new press asks for; others change nothing. From one thread."""
+        for key, count in keys.presses.items():
+            for _ in range(count - self._presses.get(key, 0)):
+                if action := self._actions.get(key):
+                    self.signals.ask(action)
+        self._presses = keys.presses
 
     def seek(self, t_s: float) -> None:
         """Go to that moment of the log [s], in any thread."""
-        self.signals.seek(self._log.header.started_ns + round(t_s * NS_PER_S))
+        self.signals.ask(lambda: self._go_to(t_s))
 
     def request_end(self, reason: str) -> None:
         self.end(reason)
@@ -152,7 +171,51 @@ class ReplaySession:
         """There is none."""
 
     def close(self) -> None:
-        self.screen.close()
+        """What was asked for just before the end is done yet: no mark is lost."""
+        try:
+            self.signals.carry_out()
+        finally:
+            self.screen.close()
+
+    def _actions_by_key(self) -> dict[str, Callable[[], None]]:
+        """What the keys do that are no commands, by their names in GDK."""
+        playback = self.playback
+        actions: dict[str, Callable[[], None]] = {
+            "Left": partial(playback.move, -STEP_NS),
+            "Right": partial(playback.move, STEP_NS),
+            "Home": partial(playback.move, -_LONG_NS),
+            "End": partial(playback.move, _LONG_NS),
+            "Up": partial(playback.faster, 1),
+            "Down": partial(playback.faster, -1),
+            "Page_Up": partial(self._go_a_little, -_FINE_NS),
+            "Page_Down": partial(self._go_a_little, _FINE_NS),
+            "g": self._go_to_gripper,
+        }
+        if (marking := self._marking) is not None:
+
+            def mark(change: Callable[[float], str]) -> None:
+                self.sentences.note(change(self.elapsed_s()))
+
+            actions["BackSpace"] = partial(mark, marking.undo)
+            for key, phase in PHASE_KEYS.items():
+                actions[key] = partial(mark, partial(marking.begin, phase))
+        return actions
+
+    def _go_to(self, t_s: float) -> None:
+        self.playback.seek(self._log.header.started_ns + round(t_s * NS_PER_S))
+
+    def _go_a_little(self, by_ns: int) -> None:
+        self.playback.pause()
+        self.playback.move(by_ns)
+
+    def _go_to_gripper(self) -> None:
+        """To the next tick before which the gripper was told to open or close."""
+        ticks = [tick for tick in self._log.ticks if tick.arm is not None]
+        told = [bool(tick.arm and tick.arm.gripper_closed) for tick in ticks]
+        for tick, before, after in zip(ticks[1:], told, told[1:], strict=False):
+            if before != after and tick.started_ns > self.playback.position_ns:
+                self.playback.seek(tick.started_ns)
+                return
 
     def _say_notes(self, position_ns: int, jumped: bool) -> None:
         """Show the sentences passed on the way; after a jump only the last one before."""

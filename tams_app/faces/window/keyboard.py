@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from tams_app.faces.commands import Command
+from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.teleop.hands import words_of_hand
 
@@ -34,18 +34,24 @@ _REPLAY_HELP = (
     ("Enter, Space", "pause, or go on; also the red button"),
     ("Left, Right", "5 s back, 5 s forward"),
     ("Down, Up", "slower, faster"),
+    ("Page Up, Page Down", "pause, 0.1 s back, 0.1 s forward"),
     ("Home, End", "to the beginning, to the end"),
+    ("G", "to the gripper's next command"),
     ("mouse", "click or drag in the bar below the views: go there"),
     ("Q", "end the replay"),
     *_WINDOW_HELP[1:],
 )
+_MARKING_HELP = (
+    *((key, f"{one or 'no phase'} from here on") for key, one in PHASE_KEYS.items()),
+    ("Backspace", "undo the last mark before this moment"),
+)
 
 
-def key_help(hand: str, replay: bool = False, trial: bool = False) -> tuple[tuple[str, str], ...]:
-    """All keys with what they do, and the controls of `hand` (`HANDS`)."""
+def key_help(hand: str, replay: bool = False, blind: bool = False) -> tuple[tuple[str, str], ...]:
+    """All keys with what they do, and the controls of `hand` (`HANDS`); `blind`: of `Opening`."""
     if replay:
-        return _REPLAY_HELP
-    of_trial = _TRIAL_HELP if trial else ()
+        return (*(_MARKING_HELP if blind else ()), *_REPLAY_HELP)
+    of_trial = _TRIAL_HELP if blind else ()
     words = words_of_hand(hand)
     confirm = f"confirm: arm the arm, clear a fault (release {words.deadman} first)"
     return (
@@ -80,10 +86,15 @@ class Symbol(NamedTuple):
 def key_name(code: int, layout: int, symbols: Iterable[Symbol]) -> str:
     """One name for a key, whatever modifiers are down and whichever layout is active.
 
-    What it means without modifiers in the active layout; where that is no Latin letter, in the
-    first of the other layouts in which it is; where there is none, the letter that a US keyboard
-    has there. "" for a key that means nothing.
+    A digit where the active layout has one on it, with Shift or NumLock or without. Else what it
+    means without modifiers in the active layout; where that is no Latin letter, in the first of the
+    other layouts in which it is; where there is none, the letter that a US keyboard has there.
+    "" for a key that means nothing.
     """
+    symbols = list(symbols)
+    for one in symbols:
+        if one.layout == layout and one.level < 2 and one.name.removeprefix("KP_") in PHASE_KEYS:
+            return one.name.removeprefix("KP_")
     plain = sorted(
         (one for one in symbols if one.level == 0 and one.name),
         key=lambda one: (one.layout != layout, one.layout),

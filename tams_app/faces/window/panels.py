@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from msgspec.structs import replace
+
 from tams_app.faces import canvas
 from tams_app.faces.banner import Banner
-from tams_app.faces.figures import replay_texts, trial_texts
+from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
 from tams_app.faces.history import History
-from tams_app.faces.messages import Facts, Outline, TrialFacts, Workspace
+from tams_app.faces.messages import Facts, Outline, Workspace
 from tams_app.faces.window import strips
 from tams_app.faces.window.toolkit import load
 from tams_app.records import SessionState
@@ -91,7 +93,7 @@ class NumbersPanel:
 
 
 class TrialPanel:
-    """In place of the numbers where a trial is under way: they would tell what is compared."""
+    """In place of the numbers where they would tell too much: in a trial, and to who marks one."""
 
     def __init__(self, workspace: Workspace) -> None:
         Gtk = load().Gtk
@@ -119,11 +121,13 @@ class TrialPanel:
         """The trial as it stands."""
         self._state = facts.state
         if facts.trial is not None:
-            self._write(facts.trial)
+            self._write(trial_texts(facts.trial))
+        elif facts.replay is not None:
+            self._write(marking_texts(facts.state.phase))
         self._area.queue_draw()
 
-    def _write(self, trial: TrialFacts) -> None:
-        for label, text in zip(self._labels, trial_texts(trial), strict=True):
+    def _write(self, texts: tuple[str, ...]) -> None:
+        for label, text in zip(self._labels, texts, strict=True):
             label.set_text(text)
 
 
@@ -151,14 +155,14 @@ class LogBar:
     def __init__(self, outline: Outline, seek: Callable[[float], None]) -> None:
         """`seek` is called with the moment of the log [s] that was clicked or dragged to."""
         Gtk = load().Gtk
-        self._end_s, self._t_s = outline.end_s, 0.0
+        self._outline, self._t_s = outline, 0.0
         self._texts = [_label("position"), _label("")]
         words = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, valign=Gtk.Align.CENTER)
         words.add_css_class("replay")
         for label in self._texts:
             words.append(label)
         self._area = _area(
-            lambda cr, width, height: strips.draw_log(cr, width, height, outline, self._t_s),
+            lambda cr, width, height: strips.draw_log(cr, width, height, self._outline, self._t_s),
             expands=False,
         )
         self._area.set_cursor_from_name("pointer")
@@ -180,14 +184,16 @@ class LogBar:
         """Show the replay's position."""
         self._t_s = facts.state.t_s
         if facts.replay is not None:
-            texts = replay_texts(facts.state.t_s, self._end_s, facts.replay)
+            if (marks := facts.replay.marks) is not None:
+                self._outline = replace(self._outline, phases=marks)
+            texts = replay_texts(facts.state.t_s, self._outline.end_s, facts.replay)
             for label, text in zip(self._texts, texts, strict=True):
                 label.set_text(text)
         self._area.queue_draw()
 
     def _at(self, x: float) -> float:
         """The moment [s] at a place in the bar."""
-        return self._end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
+        return self._outline.end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
 
 
 def key_list(keys: Sequence[tuple[str, str]]) -> Any:

@@ -8,12 +8,13 @@ from itertools import pairwise
 import msgspec
 import pytest
 
-from tams_app.console.replay.outline import CELLS, outline_of
-from tams_app.faces.messages import LONGEST, Stretch
+from tams_app.console.replay.outline import CELLS, outline_of, phases_row
+from tams_app.faces.facts_memory import FactsWriter
+from tams_app.faces.messages import LONGEST, ReplayFacts, Said, Stretch
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.units import NS_PER_S
-from tests.faces.window.facts import OPENING
+from tests.faces.window.facts import FACTS, OPENING, changed
 from tests.golden_logs import golden_log
 from tests.synthetic_session import START_NS, header, tick
 
@@ -74,3 +75,15 @@ def test_the_outline_of_the_longest_log_can_be_told_to_the_window() -> None:
     assert len(outline.phases) == len(outline.states) == CELLS
     opening = msgspec.structs.replace(OPENING, replay=outline)
     assert len(msgspec.msgpack.encode(opening)) < LONGEST
+
+
+def test_marks_in_every_cell_can_be_told_to_the_window() -> None:
+    log = log_of(36_000, [])
+    names = (Phase.PRE_RELEASE.value, Phase.TRANSPORT.value)
+    row = phases_row(log, [(cell * 60 * NS_PER_S, names[cell % 2]) for cell in range(CELLS)])
+    assert len(row) == CELLS
+    replay = ReplayFacts(16.0, True, 10_000, row)
+    said = (Said(36_000.0, "x" * 500),) * 3
+    facts = FactsWriter()
+    facts.put(changed(FACTS, replay=replay, said=said))
+    facts.close()

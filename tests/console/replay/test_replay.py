@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
+from collections import Counter
 from contextlib import closing
 from dataclasses import replace
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ import pytest
 
 from tams_app.cli import _main
 from tams_app.config import load_config
+from tams_app.console.replay.marks import Mark, Marking, read_marks
 from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.run import _shown_config
 from tams_app.console.replay.session import ReplaySession
@@ -67,12 +69,22 @@ def log_path(tmp_path: Path) -> Path:
 class Replayed:
     """A replay in virtual time, and what it has put on the screen."""
 
-    def __init__(self, path: Path, tmp_path: Path, speed: float = 1.0) -> None:
+    def __init__(
+        self, path: Path, tmp_path: Path, speed: float = 1.0, marking: Marking | None = None
+    ) -> None:
         self.now_ns = 0
+        self.presses = Counter[str]()
         self.put: dict[str, float] = {}
         log = read_log(path)
         self.session = ReplaySession(
-            log, PictureFinder(path), load_config(), tmp_path, speed, lambda: self.now_ns, " (keys)"
+            log,
+            PictureFinder(path),
+            load_config(),
+            tmp_path,
+            speed,
+            lambda: self.now_ns,
+            " (keys)",
+            marking,
         )
         self.session.start()
         self.session.screen.put = (  # type: ignore[method-assign]
@@ -85,8 +97,9 @@ class Replayed:
             self.session.poll()
 
     def press(self, *keys: str) -> None:
-        for held in (keys, ()):
-            self.session.on_keys(Keys(self.now_ns, True, held))
+        for key in keys:
+            self.presses[key] += 1
+            self.session.on_keys(Keys(self.now_ns, True, (), presses=dict(self.presses)))
 
 
 def test_state_notes_and_pictures_are_those_of_the_moment(log_path: Path, tmp_path: Path) -> None:
@@ -178,7 +191,7 @@ def test_no_picture_of_another_moment_stays_where_there_was_none(
 def test_a_key_that_is_held_acts_once(log_path: Path, tmp_path: Path) -> None:
     replayed = Replayed(log_path, tmp_path)
     for _ in range(20):
-        replayed.session.on_keys(Keys(0, True, ("Up",)))
+        replayed.session.on_keys(Keys(0, True, ("Up",), presses={"Up": 1}))
     replayed.passes(0.05)
     assert replayed.session.playback.speed == 2.0
 
@@ -244,3 +257,101 @@ def test_what_cannot_be_replayed_is_one_sentence(
 def test_a_replay_is_shown_in_the_window_whatever_showed_the_session() -> None:
     recorded = load_config(overrides={"faces": ["headset", "elsewhere"]})
     assert _shown_config(recorded, headless=False).faces == ("window",)
+
+
+# --- marking --------------------------------------------------------------------------------------
+
+LAST_S = 479 / 120  # of the ticks
+
+
+@pytest.fixture
+def marks_path(tmp_path: Path) -> Path:
+    return tmp_path / "phases.csv"
+
+
+def test_a_key_marks_the_phase_at_the_moment_shown_and_it_is_on_the_disk_at_once(
+    log_path: Path, tmp_path: Path, marks_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path, marking=Marking(marks_path, LAST_S))
+    replayed.press(*["Page_Down"] * 7, "1", *["Page_Down"] * 5, "2")
+    replayed.passes(0.05)
+    marks = [Mark(0.7, Phase.REACH), Mark(1.2, Phase.ALIGN)]
+    assert read_marks(marks_path, LAST_S) == marks
+    replayed.press("End", "0")
+    replayed.passes(0.05)  # the log ends after its last tick, and no mark may
+    assert read_marks(marks_path, LAST_S) == [*marks, Mark(3.991, None)]
+    replayed.press("BackSpace", "BackSpace")
+    replayed.passes(0.05)
+    assert read_marks(marks_path, LAST_S) == marks[:1]
+    said = replayed.session.sentences.take()
+    assert "marked: ALIGN from 1.20 s on" in said
+    assert said[-1] == "not marked any more: ALIGN at 1.20 s"
+
+
+def test_a_mark_made_just_before_the_end_is_kept(
+    log_path: Path, tmp_path: Path, marks_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path, marking=Marking(marks_path, LAST_S))
+    replayed.press("1")
+    replayed.session.end("ended by the operator")
+    replayed.session.close()
+    assert read_marks(marks_path, LAST_S) == [Mark(0.0, Phase.REACH)]
+
+
+def test_marking_goes_on_paused_from_the_last_mark(
+    log_path: Path, tmp_path: Path, marks_path: Path
+) -> None:
+    marks_path.write_text("t_s,phase\n0.5,REACH\n1.25,ALIGN\n")
+    replayed = Replayed(log_path, tmp_path, marking=Marking(marks_path, LAST_S))
+    replayed.passes(1.0)
+    assert replayed.session.state().t_s == pytest.approx(1.25)
+    assert replayed.session.state().phase == "ALIGN"
+    assert replayed.session.facts().paused
+
+
+def test_who_marks_sees_their_marks_and_nothing_that_tells_the_inferred_phase(
+    log_path: Path, tmp_path: Path, marks_path: Path
+) -> None:
+    def shown(marking: Marking | None, *keys: str) -> str:
+        session = (replayed := Replayed(log_path, tmp_path, 0.001, marking)).session
+        replayed.press(*keys)
+        replayed.passes(0.05)
+        whole = f"{session.outline} {session.facts()} {session.state()}"
+        return " ".join(phase for phase in Phase if phase.value in whole)
+
+    marking = Marking(marks_path, LAST_S)
+    assert "REACH ALIGN GRASP" in shown(None)
+    assert shown(marking, "End") == ""
+    assert shown(marking, "Home", "4") == "TRANSPORT"
+    assert Replayed(log_path, tmp_path, 1.0, marking).session.state().primary_view == ""
+
+
+def test_without_marking_the_keys_of_phases_write_nothing(log_path: Path, tmp_path: Path) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    replayed.press("1", "BackSpace")
+    replayed.passes(0.1)
+    assert not (tmp_path / "phases.csv").exists()
+    assert replayed.session.facts().marks is None
+
+
+def test_g_goes_to_each_command_of_the_gripper_in_turn(tmp_path: Path) -> None:
+    log = read_log(golden_log("outage"))
+    ticks = [tick for tick in log.ticks if tick.arm is not None]
+    told = [
+        (tick.started_ns - log.header.started_ns) / NS_PER_S
+        for before, tick in pairwise(ticks)
+        if bool(before.arm.gripper_closed) != bool(tick.arm.gripper_closed)
+    ]
+    assert told
+    replayed = Replayed(golden_log("outage"), tmp_path, speed=1e-9)
+    for t_s in (*told, told[-1]):  # where there is no further one it stays
+        replayed.press("g")
+        replayed.passes(0.05)
+        assert replayed.session.elapsed_s() == pytest.approx(t_s)
+
+
+def test_a_press_that_is_told_together_with_others_counts(log_path: Path, tmp_path: Path) -> None:
+    replayed = Replayed(log_path, tmp_path, speed=1e-9)
+    replayed.session.on_keys(Keys(0, True, (), presses={"Page_Down": 3}))
+    replayed.passes(0.05)
+    assert replayed.session.elapsed_s() == pytest.approx(0.3)

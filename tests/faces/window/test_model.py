@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from hw.make_controller import DEVICES
 from tams_app import palette
 from tams_app.faces.banner import LOOKS, banner_of, look_of
-from tams_app.faces.commands import Command
+from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.figures import (
     hand_rows,
+    marking_texts,
     replay_texts,
     trial_texts,
     uplink_texts,
@@ -142,6 +143,16 @@ def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> No
     assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
     assert banner.key == "Nothing moves · F1: keys"
     assert "emergency" not in " ".join(sum(key_help("openvr", replay=True), ()))
+
+
+def test_who_marks_phases_finds_each_key_in_the_list_and_beside_the_views() -> None:
+    listed = dict(key_help("openvr", replay=True, blind=True))
+    beside = " ".join(marking_texts("ALIGN"))
+    for key, phase in PHASE_KEYS.items():
+        assert listed[key] == f"{phase or 'no phase'} from here on"
+        assert f"{key} {phase or 'no phase'}" in beside
+    assert "Backspace" in listed
+    assert "1" not in dict(key_help("openvr", replay=True))
 
 
 def test_the_button_says_what_a_click_does() -> None:
@@ -426,6 +437,9 @@ SHIFTS_TOGGLE = (Symbol(0, 0, "Shift_L", 0), Symbol(0, 1, "ISO_Prev_Group", 0))
         (LEFT_SHIFT, 1, SHIFTS_TOGGLE, "Shift_L"),
         (66, 0, [Symbol(0, 0, "Escape", 27)], "Escape"),  # caps:escape
         (48, 0, [Symbol(0, 0, "Cyrillic_e", ord("э"))], "Cyrillic_e"),
+        (12, 0, [Symbol(0, 0, "quotedbl", 34), Symbol(0, 1, "3", ord("3"))], "3"),  # French
+        (12, 0, [Symbol(0, 0, "3", ord("3")), Symbol(0, 1, "numbersign", 35)], "3"),
+        (89, 0, [Symbol(0, 0, "KP_Page_Down", 0), Symbol(0, 1, "KP_3", ord("3"))], "3"),
         (200, 0, (), ""),
     ],
 )
