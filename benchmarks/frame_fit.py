@@ -18,7 +18,7 @@ from scipy.spatial import transform
 from calibration.frame.asking import fit_moves
 from calibration.frame.fit import Matrix, fit_strokes, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.simulated import SimulatedSetup
+from calibration.frame.sources import SimulatedSetup
 from calibration.frame.stroke import RefusedError, Stroke
 from calibration.frame.touches import Touch, fit_touches
 from calibration.ui import WizardUI

@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from calibration.weights.fit import assess
-from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
+from calibration.weights.panel import simulate_panel
+from hw.sim.operator.rater import PANELS, PAPER_DOMINANT
 from tams_app.config import load_config
 from tams_app.records import Phase
 

@@ -5,24 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from enum import Enum, auto
 from typing import Protocol
 
 from calibration.cameras.flashes import Flashes
 from calibration.ui import WizardUI
+from hw.sim.operator.at_cameras import Task
 from tams_app.config import CameraConfig
 from tams_app.records import Frame
 
 _CHUNK_S = 0.5
-
-
-class Task(Enum):
-    """What the person is asked to do; a simulated one does it."""
-
-    REST = auto()  # keep out of sight, hold still
-    WAVE = auto()  # a hand before one camera
-    FOCUS = auto()  # turn its ring until the bar is highest
-    SHOW_SCREEN = auto()  # point it at the screen that flashes
 
 
 @dataclass(frozen=True, slots=True)

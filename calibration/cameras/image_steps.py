@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from rich.text import Text
 
-from calibration.cameras.bench import Bench, Settings, Shot, Task, agreed, until_done
+from calibration.cameras.bench import Bench, Settings, Shot, agreed, until_done
 from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import camera_latency
 from calibration.cameras.image_quality import (
@@ -19,6 +19,7 @@ from calibration.cameras.image_quality import (
 )
 from calibration.cameras.timing import FEWEST_FRAMES, clock_problem, measure_rate, rate_advice
 from calibration.ui import WizardUI
+from hw.sim.operator.at_cameras import Task
 from tams_app.errors import DeviceError
 
 FOCUS, EXPOSURE, RATE = "focus", "exposure", "rate"

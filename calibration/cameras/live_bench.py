@@ -6,9 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 
-from calibration.cameras.bench import Settings, Shot, Task
+from calibration.cameras.bench import Settings, Shot
 from calibration.cameras.flashes import Flashes, flashing_window
 from hw.gstreamer.camera import GstCamera
+from hw.sim.operator.at_cameras import Task
 from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
 from hw.v4l2.ioctl import V4l2Device

@@ -1,4 +1,4 @@
-"""Where hand and buttons come from, and what the person is prompted to do; the real controller."""
+"""Where hand and buttons come from, real or simulated, and what the person is prompted to do."""
 
 from __future__ import annotations
 
@@ -14,12 +14,17 @@ from calibration.frame.stroke import AXES
 from hw.openvr.component_reader import ComponentReader
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
+from hw.sim.operator.prompted import PromptedPerson
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, Vector
-from tams_app.runtime.clock import Clock, FixedRate
+from tams_app.runtime.clock import Clock, FixedRate, VirtualClock
+from tams_app.units import NS_PER_S
 
 SAMPLE_RATE_HZ = 120.0
+_GIVE_UP_NS = 30 * NS_PER_S  # the simulated person does what is asked at once
 SHOW_EVERY = 12  # samples: ten times a second
 _MEANING = {
     "+x": "away from the robot's base",
@@ -133,4 +138,65 @@ class _Live(Generic[Reading]):
     def next(self) -> tuple[int, Reading]:
         self._rate.wait()
         now_ns = self._clock.now_ns()
+        return now_ns, self._read(now_ns)
+
+
+class SimulatedSetup:
+    """The rig's controller in the hand of a simulated person, in virtual time."""
+
+    def __init__(self, config: Config, seed: int) -> None:
+        self._config, self._seed = config, seed
+        self.description = f"the simulated rig and a simulated person, seed {seed}"
+        self.true_rotation: Matrix | None = np.array(operator_hand(config).rotation)
+        self._clock = VirtualClock()
+
+    @contextmanager
+    def buttons(self) -> Iterator[ButtonSource]:
+        person, controller = self._make(self._config)
+
+        def read(now_ns: int) -> ComponentReading | None:
+            controller.sample(now_ns)
+            return controller.components()
+
+        yield _Simulated(self._clock, person, read)
+
+    @contextmanager
+    def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
+        config = self._config.model_copy(update={"controller": controller})
+        person, device = self._make(config)
+        yield _Simulated(self._clock, person, device.sample)
+
+    def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
+        operator = config.rig.operator
+        truth = np.array(operator_hand(config).rotation)
+        person = PromptedPerson(truth, operator.arm_reach_m, self._seed)
+        controller = VirtualController(person, operator, self._seed, rig_wiring(config))
+        controller.start()
+        return person, controller
+
+
+class _Simulated(Generic[Reading]):
+    def __init__(
+        self, clock: VirtualClock, person: PromptedPerson, read: Callable[[int], Reading]
+    ) -> None:
+        self._clock, self._person, self._read = clock, person, read
+        self._asked_ns = clock.now_ns()
+
+    def ask(self, prompt: Prompt) -> None:
+        if isinstance(prompt, Move):
+            self._person.stroke(prompt.direction)
+        elif isinstance(prompt, Reach):
+            self._person.touch(prompt.robot)
+        else:
+            self._person.press(prompt.role)
+        self._asked_ns = self._clock.now_ns()
+
+    def next(self) -> tuple[int, Reading]:
+        self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
+        now_ns = self._clock.now_ns()
+        if now_ns - self._asked_ns > _GIVE_UP_NS:
+            raise DeviceError(
+                "Nothing came of what the simulated person did: look at rig.wiring and at "
+                "rig.operator in the configuration."
+            )
         return now_ns, self._read(now_ns)

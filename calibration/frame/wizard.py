@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, Outcome, save_fit
-from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
+from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, SimulatedSetup
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
@@ -25,9 +25,6 @@ from calibration.wizard import Wizard
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock
-
-if TYPE_CHECKING:
-    from calibration.frame.simulated import SimulatedSetup
 
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
@@ -101,8 +98,6 @@ class FrameWizard(Wizard[FrameOptions]):
 
     def _setup(self) -> LiveSetup | SimulatedSetup:
         if self.options.sim:
-            from calibration.frame.simulated import SimulatedSetup  # only this needs MuJoCo
-
             return SimulatedSetup(self.config, self.options.seed)
         if self.config.rig.enabled:
             raise ConfigError(

@@ -70,7 +70,7 @@ def virtual_trials(
     """
     if find_spec("mujoco") is None:
         raise SetupError("simulated trials need MuJoCo: pip install mujoco")
-    from calibration.phases.virtual_trial import VideolessTrial  # logs are read without MuJoCo
+    from tams_app.session.virtual.videoless import VideolessTrial  # logs are read without MuJoCo
 
     smoothing_ms = config.policy.phases.smoothing_ms
     trials = []

@@ -1,11 +1,4 @@
-"""`calibrate weights --sim`: a session on the simulated rig, and raters who are not people.
-
-The raters exercise the way from ratings to W, and say nothing about views. A simulated rater feels
-a necessity for each view (its mean in the phase, plus the rater's generosity, plus noise), rounds
-it to the scale, and names the view that feels, noise drawn anew, the most necessary. `paper`
-prefers the dominant view of the paper's Table I in each phase and is indifferent between the
-others; `indifferent` prefers nothing.
-"""
+"""`calibrate weights --sim`: a session on the simulated rig, and raters who are not people."""
 
 from __future__ import annotations
 
@@ -15,23 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
+from hw.sim.operator.rater import NOISE, PANELS, rate
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
-
-PAPER_DOMINANT = {
-    Phase.REACH: "gt",
-    Phase.ALIGN: "eih",
-    Phase.GRASP: "eih",
-    Phase.TRANSPORT: "gs",
-    Phase.PRE_RELEASE: "eih",
-    Phase.RELEASE: "eih",
-}
-PANELS: Mapping[str, Mapping[Phase, str]] = {"paper": PAPER_DOMINANT, "indifferent": {}}
-PREFERRED, OTHER = 4.5, 3.0  # mean necessity
-GENEROSITY = 0.4  # standard deviations, in points of the scale
-NOISE = 0.7
 
 
 def simulate_panel(
@@ -43,36 +24,17 @@ def simulate_panel(
     noise: float = NOISE,
 ) -> list[Sheet]:
     """`raters` simulated sheets on `phases`; `preferred`: the favoured view of a phase, if any."""
-    rated = tuple(phases)
-    return [
-        Sheet(
-            rater=f"simulated-{number:02d}",
-            simulated=True,
-            answers=_answers(preferred, views, rated, np.random.default_rng([seed, number]), noise),
+    rated, sheets = tuple(phases), []
+    for number in range(1, raters + 1):
+        random = np.random.default_rng([seed, number])
+        answers = tuple(
+            Answer(phase=phase, necessity=necessity, most_critical=needed_most)
+            for phase, necessity, needed_most in rate(
+                preferred, views, rated, (LEAST, MOST), random, noise
+            )
         )
-        for number in range(1, raters + 1)
-    ]
-
-
-def _answers(
-    preferred: Mapping[Phase, str],
-    views: Sequence[str],
-    phases: Sequence[Phase],
-    random: np.random.Generator,
-    noise: float,
-) -> tuple[Answer, ...]:
-    generosity = random.normal(0.0, GENEROSITY)
-    answers = []
-    for phase in phases:
-        means = np.array([PREFERRED if preferred.get(phase) == view else OTHER for view in views])
-        felt = means + generosity + random.normal(0.0, noise, len(views))
-        points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
-        needed_most = int(np.argmax(means + random.normal(0.0, noise, len(views))))
-        necessity: dict[str, int | None] = {
-            view: int(point) for view, point in zip(views, points, strict=True)
-        }
-        answers.append(Answer(phase=phase, necessity=necessity, most_critical=views[needed_most]))
-    return tuple(answers)
+        sheets.append(Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=answers))
+    return sheets
 
 
 RATERS = 8  # as many as the paper asked

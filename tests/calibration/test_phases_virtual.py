@@ -13,15 +13,16 @@ import pytest
 import yaml
 
 from calibration.options import PhaseOptions
-from calibration.phases import virtual_trial, wizard
+from calibration.phases import wizard
 from calibration.phases.labels import LabelRules
 from calibration.phases.sources import virtual_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
-from calibration.phases.virtual_trial import VideolessTrial
 from calibration.phases.wizard import PhaseWizard
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.policy.phases import PhaseParameters
 from tams_app.records import Tick
+from tams_app.session.virtual import videoless
+from tams_app.session.virtual.videoless import VideolessTrial
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = [
@@ -82,7 +83,7 @@ def test_thresholds_from_simulated_trials_beat_the_defaults_on_a_trial_not_seen(
 def test_simulated_trials_come_labelled_and_the_last_are_held_out(
     config_path, made, monkeypatch
 ) -> None:
-    monkeypatch.setattr(virtual_trial, "VideolessTrial", lambda *_: made)
+    monkeypatch.setattr(videoless, "VideolessTrial", lambda *_: made)
     monkeypatch.setattr(made, "perform", lambda: iter([1.0]))
     seeds, rules, told = (SEED, SEED + 1, SEED + 2), LabelRules(goal_height=0.15), []
     found = virtual_trials(

@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.weights.fit import assess, fit_weights, smallest_share
-from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
+from calibration.weights.panel import simulate_panel
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
+from hw.sim.operator.rater import PANELS, PAPER_DOMINANT
 from tams_app.config import load_config
 from tams_app.records import Phase
 

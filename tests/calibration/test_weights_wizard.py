@@ -12,11 +12,12 @@ from calibration.ui import WizardUI
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
 from calibration.weights.fit import assess
-from calibration.weights.panel import PANELS, PAPER_DOMINANT, simulate_panel
+from calibration.weights.panel import simulate_panel
 from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks, save_weights
 from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
+from hw.sim.operator.rater import PANELS, PAPER_DOMINANT
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.errors import ConfigError, TamsError

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 from calibration.frame.result import rows
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
-from calibration.phases.virtual_trial import VideolessTrial
 from tams_app.config import load_config
+from tams_app.session.virtual.videoless import VideolessTrial
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = [pytest.mark.untimed, pytest.mark.verify]

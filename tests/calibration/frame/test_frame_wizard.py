@@ -10,17 +10,17 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
-from calibration.frame import simulated, wizard
+from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched, try_six_directions
 from calibration.frame.buttons import ask_buttons
 from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.simulated import SimulatedSetup
-from calibration.frame.sources import SIX_DIRECTIONS, Press
+from calibration.frame.sources import SIX_DIRECTIONS, Press, SimulatedSetup
 from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
+from hw.sim.operator import prompted
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import ControllerStatus
@@ -150,7 +150,7 @@ def test_touches_give_rotation_and_scale(rig, tmp_path):
 
 
 def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monkeypatch):
-    monkeypatch.setattr(simulated, "DIRECTION_ERROR_DEG", 5.0)
+    monkeypatch.setattr(prompted, "DIRECTION_ERROR_DEG", 5.0)
     path = rig()
     with pytest.raises(RefusedError, match=r"may be off by \d.*°, and more than 3° is no use"):
         calibrate(path)

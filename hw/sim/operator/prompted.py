@@ -1,4 +1,4 @@
-"""`calibrate frame --sim`: the rig, and a person who does what is prompted about as well as people.
+"""A person who moves the controller as they are asked to, about as well as people do.
 
 They know where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
 direction and is slightly bent. The hand trembles and the muscles add noise (`sim.operator.hand`).
@@ -7,32 +7,15 @@ direction and is slightly bent. The hand trembles and the muscles add noise (`si
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Generic
+from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration.frame.fit import Matrix
-from calibration.frame.sources import (
-    SAMPLE_RATE_HZ,
-    ButtonSource,
-    HandSource,
-    Move,
-    Press,
-    Prompt,
-    Reach,
-    Reading,
-)
-from hw.openvr.components import ComponentReading
 from hw.sim.operator.hand import Button, Hand, HandCommand
-from hw.sim.operator.servoing import operator_hand
-from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
-from tams_app.config import Config, ControllerConfig
-from tams_app.errors import DeviceError
 from tams_app.records import Haptic, Vector
 from tams_app.rotation import Rotation
-from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 # With something straight to move along, such as a table's edge: assumed, not measured.
@@ -51,16 +34,15 @@ _GAIN_PER_S = 3.5
 _ARRIVED_M = 0.004
 _PAUSE_NS = 300 * NS_PER_MS
 _HOLD_NS = 500 * NS_PER_MS
-_GIVE_UP_NS = 30 * NS_PER_S  # the person does what is asked at once
 _LONGEST_NS = 5 * NS_PER_S  # for one movement, should it never arrive
 
-Routine = Iterator[HandCommand]
+Routine: TypeAlias = Iterator[HandCommand]
 
 
 class PromptedPerson:
-    """Holds a controller; deterministic from seed, prompts and times."""
+    """Holds a controller; deterministic from seed, requests and times."""
 
-    def __init__(self, hand_rotation: Matrix, reach_m: float, seed: int) -> None:
+    def __init__(self, hand_rotation: NDArray[np.float64], reach_m: float, seed: int) -> None:
         """`hand_rotation`: from the tracking frame to the arm's base frame, as it truly is."""
         self._random = np.random.default_rng([seed, 0xCA1])
         self.hand = Hand(self._random, _LEAN_M, motor_noise=MOTOR_NOISE)
@@ -71,14 +53,17 @@ class PromptedPerson:
         self._routine: Routine = iter(())
         self._first_point: Vector | None = None
 
-    def ask(self, prompt: Prompt) -> None:
-        """Do this next."""
-        if isinstance(prompt, Move):
-            self._routine = self._stroke(self._to_hand @ prompt.direction)
-        elif isinstance(prompt, Reach):
-            self._routine = self._touch(prompt.robot)
-        else:
-            self._routine = self._press(prompt)
+    def stroke(self, direction: Vector) -> None:
+        """Move the hand along it (unit, in the arm's base frame), the trigger held."""
+        self._routine = self._stroke(self._to_hand @ direction)
+
+    def touch(self, point: Vector) -> None:
+        """Go to a point of the arm's base frame [m], and squeeze the trigger there."""
+        self._routine = self._touch(point)
+
+    def press(self, role: str) -> None:
+        """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
+        self._routine = self._press(role)
 
     def step(self, now_ns: int) -> None:
         if self._last_ns is None:
@@ -122,8 +107,7 @@ class PromptedPerson:
         yield from self._wait(_HOLD_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
-    def _press(self, prompt: Press) -> Routine:
-        role = prompt.role
+    def _press(self, role: str) -> Routine:
         button = None if role in ("trigger", "grip") else Button(role)
         pressed = HandCommand.still(trigger=role == "trigger", grip=role == "grip", button=button)
         yield from self._wait(_PAUSE_NS)
@@ -144,59 +128,3 @@ class PromptedPerson:
         until_ns = self._now_ns + duration_ns
         while self._now_ns < until_ns:
             yield wish or HandCommand.still()
-
-
-class SimulatedSetup:
-    """The rig's controller in the hand of a simulated person, in virtual time."""
-
-    def __init__(self, config: Config, seed: int) -> None:
-        self._config, self._seed = config, seed
-        self.description = f"the simulated rig and a simulated person, seed {seed}"
-        self.true_rotation: Matrix | None = np.array(operator_hand(config).rotation)
-        self._clock = VirtualClock()
-
-    @contextmanager
-    def buttons(self) -> Iterator[ButtonSource]:
-        person, controller = self._make(self._config)
-
-        def read(now_ns: int) -> ComponentReading | None:
-            controller.sample(now_ns)
-            return controller.components()
-
-        yield _Simulated(self._clock, person, read)
-
-    @contextmanager
-    def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
-        config = self._config.model_copy(update={"controller": controller})
-        person, device = self._make(config)
-        yield _Simulated(self._clock, person, device.sample)
-
-    def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
-        operator = config.rig.operator
-        truth = np.array(operator_hand(config).rotation)
-        person = PromptedPerson(truth, operator.arm_reach_m, self._seed)
-        controller = VirtualController(person, operator, self._seed, rig_wiring(config))
-        controller.start()
-        return person, controller
-
-
-class _Simulated(Generic[Reading]):
-    def __init__(
-        self, clock: VirtualClock, person: PromptedPerson, read: Callable[[int], Reading]
-    ) -> None:
-        self._clock, self._person, self._read = clock, person, read
-        self._asked_ns = clock.now_ns()
-
-    def ask(self, prompt: Prompt) -> None:
-        self._person.ask(prompt)
-        self._asked_ns = self._clock.now_ns()
-
-    def next(self) -> tuple[int, Reading]:
-        self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
-        now_ns = self._clock.now_ns()
-        if now_ns - self._asked_ns > _GIVE_UP_NS:
-            raise DeviceError(
-                "Nothing came of what the simulated person did: look at rig.wiring and at "
-                "rig.operator in the configuration."
-            )
-        return now_ns, self._read(now_ns)
