@@ -37,7 +37,7 @@ def test_facts_leave_no_file_behind() -> None:
 def test_facts_that_do_not_fit_are_refused() -> None:
     writer = FactsWriter()
     with pytest.raises(ValueError, match="bytes"):
-        writer.put(changed(FACTS, said=(Said(0.0, "x" * 20_000),)))
+        writer.put(changed(FACTS, said=(Said(0.0, "x" * 40_000),)))
     writer.close()
 
 
