@@ -17,6 +17,8 @@ check: $(READY)
 
 # Beside others no test's library starts threads of its own.
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1
+# What waits sleeps most of its time: what computes takes the rest of the machine, and no more.
+IDLE := $(shell command -v chrt >/dev/null && echo chrt --idle 0)
 SIDE_BY_SIDE := --dist loadfile --no-loadscope-reorder
 # A change is judged by the same examples of every law on every machine; `make explore` draws new ones.
 LAWS := --hypothesis-profile=steady
@@ -26,9 +28,13 @@ test: check
 ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
-	$(ALONE) $(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "untimed and not verify" -n logical $(SIDE_BY_SIDE)
-	$(ALONE) $(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "waiting and not verify" -n 3 $(SIDE_BY_SIDE)
-	$(PY) -m pytest $(LAWS) --ignore=tests/teleop -m "timed and not verify"
+	@mkdir -p build
+	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting -m "not verify" -n 3 $(SIDE_BY_SIDE) \
+		> build/waiting.txt 2>&1 & waiting=$$!; \
+	$(ALONE) $(IDLE) $(PY) -m pytest $(LAWS) --group untimed --ignore=tests/teleop -m "not verify" \
+		-n logical $(SIDE_BY_SIDE); untimed=$$?; \
+	wait $$waiting; waiting=$$?; cat build/waiting.txt; [ $$untimed -eq 0 ] && [ $$waiting -eq 0 ]
+	$(PY) -m pytest $(LAWS) --group timed -m "not verify"
 	$(PY) -m coverage run -m pytest $(LAWS) tests/teleop -m "not verify" -n logical
 	$(PY) -m coverage combine --quiet
 	$(PY) -m coverage report --skip-covered --fail-under=100
@@ -42,9 +48,9 @@ MATRIX := -m matrix --times $(TIMES)
 # package elsewhere.
 # 5 is pytest's exit code for a group in which no test is marked.
 verify: $(READY) installed
-	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and untimed" -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
-	$(ALONE) $(PY) -m pytest $(LAWS) -m "verify and waiting" -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
-	$(PY) -m pytest $(LAWS) -m "verify and timed and not matrix" || [ $$? -eq 5 ]
+	$(ALONE) $(PY) -m pytest $(LAWS) --group untimed -m verify -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
+	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting -m verify -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
+	$(PY) -m pytest $(LAWS) --group timed -m "verify and not matrix" || [ $$? -eq 5 ]
 	$(PY) -m pytest $(LAWS) $(MATRIX)
 	$(ALONE) $(PY) -m pytest $(LAWS) benchmarks/tests
 

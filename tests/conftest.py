@@ -1,9 +1,12 @@
 """What holds for every test."""
 
+import functools
 import gc
+import re
 import signal
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -23,8 +26,29 @@ settings.register_profile("steady", derandomize=True, database=None, deadline=No
 GROUPS = ("untimed", "waiting", "timed")
 
 
+NAMED_GROUP = re.compile(rf"^pytestmark\b.*?\bpytest\.mark\.({'|'.join(GROUPS)})\b", re.M | re.S)
+
+
 def pytest_addoption(parser):
     parser.addoption("--times", type=int, help="how often the matrix is run")
+    parser.addoption(
+        "--group", choices=GROUPS, help="only modules of this group, and load no other"
+    )
+
+
+def pytest_ignore_collect(collection_path: Path, config):
+    """Loading all modules takes a minute, and each process of a run loads all that it collects."""
+    group = config.getoption("--group")
+    if group is None or not collection_path.name.startswith("test_"):
+        return None
+    return True if named_group(collection_path) not in (None, group) else None
+
+
+@functools.cache
+def named_group(module: Path) -> str | None:
+    """The group that a module's source names."""
+    named = NAMED_GROUP.search(module.read_text())
+    return None if named is None else named[1]
 
 
 def pytest_configure(config):
@@ -43,6 +67,8 @@ def pytest_collection_modifyitems(items):
             raise pytest.UsageError(
                 f"{item.nodeid}: pytestmark must name one of {', '.join(GROUPS)}, not {groups}"
             )
+        if named_group(item.path) != groups[0]:
+            raise pytest.UsageError(f"{item.path}: --group finds no {groups[0]} in its pytestmark")
 
 
 def pytest_collection_finish():

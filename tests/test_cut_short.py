@@ -15,6 +15,7 @@ from tams_app.records import Activity
 from tams_app.ros2.messages import Empty
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.faults.applications import FPS, configuration_file
+from tests.further import further
 from tests.ros2.dds import LOOPBACK, RELIABLE, Node, free_domain, until
 from tests.spoken import spoken
 
@@ -32,11 +33,6 @@ pytestmark = [
     pytest.mark.usefixtures("real_time"),
     pytest.mark.timeout(180),
 ]
-
-
-def also(*values):
-    """Further cases of the same promise, for `make verify`."""
-    return [pytest.param(value, marks=pytest.mark.verify) for value in values]
 
 
 class Running:
@@ -106,6 +102,7 @@ def running(tmp_path):
         yield session
 
 
+@pytest.mark.verify
 def test_a_session_hears_the_emergency_stop_of_ros_2_and_outlives_its_bridge(tmp_path, monkeypatch):
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
     domain = free_domain()
@@ -124,7 +121,7 @@ def test_a_session_hears_the_emergency_stop_of_ros_2_and_outlives_its_bridge(tmp
     assert any("emergency stop, asked for in ROS 2" in note.text for note in log.notes)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, *also(signal.SIGTERM, signal.SIGHUP)])
+@pytest.mark.parametrize("number", [signal.SIGINT, *further(signal.SIGTERM, signal.SIGHUP)])
 def test_an_interrupted_session_ends_in_order(running, number):
     running.process.send_signal(number)
     code, words, log = running.end()
@@ -149,7 +146,7 @@ def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running
     assert stop.stopped_ns is not None
 
 
-@pytest.mark.parametrize("name", ["rig", *also("renderer", "relay", "guard", "operator")])
+@pytest.mark.parametrize("name", ["rig", *further("renderer", "relay", "guard", "operator")])
 def test_a_killed_helper_stops_the_arm_and_ends_the_session_with_a_sentence(running, name):
     running.helper(name).kill()
     code, words, log = running.end()

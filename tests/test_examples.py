@@ -56,6 +56,7 @@ def test_the_network_delivers_loses_and_overflows(tmp_path):
     assert counts["lost"] > 0
 
 
+@pytest.mark.verify
 def test_a_virtual_trial_leaves_a_log_that_pandas_reads(tmp_path):
     pytest.importorskip("pandas")
     told = run(tmp_path, "virtual_trial", "1.5")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.further import further
+
 pytest_plugins = ["pytester"]
 pytestmark = pytest.mark.waiting
 
@@ -145,11 +147,13 @@ def test_another_of_it(session):
     ("tests", "flaky", "passes", "workers"),
     [
         (10, 1, True, ()),
-        (10, 2, False, ()),
-        (200, 2, True, ()),
-        (200, 3, False, ()),
         (10, 2, False, ("-n", "2")),
-        (10, 1, True, ("-n", "2")),
+        *further(
+            (10, 2, False, ()),
+            (200, 2, True, ()),
+            (200, 3, False, ()),
+            (10, 1, True, ("-n", "2")),
+        ),
     ],
 )
 def test_a_run_fails_if_more_than_one_percent_needed_one(run, tests, flaky, passes, workers):

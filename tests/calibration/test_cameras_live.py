@@ -79,6 +79,7 @@ def with_and_without_a_hand(video, rounds):
     return [image.ljust(longest, b"\0") for image in encoded]
 
 
+@pytest.mark.verify
 @pytest.mark.timeout(400)
 def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path, monkeypatch):
     monkeypatch.setattr(fake_cameras, "jpegs", with_and_without_a_hand)

@@ -47,6 +47,7 @@ def watch(hands, seed=1, noise=2.0, flicker=0.0):
     return moved
 
 
+@pytest.mark.verify
 @settings(max_examples=8)
 @given(
     camera=st.sampled_from(NAMES),

@@ -83,6 +83,7 @@ def files(path):
     return sorted((path.parent / "calibration/rig").glob("cameras-*.yaml"))
 
 
+@pytest.mark.verify
 def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses(
     rig, bench, tmp_path
 ):

@@ -121,6 +121,7 @@ def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
     assert min(align, pre) >= 1
 
 
+@pytest.mark.verify
 def test_a_trial_left_out_has_no_say_in_its_own_thresholds() -> None:
     trials = labelled(KNOWN[0])
     confused = replace(trials[1], labels=labelled(KNOWN[2])[1].labels)

@@ -80,6 +80,7 @@ def test_thresholds_from_simulated_trials_beat_the_defaults_on_a_trial_not_seen(
     assert config.policy.phases != PhasesConfig()
 
 
+@pytest.mark.verify
 def test_simulated_trials_come_labelled_and_the_last_are_held_out(
     config_path, made, monkeypatch
 ) -> None:

@@ -156,6 +156,7 @@ def test_recorded_trials_become_thresholds_that_the_next_session_uses(written) -
     assert content["calibration"]["source"] == "recorded trials: trial-0, trial-1, trial-2"
 
 
+@pytest.mark.verify
 def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, declined, written) -> None:
     thresholds = load_config(written.config_path).policy.phases
     content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))

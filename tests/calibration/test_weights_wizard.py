@@ -197,6 +197,7 @@ def test_simulated_ratings_are_not_put_beside_those_of_people(config, session, t
         WeightWizard(ScriptedUI(), options).run()
 
 
+@pytest.mark.verify
 @pytest.mark.parametrize("changes", [{"panel": "indifferent"}, {"seed": 2}])
 def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
     config, session, tmp_path, changes

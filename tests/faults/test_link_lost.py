@@ -81,6 +81,7 @@ def told(tmp_path_factory: pytest.TempPathFactory, turn: int) -> Told:
     return Told(log, cut_ns, held_ns, let_go_ns, after, str(busy.value), second.said, notes)
 
 
+@pytest.mark.verify
 def test_an_arm_whose_link_is_cut_stops_for_that_reason_and_rests_in_time(told: Told):
     found = outage(told.log, told.cut_ns)
     assert found.speed_mm_s > 150.0

@@ -158,6 +158,7 @@ def test_while_keyframe_requests_are_dropped_the_arm_is_held_though_frames_are_s
     is_logged(bench, Reason.VIDEO_DAMAGED)
 
 
+@pytest.mark.verify
 def test_with_keyframe_requests_the_chain_is_whole_again_before_the_arm_is_held(
     tmp_path: Path, stack: ExitStack
 ) -> None:

@@ -357,7 +357,7 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
 @pytest.mark.parametrize(
     "datagrams",
     [
-        100_000,
+        20_000,
         pytest.param(1_000_000, marks=(pytest.mark.verify, pytest.mark.timeout(1800))),
     ],
 )

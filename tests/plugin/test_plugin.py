@@ -63,6 +63,7 @@ def test_a_session_has_hand_face_strategy_budget_inference_and_network_of_anothe
     assert out.read_text() == f"nothing: [{len(log.ticks)}]\n"
 
 
+@pytest.mark.verify
 def test_an_arm_of_another_distribution_works_in_virtual_time(tmp_path: Path) -> None:
     script = (
         "import sys; from pathlib import Path; from tams_app.config import load_config; "

@@ -86,6 +86,7 @@ def test_on_a_steady_link_it_stays_near_what_the_link_carries(kbps, jitter_ms, s
     assert 0.9 * kbps < sum(settled) / len(settled) < 1.05 * kbps
 
 
+@pytest.mark.verify
 @RUNS
 @given(st.integers(-(10**15), 10**15))
 def test_the_offset_of_the_receivers_clock_changes_nothing(offset_ns):
@@ -95,6 +96,7 @@ def test_the_offset_of_the_receivers_clock_changes_nothing(offset_ns):
     assert estimates(away, 5) == estimates(here, 5)
 
 
+@pytest.mark.verify
 @RUNS
 @given(st.integers(0, 10**6))
 def test_how_arrivals_are_split_into_reports_of_one_instant_changes_nothing(seed):
@@ -108,6 +110,7 @@ def test_how_arrivals_are_split_into_reports_of_one_instant_changes_nothing(seed
     assert estimates(replace(steady(6000), reports=split), 6) == estimates(steady(6000), 6)
 
 
+@pytest.mark.verify
 @RUNS
 @given(st.integers(1, 60), st.integers(1, 5))
 def test_what_is_told_again_changes_nothing(later, times):
@@ -138,6 +141,7 @@ def test_a_queue_beyond_the_target_cuts_below_what_is_delivered():
     assert after < 3000
 
 
+@pytest.mark.verify
 @RUNS
 @given(st.floats(0, 0.015), st.integers(0, 99))
 def test_independent_loss_below_two_per_cent_does_not_cut(share, seed):

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-pytestmark = pytest.mark.untimed
+pytestmark = pytest.mark.waiting
 
 _UNPRIVILEGED = """
 import os, resource

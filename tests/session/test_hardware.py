@@ -16,6 +16,7 @@ import pytest
 from hw.lite6.codes import State
 from tams_app.errors import TamsError
 from tams_app.recording import read_log
+from tests.further import further
 from tests.session.hardware_station import (
     PATIENCE_S,
     REACH_M,
@@ -60,6 +61,7 @@ def test_a_hand_in_steamvr_moves_a_lite6_and_three_cameras_are_streamed(there: P
     assert {shown.view for shown in log.shown} == {"eih", "gt", "gs"}
 
 
+@pytest.mark.verify
 def test_a_dry_run_does_everything_but_move_the_arm(there: Plugged) -> None:
     with witness(there) as arm:
         joints = arm.motion.joints
@@ -81,7 +83,7 @@ def test_a_runtime_that_quits_stops_the_arm_and_says_so(there: Plugged) -> None:
         assert arm.wait_for(lambda: arm.motion.state == State.STOPPED, PATIENCE_S)
 
 
-@pytest.mark.parametrize("dry_run", [False, True])
+@pytest.mark.parametrize("dry_run", [True, *further(False)])
 def test_an_arm_at_the_factorys_home_is_sent_home_and_not_enabled(
     tmp_path: Path, dry_run: bool
 ) -> None:
@@ -99,7 +101,7 @@ def test_an_arm_at_the_factorys_home_is_sent_home_and_not_enabled(
     assert refusals(here)[0].endswith("run `run_tams.py home` first")
 
 
-@pytest.mark.parametrize("missing", ["arm", "controller"])
+@pytest.mark.parametrize("missing", ["arm", *further("controller")])
 def test_a_missing_device_is_one_sentence_and_nothing_is_left_behind(
     there: Plugged, missing: str
 ) -> None:

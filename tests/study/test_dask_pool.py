@@ -34,6 +34,7 @@ def cluster() -> Iterator[Any]:
         yield found
 
 
+@pytest.mark.verify
 def test_trials_come_back_from_the_cluster_and_a_failed_one_is_reported(
     cluster: Any, tmp_path: Path
 ) -> None:

@@ -66,6 +66,7 @@ class Endless:
 PLANNED = planned_trial("P01-04", "tams", "s2")
 
 
+@pytest.mark.verify
 def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_name(
     tmp_path: Path,
 ) -> None:
@@ -89,6 +90,7 @@ def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_nam
     assert (tmp_path / plan.trial("P01-02").attempts[0].folder / "trial.log").is_file()
 
 
+@pytest.mark.verify
 def test_a_crashed_process_a_bug_and_a_missing_summary_are_reported_and_not_fatal(
     tmp_path: Path,
 ) -> None:

@@ -242,6 +242,7 @@ def measured_kbps(here, there, seconds):
         return float(counter.stdout.read())
 
 
+@pytest.mark.verify
 def test_the_rate_that_was_asked_for_is_the_rate_that_arrives(spaces):
     here, there = spaces
     said = []

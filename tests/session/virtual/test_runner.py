@@ -52,6 +52,7 @@ def test_its_log_is_kept_without_the_bitstream(folder):
     assert list(read_video(folder / "session.mcap", "gt")) == []
 
 
+@pytest.mark.verify
 def test_a_study_runs_on_it_and_goes_on_where_it_was_stopped(tmp_path):
     config = short(
         seconds=0.3,

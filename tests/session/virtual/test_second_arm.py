@@ -27,6 +27,7 @@ def toy(monkeypatch: pytest.MonkeyPatch) -> Config:
     return short(**{"arm.model": "toy", "network": "none", "seconds": 7})
 
 
+@pytest.mark.verify
 def test_a_session_with_the_second_arm_engages_moves_and_is_summarised(
     toy: Config, tmp_path: Path
 ) -> None:

@@ -53,6 +53,7 @@ def summary(log):
     return summarise(log)
 
 
+@pytest.mark.verify
 def test_the_same_seed_gives_the_same_frames_and_the_same_log_in_another_process(whole, tmp_path):
     command = [sys.executable, "-m", "tests.session.virtual.runs", str(tmp_path)]
     again = subprocess.run(

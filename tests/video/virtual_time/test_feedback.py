@@ -110,6 +110,7 @@ def test_a_frame_is_told_of_within_a_report_interval_of_its_end_and_crosses_the_
     assert max(waits_ms) <= 31
 
 
+@pytest.mark.verify
 def test_feedback_costs_the_header_extension_and_nothing_else_on_the_way_out() -> None:
     with_feedback, without = (
         {
@@ -123,6 +124,7 @@ def test_feedback_costs_the_header_extension_and_nothing_else_on_the_way_out() -
     assert max(with_feedback.values()) <= VideoConfig().mtu_bytes + 28
 
 
+@pytest.mark.verify
 def test_listening_to_reports_alone_changes_no_bit_of_a_run() -> None:
     listened = told(feedback=False)
     assert listened.digest() == run_whole(LOSSY, 60, VIEWS).digest()

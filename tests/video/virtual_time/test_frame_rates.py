@@ -137,6 +137,7 @@ def test_a_camera_that_halves_its_rate_and_doubles_it_again_keeps_its_target() -
     assert sizes[sped_up : sped_up + 8].mean() == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.verify
 def test_one_slow_view_takes_nothing_from_the_others_and_builds_no_queue() -> None:
     steady = camera_times_ns((30, 6))
     times_ns = {
@@ -177,6 +178,7 @@ def test_frames_that_are_lost_for_good_shift_no_other_frames_identity() -> None:
     assert shown_ns.keys() - concealed <= whole
 
 
+@pytest.mark.verify
 def test_a_resend_that_waits_behind_the_other_views_frames_still_comes_in_time() -> None:
     network = NETWORKS["s2"].model_copy(update={"loss": 0.01, "queue_ms": 400})
     together = camera_times_ns((6, 6))

@@ -42,6 +42,7 @@ def digest_of_a_fresh_process(network: str) -> str:
     return done.stdout
 
 
+@pytest.mark.verify
 def test_two_fresh_processes_agree_to_the_last_bit_also_beside_a_busy_one() -> None:
     alone = digest_of_a_fresh_process("s3")
     busy = [

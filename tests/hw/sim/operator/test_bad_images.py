@@ -20,6 +20,7 @@ from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, Vector
 from tams_app.units import NS_PER_MS
+from tests.further import further
 from tests.hw.sim.operator.scripted_pick import READY
 
 pytestmark = pytest.mark.untimed
@@ -96,7 +97,7 @@ def _rectangles(seed, count=40):
 
 @pytest.mark.parametrize(
     "images",
-    [_alike(90), _alike(0), _alike(255), _noise],
+    [_alike(90), *further(_alike(0), _alike(255), _noise)],
     ids=["grey", "black", "white", "noise"],
 )
 def test_images_of_nothing_make_the_operator_ever_less_sure(clear, images):
@@ -112,7 +113,7 @@ def test_images_of_nothing_make_the_operator_ever_less_sure(clear, images):
 
 
 @pytest.mark.parametrize(
-    "images", [_alike(90), _noise, _rectangles], ids=["grey", "noise", "rectangles"]
+    "images", [_rectangles, *further(_alike(90), _noise)], ids=["rectangles", "grey", "noise"]
 )
 def test_eyes_that_have_seen_nothing_but_rubbish_know_nothing(images):
     eyes = Eyes()
@@ -180,6 +181,7 @@ def _orange_patch(middle):
     return cv2.rectangle(image, (left, top), (left + 18, top + 18), THE_THINGS_COLOURS[0], -1)
 
 
+@pytest.mark.verify
 @settings(max_examples=6, deadline=None)
 @given(seed=st.integers(0, 10_000), size=st.integers(1, 80))
 def test_no_image_is_too_strange_to_look_at(seed, size):
