@@ -61,6 +61,12 @@ def made_folder(folder: Path) -> Path:
     return folder
 
 
+def refuse_existing(path: Path) -> None:
+    """ConfigError if there is something at `path`: a result never takes its place."""
+    if os.path.lexists(path):
+        raise ConfigError(f"{path}: is there already: give another name")
+
+
 def inner_folder(folder: Path, *names: str) -> Path:
     """A folder within `folder`, made if need be.
 

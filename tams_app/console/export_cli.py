@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 import typer
 
 from tams_app.errors import ConfigError
+from tams_app.export.options import ExportOptions
 from tams_app.registry import Registry
 
 if TYPE_CHECKING:
     from tams_app.printing import Console
 
-Export: TypeAlias = Callable[[Sequence[Path], Path | None, str, "Console"], None]
+Export: TypeAlias = Callable[[Sequence[Path], Path | None, ExportOptions, "Console"], None]
 """Writes session logs (`session.mcap`, one of each session) in another program's format.
 
-Its arguments: the logs; the folder to write to, None for a default beside them; the task in words;
-a console for the lines of the result. It raises `ConfigError` for arguments that it cannot use.
+Its arguments: the logs; the folder to write to, None for a default beside them; what is to be
+written of them; a console for the lines of the result. It raises `ConfigError` for arguments that
+it cannot use.
 """
-
-_TASK = "Pick up the block and place it in the container."
 
 
 def export(
@@ -38,21 +38,44 @@ def export(
     out: Annotated[
         Path | None, typer.Option(metavar="DIR", help="Where to; by default in the session's own.")
     ] = None,
-    task: Annotated[str, typer.Option(help="What the sessions show, in words; lerobot.")] = _TASK,
+    task: Annotated[
+        str, typer.Option(help="What the sessions show, in words; lerobot.")
+    ] = ExportOptions.task,
+    only_success: Annotated[
+        bool, typer.Option("--only-success", help="Leave out what was no success; lerobot.")
+    ] = False,
+    keep_idle: Annotated[
+        bool,
+        typer.Option(
+            "--keep-idle",
+            help="Also the time before the arm is first engaged and after the placing; lerobot.",
+        ),
+    ] = False,
+    with_damaged: Annotated[
+        bool,
+        typer.Option(
+            "--with-damaged",
+            help="Of a log that is damaged or cut off, the longest part that is whole; lerobot.",
+        ),
+    ] = False,
 ) -> None:
     """Write session logs in the format of another program; the logs stay as they are."""
     from tams_app.console.report import session_log
     from tams_app.printing import Console
 
-    FORMATS[kind]([session_log(log) for log in logs], out, task, Console())
+    options = ExportOptions(task, only_success, keep_idle, with_damaged)
+    FORMATS[kind]([session_log(log) for log in logs], out, options, Console())
 
 
-def _rosbag2(logs: Sequence[Path], out: Path | None, _task: str, console: Console) -> None:
+def _rosbag2(
+    logs: Sequence[Path], out: Path | None, _options: ExportOptions, console: Console
+) -> None:
     """DIR/<session> for each, or rosbag2/ in its folder."""
     from tams_app.ros2.extra import require_extra
 
     require_extra("--format rosbag2")
     from tams_app.export.rosbag2 import write_bag
+    from tams_app.recording import damage_of
     from tams_app.session.viewing import scene_of_header
 
     for log in logs:
@@ -60,9 +83,13 @@ def _rosbag2(logs: Sequence[Path], out: Path | None, _task: str, console: Consol
         counts = write_bag(log, bag, scene_of_header)
         topics = sum(count > 0 for count in counts.values())
         _tell(console, f"{bag}: {sum(counts.values())} messages on {topics} topics")
+        if damage := damage_of(log):
+            _tell(console, f"{bag}: {damage}")
 
 
-def _lerobot(logs: Sequence[Path], out: Path | None, task: str, console: Console) -> None:
+def _lerobot(
+    logs: Sequence[Path], out: Path | None, options: ExportOptions, console: Console
+) -> None:
     """DIR for all of them together, or lerobot/ in the folder of the only one."""
     from tams_app.console.export_progress import ExportProgress
     from tams_app.export.lerobot.convert import export_lerobot
@@ -71,11 +98,13 @@ def _lerobot(logs: Sequence[Path], out: Path | None, task: str, console: Console
         raise ConfigError("--out: of several sessions say in which folder the dataset is to be")
     folder = out or logs[0].parent / "lerobot"
     with ExportProgress(console) as progress:
-        episodes = export_lerobot(logs, folder, task, progress)
+        episodes = export_lerobot(logs, folder, options, progress)
     rows = sum(episode.rows for episode in episodes)
     views = ", ".join(episodes[0].shape.views)
     number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"
-    _tell(console, f"{folder}: {number}, {rows} frames of {views}")
+    skipped = len(logs) - len(episodes)
+    left_out = f"; skipped: {skipped} of {len(logs)} sessions" if skipped else ""
+    _tell(console, f"{folder}: {number}, {rows} frames of {views}{left_out}")
 
 
 def _tell(console: Console, text: str) -> None:

@@ -13,6 +13,7 @@ import typer
 from tams_app.console.export_cli import export
 from tams_app.console.options import HeadlessOption, JsonOption
 from tams_app.errors import ConfigError, LogError
+from tams_app.outputs import refuse_existing
 
 log_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="Look into the logs of sessions."
@@ -141,8 +142,10 @@ def show(
     if topic:
         for message in messages_of(path, topic):
             typer.echo(json.dumps(message))
+        _show_damage(path)
         return
     counts = topic_counts(path)
+    _show_damage(path)
     if as_json:
         typer.echo(json.dumps([asdict(count) for count in counts]))
         return
@@ -169,7 +172,10 @@ def to_csv(
     from tams_app.recording.tables import columns_of, write_csv
 
     path = session_log(session)
+    if out is not None:
+        refuse_existing(out)
     columns = columns_of(path, topic)
+    _show_damage(path)
     if out is None:
         from tams_app.printing import PlainOutput
 
@@ -178,11 +184,17 @@ def to_csv(
     try:
         with out.open("x", encoding="utf-8", newline="") as file:
             rows = write_csv(path, topic, columns, file)
-    except FileExistsError as error:
-        raise LogError(f"{out}: is there already: give another file") from error
     except OSError as error:
         raise LogError(f"{out}: cannot be written: {error.strerror}") from error
     typer.echo(f"{out}: {rows} rows")
+
+
+def _show_damage(path: Path) -> None:
+    """Beside the output, which another program may read."""
+    from tams_app.recording import damage_of
+
+    if damage := damage_of(path):
+        typer.echo(damage, err=True)
 
 
 def _sessions(directory: Path) -> Iterator[dict[str, Any]]:

@@ -12,7 +12,7 @@ from tams_app.console.summary_tables import link_table, summary_tables
 from tams_app.errors import UnreadableLogError
 from tams_app.printing import Console
 from tams_app.progress import waiting
-from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.summary.joined import (
     clock_offsets,
@@ -78,8 +78,10 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
     console.print(summary_tables(summary))
     if "link" in summary:  # of two sides
         console.print(link_table(summary["link"]))
-    if missing := _missing(summary):
-        console.print(missing, style="bold", highlight=False, soft_wrap=True)
+    if not summary["complete"]:
+        missing = [(gap["start_s"], gap["end_s"]) for gap in summary["missing"]]
+        damage = damage_sentence(missing) or "The operator's log is damaged or ends early."
+        console.print(damage, style="bold", highlight=False, soft_wrap=True)
     for line in (
         f"report: {folder / PAGE_NAME}",
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
@@ -124,17 +126,3 @@ def _session_folder(given: Path) -> Path:
     if not os.path.isfile(given / LOG_NAME):
         raise UnreadableLogError(f"{given}: holds no {LOG_NAME}: give a session folder")
     return given
-
-
-def _missing(summary: Mapping[str, Any]) -> str:
-    """The log's gaps, in one sentence; empty if it is whole."""
-    if summary["complete"]:
-        return ""
-    lost = [gap for gap in summary["missing"] if gap["end_s"] is not None]
-    if not lost:
-        return (
-            "The log ends early (the session was killed, the disk was full, or the file was cut or "
-            "damaged): these figures cover only what was written before."
-        )
-    times = ", ".join(f"{gap['start_s']:.1f} to {gap['end_s']:.1f} s" for gap in lost)
-    return f"The log is damaged: these figures are without what was recorded at {times}."

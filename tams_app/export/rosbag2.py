@@ -21,9 +21,10 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.rosbag2 import StoragePlugin, Writer
 
 from tams_app.errors import LogError
+from tams_app.outputs import refuse_existing
 from tams_app.recording import Header, read_records
 from tams_app.ros2.conversion import Conversion, Sent
 from tams_app.ros2.messages import cdr, ros_name
@@ -41,14 +42,13 @@ def write_bag(
     """Write the folder `bag` from the log at `log`; how many messages each topic has.
 
     `scene_of`: what is known of a session's surroundings. UnreadableLogError if it is no log of
-    ours; LogError if there is something in the place of `bag`, or if it cannot be written: then
-    nothing is left of it.
+    ours; ConfigError if there is something in the place of `bag`; LogError if it cannot be
+    written: then nothing is left of it.
     """
+    refuse_existing(bag)
     try:
         with Writer(bag, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
             return _fill(writer, log, scene_of)
-    except WriterError as error:
-        raise LogError(f"{bag}: is there already: give another folder") from error
     except (OSError, sqlite3.Error) as error:
         _remove(bag)
         raise LogError(f"{bag}: cannot be written: {error}") from error

@@ -1,7 +1,7 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
-from tams_app.recording.mcap_stream import Gap
-from tams_app.recording.reader import read_log, read_records, read_ticks, read_video
+from tams_app.recording.mcap_stream import Gap, damage_sentence
+from tams_app.recording.reader import damage_of, read_log, read_records, read_ticks, read_video
 from tams_app.recording.reference import ReferenceRecorder, read_reference
 from tams_app.recording.topics import (
     LOG_NAME,
@@ -28,6 +28,8 @@ __all__ = [
     "ReferenceRecorder",
     "SessionLog",
     "Viewers",
+    "damage_of",
+    "damage_sentence",
     "read_log",
     "read_records",
     "read_reference",

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -33,6 +34,24 @@ class Gap:
 
     start_ns: int | None
     end_ns: int | None
+
+
+def damage_sentence(missing: Sequence[tuple[float | None, float | None]]) -> str:
+    """What a log lacks; "" if that is nothing.
+
+    missing: from when to when [s since the start], None where that is not known.
+    """
+    said = []
+    if lost := [
+        f"{from_s or 0:.1f} to {to_s:.1f} s" for from_s, to_s in missing if to_s is not None
+    ]:
+        said.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
+    if cut := [from_s for from_s, to_s in missing if to_s is None]:
+        said.append(
+            f"The log ends early, at {cut[0] or 0:.1f} s (the session was killed, the disk was "
+            "full, or the file was cut or damaged)."
+        )
+    return " ".join(said)
 
 
 class McapStream:
@@ -107,6 +126,31 @@ class McapStream:
             pass  # no footer was seen: the file stays incomplete
         except DAMAGE:
             self.gaps.append(Gap(last_ns, None))
+
+
+def messages_between(path: Path, start_ns: int, end_ns: int) -> list[tuple[str, Message]] | None:
+    """The topics and messages from `start_ns` until before `end_ns` [ns since 1970], as written.
+
+    Without those in chunks that have changed; None if the log has no index. UnreadableLogError if
+    the file cannot be read.
+    """
+    found = []
+    try:
+        with path.open("rb") as file:
+            if (summary := _read_summary(file)) is None:
+                return None
+            for index in sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset):
+                if index.message_start_time >= end_ns or index.message_end_time < start_ns:
+                    continue
+                with suppress(*DAMAGE):
+                    found += [one for one in _whole_chunk(file, index) if isinstance(one, Message)]
+    except OSError as error:
+        raise UnreadableLogError(f"{path}: cannot be read: {error.strerror}") from error
+    return [
+        (summary.channels[one.channel_id].topic, one)
+        for one in found
+        if start_ns <= one.log_time < end_ns
+    ]
 
 
 def _read_summary(file: IO[bytes]) -> Summary | None:

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.reader import SeekingReader
 from mcap.records import Message
 
 from tams_app.errors import UnreadableLogError
 from tams_app.recording import wire
-from tams_app.recording.mcap_stream import DAMAGE, McapStream
+from tams_app.recording.mcap_stream import McapStream, messages_between
 from tams_app.recording.topics import PICTURE_PREFIX, PROFILE
 from tams_app.units import NS_PER_S
 
@@ -38,12 +37,13 @@ def read_pictures(path: Path) -> Iterator[ShownPicture]:
 
 
 class PictureFinder:
-    """The pictures of a whole log by time, read where they are asked for."""
+    """The pictures of a log by time, read where they are asked for, all at once if it was cut."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._second: int | None = None
         self._pictures: list[ShownPicture] = []
+        self._all: list[ShownPicture] = []  # of a log without an index
 
     def at(self, wall_ns: int) -> dict[str, ShownPicture]:
         """The picture of each view that was shown last, at most two seconds before `wall_ns`.
@@ -60,24 +60,19 @@ class PictureFinder:
         return found
 
     def _read(self, second: int) -> list[ShownPicture]:
-        """Those of a second and of the two before it, by time."""
+        """Those of a second and of the two before it, by time, as far as the log is whole."""
         start_ns, end_ns = second * NS_PER_S - _AT_MOST_NS, (second + 1) * NS_PER_S
-        try:
-            with self._path.open("rb") as file:
-                reader = SeekingReader(file)
-                summary = reader.get_summary()
-                channels = () if summary is None else summary.channels.values()
-                topics = [one.topic for one in channels if one.topic.startswith(PICTURE_PREFIX)]
-                if not topics:
-                    return []
-                return [
-                    _picture(self._path, channel.topic, message)
-                    for _, channel, message in reader.iter_messages(
-                        topics, starting_at=start_ns, ending_before=end_ns
-                    )
-                ]
-        except (OSError, *DAMAGE) as error:
-            raise UnreadableLogError(f"{self._path}: pictures cannot be read: {error}") from error
+        messages = messages_between(self._path, start_ns, end_ns)
+        if messages is None:
+            self._all = self._all or list(read_pictures(self._path))
+            found = [one for one in self._all if start_ns <= one.shown_ns < end_ns]
+        else:
+            found = [
+                _picture(self._path, topic, message)
+                for topic, message in messages
+                if topic.startswith(PICTURE_PREFIX)
+            ]
+        return sorted(found, key=lambda one: one.shown_ns)
 
 
 def _picture(path: Path, topic: str, message: Message) -> ShownPicture:

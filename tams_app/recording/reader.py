@@ -61,6 +61,11 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
     return log
 
 
+def damage_of(path: Path) -> str:
+    """What the log at `path` lacks, as `damage_sentence` says it; errors as of `read_log`."""
+    return read_log(path, only=()).damage
+
+
 def read_records(path: Path) -> Iterator[tuple[int, Any]]:
     """Every record of the log at `path` with its time, as it was written; errors as of `read_log`.
 

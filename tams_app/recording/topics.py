@@ -11,7 +11,7 @@ from operator import attrgetter
 from typing import Annotated, Any, Generic, TypeVar
 
 from tams_app.recording.codec import Codec
-from tams_app.recording.mcap_stream import Gap
+from tams_app.recording.mcap_stream import Gap, damage_sentence
 from tams_app.records import (
     Allocation,
     CameraRates,
@@ -42,6 +42,7 @@ from tams_app.records import (
     UplinkSummary,
     ViewName,
 )
+from tams_app.units import NS_PER_S
 
 # Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
 # Up to schema 2 an RTP timestamp told the index: n · 90000 / fps.
@@ -269,6 +270,21 @@ class SessionLog:
     def complete(self) -> bool:
         """Whether everything that was written is here."""
         return not self.truncated and not self.gaps
+
+    @property
+    def missing(self) -> list[Gap]:
+        """From when to when there are no records; an end of None: to the end, wherever it was."""
+        return [*self.gaps, *([Gap(self.ended_ns, None)] if self.truncated else [])]
+
+    @property
+    def damage(self) -> str:
+        """What is missing, as `damage_sentence` says it."""
+        return damage_sentence(
+            [(self._seconds(gap.start_ns), self._seconds(gap.end_ns)) for gap in self.missing]
+        )
+
+    def _seconds(self, t_ns: int | None) -> float | None:
+        return None if t_ns is None else (t_ns - self.header.started_ns) / NS_PER_S
 
     def add(self, record: Any) -> None:
         """Put one record where its type belongs."""

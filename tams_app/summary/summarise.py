@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tams_app.outputs import write_file
-from tams_app.recording import Gap, SessionLog
+from tams_app.recording import SessionLog
 from tams_app.records import Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
 from tams_app.summary.operator import operator
@@ -158,13 +158,12 @@ def _not_whole_s(log: SessionLog, view: str, span: Span | None) -> float | None:
 
 def _missing(log: SessionLog) -> list[dict[str, Any]]:
     """From when to when the log has no records; `end_s` null: to the end, wherever that was."""
-    gaps = [*log.gaps, *([Gap(log.ended_ns, None)] if log.truncated else [])]
     return [
         {
             "start_s": None if gap.start_ns is None else seconds(log, gap.start_ns),
             "end_s": None if gap.end_ns is None else seconds(log, gap.end_ns),
         }
-        for gap in gaps
+        for gap in log.missing
     ]
 
 

@@ -96,12 +96,29 @@ def test_a_table_is_written_where_told_and_never_over_a_file(logs: Path, out) ->
     assert (code, text.strip()) == (0, f"{target}: 1 rows")
     before = target.read_text(encoding="utf-8")
     code, _, error = out("csv", session, "/tick", "--out", str(target))
-    assert code == 1
+    assert code == 2
     assert "is there already" in error
     assert target.read_text(encoding="utf-8") == before
     missing = logs / "missing.csv"
     assert out("csv", session, "/nothing", "--out", str(missing))[0] == 2
     assert not missing.exists()
+
+
+@pytest.mark.parametrize(
+    "arguments", [("show",), ("show", "--json"), ("show", "--topic", "/tick"), ("csv", "/tick")]
+)
+def test_what_a_log_lacks_is_a_sentence_beside_the_output(
+    logs: Path, out, arguments: tuple[str, ...]
+) -> None:
+    log = logs / "20260101-100000-run/session.mcap"
+    whole = log.read_bytes()
+    command, *others = arguments
+    assert out(command, str(log.parent), *others)[2] == ""
+    log.write_bytes(whole[: len(whole) * 2 // 3])
+    code, text, error = out(command, str(log.parent), *others)
+    assert (code, error.startswith("The log ends early, at ")) == (0, True)
+    assert len(error.splitlines()) == 1
+    assert "The log" not in text
 
 
 @pytest.mark.parametrize(

@@ -79,7 +79,7 @@ def test_a_log_that_is_cut_off_says_so_in_one_line_after_the_table(folder: Path)
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
     lines = reported(folder).splitlines()
     (at,) = (number for number, line in enumerate(lines) if line.startswith("The log ends early"))
-    assert lines[at].endswith("these figures cover only what was written before.")
+    assert lines[at].endswith("or the file was cut or damaged).")
     assert any("ticks" in line for line in lines[:at])
 
 
@@ -101,7 +101,7 @@ def test_a_damaged_log_says_so_in_one_line_after_the_table(folder: Path) -> None
     lines = reported(folder).splitlines()
     (at,) = (number for number, line in enumerate(lines) if line.startswith("The log is damaged"))
     assert any("200 ticks" in line for line in lines[:at]), "one of three chunks is lost"
-    assert lines[at].endswith("without what was recorded at 0.8 to 1.7 s.")
+    assert lines[at].endswith("what was recorded at 0.8 to 1.7 s is missing.")
 
 
 def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is_kept(

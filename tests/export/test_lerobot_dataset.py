@@ -15,6 +15,7 @@ import pytest
 
 from tams_app.cli import _main
 from tams_app.export.lerobot.samples import STATE_NAMES
+from tams_app.recording import read_video
 from tams_app.records import Tick
 from tams_app.units import NS_PER_S
 from tests.calibration.weights_session import HEIGHT, WIDTH, image_of, seen
@@ -47,6 +48,20 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
     given = [*sessions, "--format", "lerobot", "--out", str(out), "--task", TASK]
     assert _main(["export", *given]) == 0
     return out
+
+
+def test_a_video_is_no_larger_than_one_and_a_fifth_of_the_logs(
+    dataset: Path, rows: list[dict[str, Any]]
+) -> None:
+    index_bytes = 1500 + 16 * len(rows)  # of an MP4 file, which is most of one so small
+    for view, key in KEYS.items():
+        logged = sum(
+            len(frame.data)
+            for path in dataset.parent.glob("session-*/session.mcap")
+            for frame in read_video(path, view)
+        )
+        written = sum(path.stat().st_size for path in (dataset / "videos" / key).rglob("*.mp4"))
+        assert 0 < written - index_bytes <= 1.2 * logged
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
@@ -17,8 +18,10 @@ from tams_app.cli import _main
 from tams_app.errors import UnreadableLogError
 from tams_app.export.lerobot import files, layout
 from tams_app.export.lerobot.layout import FileNumber
+from tams_app.export.lerobot.mp4 import BUFFER_S, Mp4Writer
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import PROFILE
+from tams_app.records import Tick
 from tams_app.units import NS_PER_S
 from tests.calibration.weights_session import seen
 from tests.export.sessions import (
@@ -76,14 +79,18 @@ def damage(session: Path, at_s: float) -> None:
     path.write_bytes(data)
 
 
-def test_of_a_damaged_log_the_longest_whole_part_is_exported_and_said(
+def test_a_damaged_log_is_refused_in_a_sentence_or_its_longest_whole_part_is_exported(
     tmp_path: Path, export: Export
 ) -> None:
     session = moving_session(tmp_path / "session")
     damage(session, 0.4)  # of chunks of a quarter of a second
-    code, out, _ = export(session)
+    code, _, error = export(session)
+    assert (code, len(error.splitlines())) == (2, 1)
+    assert "The log is damaged: what was recorded at 0.3 to 0.5 s is missing." in error
+    assert not (session / "lerobot").exists()
+    code, out, _ = export(session, "--with-damaged")
     assert code == 0
-    assert "session: the log is damaged; its episode is the longest part that is whole, " in out
+    assert "session: The log is damaged: what was recorded at 0.3 to 0.5 s is missing." in out
     (episode,) = episodes_of(session / "lerobot")
     start_ns = episode["started_wall_ns"] - head().wall_offset_ns
     assert 0.5 < (start_ns - START_NS) / NS_PER_S < 1.1  # behind the gap, at keyframes
@@ -100,17 +107,22 @@ def test_of_a_damaged_log_the_longest_whole_part_is_exported_and_said(
             assert seen(video.read()[1]) == (view, shown_at(view, instant_ns))
 
 
-def test_of_a_log_that_was_cut_off_the_beginning_is_exported_and_said(
+def test_a_log_that_was_cut_off_is_refused_in_a_sentence_or_its_beginning_is_exported(
     tmp_path: Path, export: Export
 ) -> None:
     session = moving_session(tmp_path / "session")
     path = session / "session.mcap"
     data = path.read_bytes()
     path.write_bytes(data[: len(data) // 2])
-    code, out, _ = export(session)
+    code, _, error = export(session)
+    assert (code, len(error.splitlines())) == (2, 1)
+    assert "The log ends early, at " in error
+    code, out, _ = export(session, "--with-damaged")
     assert code == 0
-    assert "session: the log ends early, and so does its episode." in out
+    assert "session: The log ends early, at " in out
     (episode,) = episodes_of(session / "lerobot")
+    assert episode["log_complete"] is False
+    assert episode["tasks"] == ["Pick up the block and place it in the container."]
     assert 0 < episode["length"] < 1.3 * FPS
     assert episode["success"] is None
     assert episode["outcome"] == ""
@@ -121,8 +133,8 @@ def test_what_is_there_already_is_never_written_over(tmp_path: Path, export: Exp
     (session / "lerobot").mkdir()
     (session / "lerobot/mine").write_text("keep", encoding="utf-8")
     code, _, error = export(session)
-    assert code == 1
-    assert error == f"tams: {session}/lerobot: is there already: give another folder\n"
+    assert code == 2
+    assert error == f"tams: {session}/lerobot: is there already: give another name\n"
     assert [path.name for path in (session / "lerobot").iterdir()] == ["mine"]
 
 
@@ -264,9 +276,13 @@ def test_an_interrupted_export_leaves_no_folder(
 def test_a_file_that_is_full_is_followed_by_the_next(
     tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(layout, "DATA_FILE_MB", 0)
-    monkeypatch.setattr(layout, "VIDEO_FILE_MB", 0)
     sessions = [moving_session(tmp_path / f"s{number}", 0.3) for number in range(2)]
+    alone = tmp_path / "alone"
+    assert export(sessions[0], "--out", alone)[0] == 0
+    largest = max(path.stat().st_size for path in alone.rglob("*.mp4"))
+    # the first fits in, and the second does not beside it
+    monkeypatch.setattr(layout, "DATA_FILE_MB", 0)
+    monkeypatch.setattr(layout, "VIDEO_FILE_MB", largest / layout.MB)
     out = tmp_path / "out"
     assert export(*sessions, "--out", out)[0] == 0
     first, second = episodes_of(out)
@@ -281,6 +297,100 @@ def test_a_file_that_is_full_is_followed_by_the_next(
     assert [row["index"] for row in rows] == list(
         range(second["dataset_from_index"], second["dataset_to_index"])
     )
+
+
+def test_frames_are_held_to_their_rate_from_episode_to_episode(tmp_path: Path) -> None:
+    path, seconds, noise = tmp_path / "noise.mp4", 2, np.random.default_rng(1)
+    writer = Mp4Writer(path, 160, 120, FPS)
+    sizes = []
+    for kbps in (800, 200):
+        writer.limit(kbps)
+        writer.begin_episode()
+        before = path.stat().st_size
+        for _ in range(seconds * FPS):
+            writer.write(noise.integers(64, 192, 160 * 120 * 3 // 2, np.uint8))
+        sizes.append(path.stat().st_size - before)
+        assert sizes[-1] <= kbps * 1000 / 8 * (seconds + BUFFER_S)
+    writer.close()
+    assert sizes[1] < sizes[0] / 2
+
+
+def test_no_file_is_above_the_size_that_info_declares(
+    tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(layout, "MB", 1000)
+    monkeypatch.setattr(layout, "DATA_FILE_MB", 1)
+    monkeypatch.setattr(layout, "VIDEO_FILE_MB", 1)
+    session = moving_session(tmp_path / "session", 0.3)
+    assert export(session)[0] == 0
+    info = json.loads((session / "lerobot/meta/info.json").read_text(encoding="utf-8"))
+    for kind, folder in (("data", "data"), ("video", "videos")):
+        files = list((session / "lerobot" / folder).rglob("file-*"))
+        largest = max(path.stat().st_size for path in files)
+        assert largest > 1000
+        assert largest <= 1000 * info[f"{kind}_files_size_in_mb"]
+
+
+def engaged_between(first: int, last: int, seconds: float) -> list[Tick]:
+    """Ticks of a session in which the arm was engaged at those from `first` to `last` only."""
+    return [
+        replace(moving_tick(number), arming="engaged" if first <= number <= last else "ready")
+        for number in range(round(seconds * 120))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("placed_s", "arguments", "from_s", "to_s"),
+    [
+        (None, (), 0.5, 3.0),  # a second before the first engagement, a second after the last
+        (0.25, (), 0.5, 2.75),  # a second after the placing, counted from the first engagement
+        (0.25, ("--keep-idle",), 0.0, 4.0),
+    ],
+)
+def test_idle_time_at_either_end_is_left_out_unless_it_is_wanted(
+    tmp_path: Path,
+    export: Export,
+    placed_s: float | None,
+    arguments: tuple[str, ...],
+    from_s: float,
+    to_s: float,
+) -> None:
+    outcome = replace(PLACED, completion_time_s=placed_s)
+    ticks = engaged_between(180, 240, 4.0)
+    session = write_session(tmp_path / "session", ticks, 4.0, outcome=outcome)
+    assert export(session, *arguments)[0] == 0
+    (episode,) = episodes_of(session / "lerobot")
+    start_s = (episode["started_wall_ns"] - head().wall_offset_ns - START_NS) / NS_PER_S
+    assert start_s == pytest.approx(from_s, abs=0.05)
+    assert start_s + episode["length"] / FPS == pytest.approx(to_s, abs=0.1)
+
+
+def test_a_session_without_engagement_is_idle_time_alone(tmp_path: Path, export: Export) -> None:
+    session = write_session(tmp_path / "session", engaged_between(1, 0, 0.3), 0.3)
+    code, _, error = export(session)
+    assert (code, "the arm was never engaged; --keep-idle" in error) == (2, True)
+    assert export(session, "--keep-idle")[0] == 0
+
+
+def test_of_several_sessions_what_gives_no_episode_is_named_and_counted(
+    tmp_path: Path, export: Export
+) -> None:
+    good = moving_session(tmp_path / "good", 0.3)
+    failed = moving_session(tmp_path / "failed", 0.3, outcome=replace(PLACED, success=False))
+    cut = moving_session(tmp_path / "cut", 0.3)
+    data = (cut / "session.mcap").read_bytes()
+    (cut / "session.mcap").write_bytes(data[: len(data) * 2 // 3])
+    dataset = tmp_path / "dataset"
+    code, out, _ = export(good, failed, cut, "--only-success", "--out", dataset)
+    assert code == 0
+    assert f"skipped: {failed}: was not judged a success (placed)\n" in out
+    assert f"skipped: {cut}: The log ends early, at " in out
+    assert out.endswith("; skipped: 2 of 3 sessions\n")
+    assert [one["session"] for one in episodes_of(dataset)] == ["good"]
+    code, out, error = export(failed, cut, "--only-success", "--out", tmp_path / "none")
+    assert (code, out.count("skipped: ")) == (2, 2)
+    assert "none of 2 sessions can be exported" in error
+    assert not (tmp_path / "none").exists()
 
 
 def test_a_chunk_has_a_thousand_files() -> None:

@@ -147,7 +147,7 @@ def test_what_is_there_is_not_overwritten(
 ) -> None:
     (tmp_path / session.name).mkdir()
     (tmp_path / session.name / "notes.txt").write_text("mine")
-    assert _main(["export", str(session), "--format", "rosbag2", "--out", str(tmp_path)]) == 1
+    assert _main(["export", str(session), "--format", "rosbag2", "--out", str(tmp_path)]) == 2
     assert f"{tmp_path / session.name}: is there already" in capsys.readouterr().err
     assert (tmp_path / session.name / "notes.txt").read_text() == "mine"
 

@@ -33,6 +33,8 @@ def run_recompute(given: Path, as_json: bool) -> int:
         console = Console()
         console.print(_table(log, found))
         console.print(_sentence(log, found))
+        if log.damage:
+            console.print(log.damage, style="bold", highlight=False, soft_wrap=True)
     return 0 if found.same else 1
 
 
@@ -77,7 +79,7 @@ def _first_s(log: SessionLog, one: Comparison) -> float | None:
 def _tree(log: SessionLog, found: Recomputed) -> dict[str, object]:
     return {
         "same": found.same,
-        "complete": found.until_ns is None,
+        "complete": log.complete and found.until_ns is None,
         "quantities": [
             {
                 "name": one.name,

@@ -53,6 +53,8 @@ def run_replay(
                 _key_help(headless),
                 marking,
             )
+        if log.damage:
+            console.print(log.damage, style="bold", highlight=False, soft_wrap=True)
         show_session(session, console, interrupted=signals.append, replay=session)
     if session.failure:
         raise TamsError(session.failure)

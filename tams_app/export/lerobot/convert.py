@@ -9,8 +9,10 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Protocol
 
-from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.errors import ConfigError, LogError, SetupError, UnreadableLogError
 from tams_app.export.lerobot.episode import Episode, read_episode
+from tams_app.export.options import ExportOptions
+from tams_app.outputs import refuse_existing
 
 _NEEDS = ("pandas", "pyarrow")
 
@@ -29,19 +31,28 @@ class Watcher(Protocol):
 
 
 def export_lerobot(
-    logs: Sequence[Path], out: Path, task: str, watcher: Watcher
+    logs: Sequence[Path], out: Path, options: ExportOptions, watcher: Watcher
 ) -> Sequence[Episode]:
     """Write the logs as a LeRobotDataset v3.0 into the new folder `out`, an episode each.
 
-    `task`: what the episodes show, in words. Returns the episodes. UnreadableLogError for a log
-    that gives none, ConfigError for logs that do not fit together, LogError if `out` is there
-    already or cannot be written, SetupError if a package is missing; then no folder is left.
+    Of several logs, those that give no episode are left out, and named. Returns the episodes.
+    UnreadableLogError if no log gives one, ConfigError if logs do not fit together or `out` is
+    there already, LogError if it cannot be written, SetupError if a package is missing; then no
+    folder is left.
     """
     if missing := [name for name in _NEEDS if find_spec(name) is None]:
         raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
-    if out.exists():
-        raise LogError(f"{out}: is there already: give another folder")
-    episodes = [read_episode(path) for path in logs]
+    refuse_existing(out)
+    episodes: list[Episode] = []
+    for path in logs:
+        try:
+            episodes.append(read_episode(path, options))
+        except UnreadableLogError as error:
+            if len(logs) == 1:
+                raise
+            watcher.say(f"skipped: {error}")
+    if not episodes:
+        raise UnreadableLogError(f"{out}: none of {len(logs)} sessions can be exported")
     _check_alike(episodes)
     for episode in episodes:
         if episode.remark:
@@ -52,7 +63,7 @@ def export_lerobot(
     except OSError as error:
         raise LogError(f"{out}: cannot be made: {error.strerror}") from error
     try:
-        _write(episodes, out, task, watcher.frame)
+        _write(episodes, out, options.task, watcher.frame)
     except OSError as error:
         shutil.rmtree(out, ignore_errors=True)
         raise LogError(f"{out}: cannot be written: {error.strerror or error}") from error

@@ -126,8 +126,8 @@ class DatasetWriter:
             "total_frames": self._rows,
             "total_tasks": 1,
             "chunks_size": layout.FILES_PER_CHUNK,
-            "data_files_size_in_mb": layout.DATA_FILE_MB,
-            "video_files_size_in_mb": layout.VIDEO_FILE_MB,
+            "data_files_size_in_mb": self._file_mb("parquet", layout.DATA_FILE_MB),
+            "video_files_size_in_mb": self._file_mb("mp4", layout.VIDEO_FILE_MB),
             "fps": self._shape.fps,
             "splits": {"train": f"0:{len(self._episodes)}"},
             "data_path": layout.DATA_PATH,
@@ -135,12 +135,18 @@ class DatasetWriter:
             "features": layout.features(self._shape),
         }
 
+    def _file_mb(self, kind: str, usual: int) -> int:
+        """What no file of that kind is above; more than usual where one episode alone is."""
+        largest = max(path.stat().st_size for path in self._root.rglob(f"*.{kind}"))
+        return max(usual, -(-largest // layout.MB))
+
 
 def _session_of(episode: Episode) -> dict[str, Any]:
     """The log's facts of the whole episode."""
     header, outcome = episode.header, episode.outcome
     return {
         "session": episode.name,
+        "log_complete": not episode.remark,
         "success": outcome.success,
         "completed": outcome.completed,
         "completion_time_s": outcome.completion_time_s,

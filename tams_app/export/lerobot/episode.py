@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from tams_app.errors import UnreadableLogError
 from tams_app.export.lerobot.samples import Samples, TickTable
+from tams_app.export.options import ExportOptions
 from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Outcome, ServoMode
 from tams_app.units import NS_PER_S
 
+_MARGIN_NS = NS_PER_S  # of idle time at either end: a block counts as placed after half of it
 _NOT_JUDGED = Outcome(None, None, None, None, "")
 
 
@@ -40,6 +42,7 @@ class Episode:
     """An episode before its frames are read.
 
     start_ns: of the grid. keyframes_ns: by view, the capture that its decoding begins with.
+    sizes: by view, the bytes that the log has of it between each row and the next, shape (rows,).
     remark: a sentence if the log was not whole, else "".
     """
 
@@ -49,6 +52,7 @@ class Episode:
     start_ns: int
     samples: Samples
     keyframes_ns: Mapping[str, int]
+    sizes: Mapping[str, NDArray[np.int64]]
     outcome: Outcome
     remark: str
 
@@ -73,6 +77,7 @@ class _Captures(NamedTuple):
     capture_ns: NDArray[np.int64]
     encoded_ns: NDArray[np.int64]
     keyframe: NDArray[np.bool_]
+    size_bytes: NDArray[np.int64]
 
 
 class _Part(NamedTuple):
@@ -81,9 +86,18 @@ class _Part(NamedTuple):
     keyframes_ns: dict[str, int]
 
 
-def read_episode(path: Path) -> Episode:
+def read_episode(path: Path, options: ExportOptions) -> Episode:
     """The episode in the log at `path`; UnreadableLogError in a sentence if there is none."""
     log = read_log(path, only=(OutcomeGiven,))
+    outcome = log.outcome or _NOT_JUDGED
+    if log.damage and not options.with_damaged:
+        raise UnreadableLogError(
+            f"{path.parent}: {log.damage} --with-damaged exports the longest part that is whole."
+        )
+    if options.only_success and not outcome.success:
+        raise UnreadableLogError(
+            f"{path.parent}: was not judged a success ({outcome.reason or 'there is no verdict'})"
+        )
     shape = _shape(path, log.header)
     table = TickTable(read_ticks(path))
     if not len(table.times_ns):
@@ -91,10 +105,11 @@ def read_episode(path: Path) -> Episode:
             f"{path.parent}: tells nothing of an arm: of two computers give the robot's log"
         )
     captures = {view: _captures(path, view) for view in shape.views}
+    wanted_ns = (-np.inf, np.inf) if options.keep_idle else _busy(path, table, outcome)
     parts = [
         part
-        for lower_ns, upper_ns in _whole(log.gaps)
-        if (part := _part(lower_ns, upper_ns, table.times_ns, captures)) is not None
+        for whole_ns in _whole(log.gaps)
+        if (part := _part(whole_ns, wanted_ns, table.times_ns, captures)) is not None
     ]
     if not parts:
         raise UnreadableLogError(
@@ -102,14 +117,16 @@ def read_episode(path: Path) -> Episode:
         )
     part = max(parts, key=lambda one: one.end_ns - one.start_ns)
     rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
+    grid_ns = _grid(part.start_ns, rows, shape.fps)
     return Episode(
         path,
         log.header,
         shape,
         part.start_ns,
-        table.sample(_grid(part.start_ns, rows, shape.fps)),
+        table.sample(grid_ns),
         part.keyframes_ns,
-        log.outcome or _NOT_JUDGED,
+        {view: _sizes(found, grid_ns) for view, found in captures.items()},
+        outcome,
         _remark(_name(path), log, part),
     )
 
@@ -142,15 +159,41 @@ def _shape(path: Path, header: Header) -> Shape:
 
 
 def _captures(path: Path, view: str) -> _Captures:
-    found = [(one.capture_ns, one.encoded_ns, one.keyframe) for one in read_video(path, view)]
+    found = [
+        (one.capture_ns, one.encoded_ns, one.keyframe, len(one.data))
+        for one in read_video(path, view)
+    ]
     if not found:
         raise UnreadableLogError(
             f"{path.parent}: holds no video of {view}: record with recording.bitstream: true"
         )
-    captured, encoded, keyframe = zip(*found, strict=True)
+    captured, encoded, keyframe, sizes = zip(*found, strict=True)
     return _Captures(
-        np.array(captured, np.int64), np.array(encoded, np.int64), np.array(keyframe, np.bool_)
+        np.array(captured, np.int64),
+        np.array(encoded, np.int64),
+        np.array(keyframe, np.bool_),
+        np.array(sizes, np.int64),
     )
+
+
+def _sizes(captures: _Captures, grid_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The bytes of the frames from each instant to the next; those of the last row's own."""
+    before = np.searchsorted(captures.capture_ns, grid_ns, side="right") - 1
+    until = np.append(np.maximum(before[1:], before[:-1]), before[-1] + 1)
+    total = np.append(0, np.cumsum(captures.size_bytes))
+    return np.asarray(total[until] - total[before])
+
+
+def _busy(path: Path, table: TickTable, outcome: Outcome) -> tuple[float, float]:
+    """From before the first engagement to after the placing, or else after the last engagement."""
+    engaged_ns = table.engaged_ns
+    if not len(engaged_ns):
+        raise UnreadableLogError(
+            f"{path.parent}: the arm was never engaged; --keep-idle exports it all the same"
+        )
+    placed_s = outcome.completion_time_s
+    last_ns = engaged_ns[-1] if placed_s is None else engaged_ns[0] + placed_s * NS_PER_S
+    return float(engaged_ns[0] - _MARGIN_NS), float(last_ns + _MARGIN_NS)
 
 
 def _whole(gaps: Sequence[Gap]) -> list[tuple[float, float]]:
@@ -163,18 +206,19 @@ def _whole(gaps: Sequence[Gap]) -> list[tuple[float, float]]:
 
 
 def _part(
-    lower_ns: float,
-    upper_ns: float,
+    whole_ns: tuple[float, float],
+    wanted_ns: tuple[float, float],
     ticks_ns: NDArray[np.int64],
     captures: Mapping[str, _Captures],
 ) -> _Part | None:
-    """Between two gaps: from when every view can be decoded to when its last frame was taken."""
+    """Between two gaps, of what is wanted what can be decoded, to when the last frame was taken."""
+    lower_ns, upper_ns = whole_ns
     ticks = ticks_ns[(ticks_ns > lower_ns) & (ticks_ns < upper_ns)]
     if not len(ticks):
         return None
-    start_ns, end_ns = int(ticks[0]), int(ticks[-1])
+    start_ns, end_ns = int(max(ticks[0], wanted_ns[0])), int(min(ticks[-1], wanted_ns[1]))
     keyframes: dict[str, NDArray[np.int64]] = {}
-    for view, (capture_ns, encoded_ns, keyframe) in captures.items():
+    for view, (capture_ns, encoded_ns, keyframe, _) in captures.items():
         inside = (encoded_ns > lower_ns) & (encoded_ns < upper_ns)
         keyframes[view] = capture_ns[inside & keyframe]
         if not len(keyframes[view]):
@@ -188,13 +232,10 @@ def _part(
 
 
 def _remark(name: str, log: SessionLog, part: _Part) -> str:
-    if log.gaps:
-        began_ns = log.header.started_ns
-        from_s, to_s = (
-            (instant_ns - began_ns) / NS_PER_S for instant_ns in (part.start_ns, part.end_ns)
-        )
-        return (
-            f"{name}: the log is damaged; its episode is the longest part that is whole, "
-            f"{from_s:.1f} to {to_s:.1f} s."
-        )
-    return f"{name}: the log ends early, and so does its episode." if log.truncated else ""
+    if not log.damage:
+        return ""
+    from_s, to_s = (
+        (instant_ns - log.header.started_ns) / NS_PER_S
+        for instant_ns in (part.start_ns, part.end_ns)
+    )
+    return f"{name}: {log.damage} Its episode is from {from_s:.1f} to {to_s:.1f} s."

@@ -14,11 +14,12 @@ from tams_app.export.lerobot import layout
 from tams_app.export.lerobot.episode import Episode, Shape
 from tams_app.export.lerobot.frames import frames_on_grid
 from tams_app.export.lerobot.layout import FileNumber, video_key
-from tams_app.export.lerobot.mp4 import Mp4Writer
+from tams_app.export.lerobot.mp4 import BUFFER_S, Mp4Writer
 from tams_app.export.lerobot.statistics import PixelStatistics, Statistics
 
 _FRAMES_LOOKED_AT = 100  # in each view of an episode, for the statistics of its pixels
-_MB = 1 << 20
+_SHARE = 1.15  # of the log's own video: what a dataset's may be at most
+_INDEX_BYTES = 32  # of an MP4 file for each frame, beside the frame, and more
 
 
 class DataFiles:
@@ -33,7 +34,6 @@ class DataFiles:
 
     def append(self, columns: Mapping[str, Any]) -> dict[str, int]:
         """Add an episode's rows, an array or list for each feature; which file they went to."""
-        writer = self._with_space()
         arrays = []
         for field in self._schema:
             column = columns[field.name]
@@ -41,7 +41,8 @@ class DataFiles:
                 arrays.append(pa.FixedSizeListArray.from_arrays(column.ravel(), type=field.type))
             else:
                 arrays.append(pa.array(column, field.type))
-        writer.write_table(pa.Table.from_arrays(arrays, schema=self._schema))
+        table = pa.Table.from_arrays(arrays, schema=self._schema)
+        self._with_space(table.nbytes).write_table(table)
         return self._number.as_columns()
 
     def close(self) -> None:
@@ -49,9 +50,9 @@ class DataFiles:
         if self._writer is not None:
             self._writer.close()
 
-    def _with_space(self) -> pq.ParquetWriter:
+    def _with_space(self, size_bytes: int) -> pq.ParquetWriter:
         if self._writer is not None:
-            if self._path.stat().st_size < layout.DATA_FILE_MB * _MB:
+            if self._path.stat().st_size + size_bytes < layout.DATA_FILE_MB * layout.MB:
                 return self._writer
             self._writer.close()
             self._number.next()
@@ -75,10 +76,16 @@ class VideoFiles:
         self, episode: Episode, on_frame: Callable[[], None]
     ) -> tuple[dict[str, float], Statistics]:
         """Add an episode's frames; where they went [s], and what their pixels are like."""
-        writer = self._with_space()
+        fps, sizes = self._shape.fps, episode.sizes[self._view]
+        seconds = episode.rows / fps
+        at_most = _SHARE * float(sizes.sum())
+        writer = self._with_space(at_most + _INDEX_BYTES * episode.rows)
+        # what the encoder's buffer lets through beside the rate is part of the share
+        kbit = at_most / seconds / (1 + BUFFER_S / seconds) * 8 / 1000
         pixels = PixelStatistics()
         step = -(-episode.rows // _FRAMES_LOOKED_AT)
         first = writer.frames
+        writer.limit(kbit)
         writer.begin_episode()
         with closing(frames_on_grid(episode, self._view)) as frames:
             for row, planes in enumerate(frames):
@@ -103,9 +110,10 @@ class VideoFiles:
         if self._writer is not None:
             self._writer.abandon()
 
-    def _with_space(self) -> Mp4Writer:
+    def _with_space(self, size_bytes: float) -> Mp4Writer:
         if self._writer is not None:
-            if self._path.stat().st_size < layout.VIDEO_FILE_MB * _MB:
+            written = self._path.stat().st_size + _INDEX_BYTES * self._writer.frames
+            if written + size_bytes < layout.VIDEO_FILE_MB * layout.MB:
                 return self._writer
             self._writer.close()
             self._number.next()

@@ -20,6 +20,7 @@ VIDEO_PATH = "videos/{video_key}/" + f"{_FILE}.mp4"
 EPISODES_PATH = f"meta/episodes/{_FILE}.parquet"
 INFO_PATH, STATISTICS_PATH = "meta/info.json", "meta/stats.json"
 TASKS_PATH, SUBTASKS_PATH = "meta/tasks.parquet", "meta/subtasks.parquet"
+MB = 1 << 20  # as LeRobot counts them
 FILES_PER_CHUNK, DATA_FILE_MB, VIDEO_FILE_MB = 1000, 100, 200
 
 _STATE, _ACTION = "observation.state", "action"

@@ -10,11 +10,13 @@ from tams_app.errors import LogError
 from tams_app.units import NS_PER_S
 from tams_app.video.core.colour import Planes
 
-# Constant quality, near to lossless beside what the uplink took. A keyframe at least every other
-# frame, as LeRobot's own files have it: a learner reads frames in any order. Without B frames the
-# first has the time 0.
+# Constant quality, near to lossless beside what the uplink took, but never above a given rate. A
+# learner reads frames in any order: for one it decodes ten at most. Without B frames the first has
+# the time 0.
 _QUANTIZER = 20
-_KEYFRAME_INTERVAL = 2
+_KEYFRAME_INTERVAL = 10
+_LOWEST_KBPS = 50
+BUFFER_S = 1.0  # over which the rate is held
 _ELEMENTS = ("x264enc", "h264parse", "mp4mux", "filesink")
 _END_NS = 60 * NS_PER_S
 
@@ -31,14 +33,17 @@ class Mp4Writer:
         self._fps = fps
         self._ok = Gst.FlowReturn.OK
         self._pipeline = gst.parse_pipeline(
-            f"x264enc name=encoder pass=quant quantizer={_QUANTIZER} tune=zerolatency threads=1 "
+            f"x264enc name=encoder pass=qual quantizer={_QUANTIZER} tune=zerolatency threads=1 "
             f"speed-preset=veryfast key-int-max={_KEYFRAME_INTERVAL} bframes=0 "
-            "! video/x-h264,profile=high ! h264parse ! mp4mux ! filesink name=file sync=false"
+            f"bitrate={_LOWEST_KBPS} vbv-buf-capacity={BUFFER_S * 1000:.0f} "
+            "! video/x-h264,profile=high ! h264parse ! mp4mux "
+            "! filesink name=file sync=false buffer-mode=unbuffered"
         )
         self._pipeline.get_by_name("file").set_property("location", str(path))
+        self._encoder = self._pipeline.get_by_name("encoder")
         self._pad = Gst.Pad.new("frames", Gst.PadDirection.SRC)
         self._pad.set_active(True)
-        self._pad.link(self._pipeline.get_by_name("encoder").get_static_pad("sink"))
+        self._pad.link(self._encoder.get_static_pad("sink"))
         if self._pipeline.set_state(Gst.State.PLAYING) == Gst.StateChangeReturn.FAILURE:
             raise self._failed()
         segment = Gst.Segment()
@@ -53,6 +58,10 @@ class Mp4Writer:
             Gst.Event.new_segment(segment),
         ):
             self._pad.push_event(event)
+
+    def limit(self, kbps: float) -> None:
+        """Hold the frames that follow to this rate [kbit/s]."""
+        self._encoder.set_property("bitrate", max(round(kbps), _LOWEST_KBPS))
 
     def begin_episode(self) -> None:
         """Let the next frame be a keyframe: it refers to none of another episode."""

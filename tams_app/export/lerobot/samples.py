@@ -46,7 +46,7 @@ class Samples:
 class TickTable:
     """The ticks at which the arm had reported, as numbers: some 200 bytes each.
 
-    times_ns: when each started, shape (n,).
+    times_ns: when each started, shape (n,). engaged_ns: of those in which the arm was engaged.
     """
 
     def __init__(self, ticks: Iterable[Tick]) -> None:
@@ -63,6 +63,7 @@ class TickTable:
             values.extend((gripper, PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
         self.times_ns = np.frombuffer(times, np.int64)
         self._values = np.frombuffer(values, np.float64).reshape(-1, width)
+        self.engaged_ns = self.times_ns[self._values[:, -1] == 1]
 
     def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
         """The newest tick's values at each instant, none of which is before the first tick.

@@ -73,6 +73,17 @@ def test_as_json_each_quantity_has_its_figures(
     assert targets["first_s"] == pytest.approx(10.0, abs=0.1)
 
 
+def test_what_a_log_lacks_is_told_beside_the_comparison(
+    session: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = session / LOG_NAME
+    log.write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+    _main(["replay", str(session), "--recompute"])
+    assert "The log ends early, at " in capsys.readouterr().out
+    _main(["replay", str(session), "--recompute", "--json"])
+    assert json.loads(capsys.readouterr().out)["complete"] is False
+
+
 def test_a_log_of_an_older_version_is_one_sentence(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -130,6 +130,17 @@ def test_arrow_keys_go_back_and_the_pictures_with_them(log_path: Path, tmp_path:
     assert not replayed.session.ended.is_set()
 
 
+def test_pictures_of_a_log_that_was_cut_off_are_those_of_the_moment_too(
+    log_path: Path, tmp_path: Path
+) -> None:
+    log_path.write_bytes(log_path.read_bytes()[:-60])  # the footer, by which the index is found
+    replayed = Replayed(log_path, tmp_path)
+    for number in range(2):
+        replayed.passes(0.9 if number == 0 else 1.0)
+        assert set(replayed.put) == set(VIEWS)
+        assert all(abs(grey - GREYS[number]) < 3 for grey in replayed.put.values())
+
+
 def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> None:
     replayed = Replayed(log_path, tmp_path, speed=2.0)
     replayed.passes(0.5)
@@ -220,7 +231,7 @@ def test_before_the_first_record_nothing_is_known() -> None:
     assert all(view.target_kbps is None for view in state.views.values())
 
 
-def test_a_replay_without_a_window_ends_with_the_log_and_offers_no_keys_that_nothing_reads(
+def test_a_replay_without_a_window_ends_with_the_log_and_tells_what_keys_and_log_lack(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shutil.copy(golden_log("outage"), tmp_path / LOG_NAME)
@@ -234,6 +245,11 @@ def test_a_replay_without_a_window_ends_with_the_log_and_offers_no_keys_that_not
         assert ("goes on, 50 times the speed (Enter: pause, go on; q: end)\n" in told) == readable
         assert "replay: the end, 50 times the speed\n" in told
         assert "arrows" not in told
+        assert "The log" not in told
+    log = tmp_path / LOG_NAME
+    log.write_bytes(log.read_bytes()[: log.stat().st_size * 2 // 3])
+    assert _main(["replay", str(tmp_path), "--headless", "--speed", "50"]) == 0
+    assert "The log ends early, at " in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
