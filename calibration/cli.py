@@ -11,6 +11,7 @@ import typer
 
 from calibration.options import (
     CameraOptions,
+    ConfigOption,
     FrameOptions,
     PhaseOptions,
     WeightOptions,
@@ -83,3 +84,19 @@ def weights(options: WeightOptions) -> int:
     from calibration.weights.wizard import WeightWizard
 
     return WeightWizard(WizardUI(), options).run()
+
+
+@app.command()
+def show(config: ConfigOption = None) -> None:
+    """Which calibration is in force: its files, when and from what they were made, how good."""
+    from calibration.in_force import show_in_force
+
+    show_in_force(config)
+
+
+@app.command()
+def undo(config: ConfigOption = None) -> None:
+    """Take the last calibration back: what was in force before it is in force again."""
+    from calibration.in_force import undo_last
+
+    undo_last(config)

@@ -8,14 +8,16 @@ from typing import Annotated
 
 import typer
 
+ConfigOption = Annotated[
+    Path | None, typer.Option(help="Configuration file; default config/tams.yaml.")
+]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WizardOptions:
     """Options of every wizard."""
 
-    config: Annotated[
-        Path | None, typer.Option(help="Configuration file; default config/tams.yaml.")
-    ] = None
+    config: ConfigOption = None
     sim: Annotated[
         bool, typer.Option("--sim", help="The simulated rig, and a simulated person.")
     ] = False
@@ -59,7 +61,19 @@ class FrameOptions(WizardOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PhaseOptions(WizardOptions):
+class FitOptions(WizardOptions):
+    """Options of the wizards whose result may do no better than what is there."""
+
+    accept_unfounded: Annotated[
+        bool,
+        typer.Option(
+            "--accept-unfounded", help="With --yes: also a result that the figures do not support."
+        ),
+    ] = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PhaseOptions(FitOptions):
     """Options of `calibrate phases`."""
 
     mark: Annotated[
@@ -81,7 +95,7 @@ class PhaseOptions(WizardOptions):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WeightOptions(WizardOptions):
+class WeightOptions(FitOptions):
     """Options of `calibrate weights`."""
 
     ratings: Annotated[

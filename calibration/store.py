@@ -24,7 +24,7 @@ _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
 )
 _INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to go back to it.\n"
-
+_ASK = "Write it?"
 
 Draw = Callable[[Path], None]  # the figure of a calibration, to a file
 
@@ -49,6 +49,27 @@ class Calibration:
     source: str  # what it was made from, in words
     quality: Mapping[str, float | int | str | list[Any] | dict[str, Any] | None]  # units in keys
     simulated: bool = False  # a simulated person, rig or log of one had a part in it
+    unfounded: str = ""  # why its figures do not support it, a sentence; "": they do
+
+
+@dataclass(frozen=True, slots=True)
+class InForce:
+    """A calibration file that counts, and where it comes from; None for what it does not say."""
+
+    kind: str
+    path: Path
+    origin: Mapping[str, Any]  # its part `calibration`
+
+    @property
+    def replaced(self) -> str | None:
+        """The file of its kind that counted before."""
+        return self.origin.get("replaces")
+
+    def made_index(self, names: Mapping[str, str]) -> bool:
+        """Whether an index with these `names` is the one that putting it in force has made."""
+        if "index_before" not in self.origin:  # of an earlier version
+            return False
+        return _names(self.origin["index_before"]) | {self.kind: self.path.name} == names
 
 
 class CalibrationSet:
@@ -81,9 +102,50 @@ class CalibrationSet:
             )
         return CalibrationSet(set_folder(path, config.calibration), path, now)
 
+    @property
+    def index(self) -> Path:
+        """The file that names the calibrations in force."""
+        return self.folder / IN_FORCE
+
     def in_force(self, kind: str) -> Path | None:
         """The file of a kind that counts now; None if nothing of that kind was calibrated."""
         return files_in_force(self.folder, read_yaml).get(kind)
+
+    def all_in_force(self) -> list[InForce]:
+        """Every file that counts now, the last made first; ConfigError if one cannot be read."""
+        found = [
+            InForce(kind, path, _origin(path))
+            for kind, path in files_in_force(self.folder, read_yaml).items()
+        ]
+        names = {one.kind: one.path.name for one in found}
+
+        def when(one: InForce) -> tuple[str, bool]:
+            return str(one.origin.get("made")), one.made_index(names)
+
+        return sorted(found, key=when, reverse=True)
+
+    def undo(self) -> InForce:
+        """Let count again what counted before the last calibration, which stays as a file.
+
+        Returns:
+            The calibration that no longer counts.
+
+        Raises:
+            TamsError: There is none, or the disk refuses.
+            ConfigError: The configuration would not be valid without it; nothing has changed.
+        """
+        in_force = self.all_in_force()
+        if not in_force:
+            raise TamsError(f"nothing to undo: no calibration in {self.folder} is in force")
+        last, names = in_force[0], {one.kind: one.path.name for one in in_force}
+        index = last.origin.get("index_before")
+        if not last.made_index(names):  # else byte for byte
+            del names[last.kind]
+            if last.replaced is not None:
+                names[last.kind] = last.replaced
+            index = _index(names) if names else None
+        self._put_in_force(index, f"without {last.path.name}")
+        return last
 
     def check_before(self, ui: WizardUI, yes: bool, simulated: bool) -> None:
         """Before anything is measured: whether the result may and can be written.
@@ -104,13 +166,19 @@ class CalibrationSet:
             )
 
     def propose(
-        self, ui: WizardUI, calibration: Calibration, yes: bool, draw: Draw | None = None
+        self,
+        ui: WizardUI,
+        calibration: Calibration,
+        yes: bool,
+        draw: Draw | None = None,
+        accept_unfounded: bool = False,
     ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
-        `yes`: write without asking. Unattended, nothing is written. If the question is never
-        answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `draw` draws the
-        figure beside the file before that counts.
+        `yes`: write without asking; what is unfounded is then kept, but not in force, and refused
+        with TamsError, unless `accept_unfounded`. Unattended, nothing is written. If the question
+        is never answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `draw`
+        draws the figure beside the file before that counts.
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
@@ -119,8 +187,15 @@ class CalibrationSet:
         if not yes and not ui.attended:
             ui.say("Nothing is written, for there is no terminal to ask at; --yes writes it.")
             return None
+        unfounded = "" if accept_unfounded else calibration.unfounded
+        if yes and unfounded:
+            self.keep(ui, calibration, draw)
+            raise TamsError(
+                f"{unfounded}; --yes does not put that in force: measure more, or add "
+                "--accept-unfounded"
+            )
         try:
-            wanted = yes or ui.yes("Write it?")
+            wanted = yes or ui.yes(f"{unfounded}. Write it all the same?" if unfounded else _ASK)
         except (KeyboardInterrupt, TamsError):
             self.keep(ui, calibration, draw)
             raise
@@ -128,7 +203,10 @@ class CalibrationSet:
             ui.say("Nothing is written.")
             return None
         path = self.write(calibration, draw)
-        ui.say(f"Written: {path}\nEvery command with --config {self._config_path} uses it now.")
+        ui.say(
+            f"Written: {path}\nEvery command with --config {self._config_path} uses it now; "
+            "`calibrate undo` takes it back."
+        )
         return path
 
     def keep(self, ui: WizardUI, calibration: Calibration, draw: Draw | None = None) -> None:
@@ -145,16 +223,23 @@ class CalibrationSet:
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
         path = self._new(calibration, draw)
-        before = files_in_force(self.folder, read_yaml)
-        names = {kind: file.name for kind, file in before.items()}
-        self._replace_index(names | {calibration.kind: path.name})
+        names = {kind: file.name for kind, file in files_in_force(self.folder, read_yaml).items()}
+        try:
+            self._put_in_force(_index(names | {calibration.kind: path.name}), path.name)
+        except ConfigError:
+            path.unlink()
+            raise
+        return path
+
+    def _put_in_force(self, index: str | None, what: str) -> None:
+        """Replace the index; ConfigError, and nothing has changed, if `what` does not fit."""
+        before = self._index_text()
+        self._replace_index(index)
         try:
             load_config(self._config_path)
         except ConfigError as error:  # what counted before counts again
-            self._replace_index(names)
-            path.unlink()
-            raise ConfigError(f"{path.name}: does not fit the configuration: {error}") from error
-        return path
+            self._replace_index(before)
+            raise ConfigError(f"{what}: does not fit the configuration: {error}") from error
 
     def _new(self, calibration: Calibration, draw: Draw | None) -> Path:
         """A new file, and its figure beside it; what counted before still counts."""
@@ -171,7 +256,9 @@ class CalibrationSet:
                 "source": calibration.source,
                 "simulated": calibration.simulated,
                 "quality": dict(calibration.quality),
+                "unfounded": calibration.unfounded or None,
                 "replaces": replaced.name if replaced else None,
+                "index_before": self._index_text(),  # for `undo`
             },
             "config": dict(calibration.changes),
         }
@@ -214,10 +301,31 @@ class CalibrationSet:
             return path
         raise TamsError(f"{self.folder}: holds a thousand calibrations of this second")
 
-    def _replace_index(self, names: Mapping[str, str]) -> None:
-        # a line for each: people edit them
-        lines = yaml.safe_dump(dict(names), default_flow_style=False)
-        write_file(self.folder / IN_FORCE, _INDEX_HEADER + lines)
+    def _index_text(self) -> str | None:
+        """The index as it is; None if there is none."""
+        return self.index.read_bytes().decode("utf-8") if self.index.is_file() else None
+
+    def _replace_index(self, text: str | None) -> None:
+        if text is None:
+            self.index.unlink()
+        else:
+            write_file(self.index, text)
+
+
+def _origin(path: Path) -> Mapping[str, Any]:
+    origin = read_yaml(path).get("calibration")
+    return origin if isinstance(origin, dict) else {}
+
+
+def _names(index: str | None) -> dict[str, str]:
+    """The names in an index that was read before; none of what is no index."""
+    names = yaml.safe_load(index) if isinstance(index, str) else None
+    return names if isinstance(names, dict) else {}
+
+
+def _index(names: Mapping[str, str]) -> str:
+    # a line for each: people edit them
+    return _INDEX_HEADER + yaml.safe_dump(dict(names), default_flow_style=False)
 
 
 def _dump(content: Mapping[str, Any]) -> str:

@@ -43,7 +43,8 @@ class Wizard(ABC, Generic[Options]):
 
         Raises:
             ConfigError: Options or configuration make no sense; nothing was measured.
-            TamsError: What was measured is no use, or cannot be written.
+            TamsError: What was measured is no use, cannot be written, or is unfounded and nobody
+                was to be asked.
         """
         options = self.options
         if options.figure is not None:
@@ -63,7 +64,7 @@ class Wizard(ABC, Generic[Options]):
                 return 0
             attended = self.ui.attended
             draw = self.draw if self.figure_beside else None
-            written = self.store.propose(self.ui, found, options.yes, draw)
+            written = self.store.propose(self.ui, found, options.yes, draw, self.accepts_unfounded)
             return 0 if written is not None or attended else 1
 
     @abstractmethod
@@ -94,6 +95,11 @@ class Wizard(ABC, Generic[Options]):
     def writes(self) -> bool:
         """Whether these options lead to a calibration file at all."""
         return True
+
+    @property
+    def accepts_unfounded(self) -> bool:
+        """Whether `--yes` is to hold also for a result that its figures do not support."""
+        return False
 
     @property
     def simulated(self) -> bool:

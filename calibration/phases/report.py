@@ -83,15 +83,21 @@ def switches_table(scores: Scores) -> Table:
     return table
 
 
+def unfounded(found: PhaseFit) -> str:
+    """Why the defaults are as good, a sentence without its full stop; "" if they are not."""
+    if found.left_out.accuracy > found.defaults.accuracy:
+        return ""
+    return (
+        "On a trial that they were not learned from such thresholds do no better than the "
+        f"defaults ({found.left_out.accuracy:.3f} against {found.defaults.accuracy:.3f})"
+    )
+
+
 def remarks(found: PhaseFit) -> list[str]:
     """What to know before the thresholds are taken over."""
     said = []
-    if found.left_out.accuracy <= found.defaults.accuracy:
-        said.append(
-            f"On a trial that they were not learned from such thresholds do no better than the "
-            f"defaults ({found.left_out.accuracy:.3f} against {found.defaults.accuracy:.3f}): "
-            "keep the defaults, or give more trials."
-        )
+    if no_better := unfounded(found):
+        said.append(f"{no_better}: keep the defaults, or give more trials.")
     for phase in PHASES:
         recall = found.left_out.recall(phase)
         if recall is not None and recall < POOR_RECALL:

@@ -62,6 +62,10 @@ class PhaseWizard(Wizard[PhaseOptions]):
     def writes(self) -> bool:
         return not self.options.mark
 
+    @property
+    def accepts_unfounded(self) -> bool:
+        return self.options.accept_unfounded
+
     def check(self) -> None:
         options = self.options
         if options.sim == bool(options.logs):
@@ -110,6 +114,7 @@ class PhaseWizard(Wizard[PhaseOptions]):
             self._material.source,
             report.quality(self._found, self._held_out),
             simulated=self._material.simulated,
+            unfounded=report.unfounded(self._found),
         )
 
     def draw(self, path: Path) -> None:

@@ -38,6 +38,7 @@ from calibration.weights.ratings import (
     critical_table,
     necessity_table,
 )
+from tams_app.printing import known
 from tams_app.records import Phase
 
 HUNDREDTHS = 100
@@ -236,6 +237,20 @@ class Assessment:
     def matrix(self) -> dict[str, dict[str, float]]:
         """W as the configuration writes it."""
         return {phase.value: dict(row.shares) for phase, row in self.rows.items()}
+
+    @property
+    def unfounded(self) -> str:
+        """Why the dominant views rest on too little, a sentence without its full stop, or "".
+
+        They make most of W; the necessity divides only what is left.
+        """
+        alpha = self.critical_alpha
+        if alpha is not None and alpha >= TENTATIVE_ALPHA:
+            return ""
+        return (
+            "The raters agree too little on the most critical view to rely on it "
+            f"(alpha {known(alpha, '{:.2f}')}, {verdict(alpha)})"
+        )
 
     @property
     def all_remarks(self) -> list[str]:

@@ -114,6 +114,7 @@ def calibration_of(
             "clips": {name: _session_quality(cut) for name, cut in sessions.items()},
         },
         simulated=assessment.simulated > 0,
+        unfounded=assessment.unfounded,
     )
 
 

@@ -44,6 +44,10 @@ class WeightWizard(Wizard[WeightOptions]):
     _panel: str | None = None
     _built: tuple[Assessment, list[Sheet]] | None = None
 
+    @property
+    def accepts_unfounded(self) -> bool:
+        return self.options.accept_unfounded
+
     def check(self) -> None:
         ratings = self.options.ratings
         if ratings is not None and not ratings.is_dir():

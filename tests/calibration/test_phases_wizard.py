@@ -6,7 +6,7 @@ import io
 import re
 import shutil
 from contextlib import redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -25,7 +25,7 @@ from calibration.phases.wizard import PhaseWizard
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.console.replay.marks import Mark, write_marks
-from tams_app.errors import ConfigError, LogError, SetupError
+from tams_app.errors import ConfigError, LogError, SetupError, TamsError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 from tams_app.units import NS_PER_S
@@ -240,6 +240,26 @@ def test_with_nobody_to_ask_nothing_is_written(logs, config_path) -> None:
     assert calibrate(config_path, ui, logs=logs) == 1
     assert any("v_eps_mm_s" in text for text in ui.said)
     assert not (config_path.parent / "calibration").exists()
+
+
+@pytest.mark.usefixtures("fitted")
+def test_yes_puts_no_thresholds_in_force_that_do_no_better_than_the_defaults(
+    logs, declined, config_path, monkeypatch
+) -> None:
+    no_better = replace(declined.found, left_out=declined.found.defaults)
+    monkeypatch.setattr(wizard, "fit_thresholds", lambda *_: no_better)
+    with pytest.raises(TamsError, match=r"do no better than the defaults .*--accept-unfounded"):
+        calibrate(config_path, ScriptedUI(), logs=logs, yes=True)
+    assert load_config(config_path).calibrated_by == ()
+    (kept,) = (config_path.parent / "calibration" / "rig").glob("phases-*.yaml")
+    assert "no better" in yaml.safe_load(kept.read_text())["calibration"]["unfounded"]
+    ui = ScriptedUI(["n"])  # a person is asked, and knows why
+    assert calibrate(config_path, ui, logs=logs) == 0
+    assert "do no better than the defaults" in ui.console.asked[-1]
+    assert load_config(config_path).calibrated_by == ()
+    accepted = {"yes": True, "accept_unfounded": True}
+    assert calibrate(config_path, ScriptedUI(), logs=logs, **accepted) == 0
+    assert len(load_config(config_path).calibrated_by) == 1
 
 
 def mark(folders: tuple[Path, ...]) -> None:

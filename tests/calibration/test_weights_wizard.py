@@ -90,9 +90,13 @@ def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the
         yes=True,
     )
     ui = ScriptedUI()
-    assert WeightWizard(ui, options).run() == 0
+    with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
+        WeightWizard(ui, options).run()
+    assert not (config.parent / "calibration/rig/in-force.yaml").exists()
+    assert WeightWizard(ui, replace(options, accept_unfounded=True)).run() == 0
     assert "too little to rely on" in "".join(ui.said)
     content = yaml.safe_load(written(config).read_text())
+    assert "agree too little" in content["calibration"]["unfounded"]
     remarks = content["calibration"]["quality"]["remarks"]
     assert sum("too little to rely on" in remark for remark in remarks) == 2
     assert content["calibration"]["quality"]["most_critical_alpha_nominal"] < 0.667
@@ -104,8 +108,8 @@ def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_pa
         folder.open(sheet.rater.replace("simulated", "p"))
         for answer in sheet.answers:
             folder.add(sheet.rater.replace("simulated", "p"), answer)
-    ui = ScriptedUI()
-    assert WeightWizard(ui, WeightOptions(config=config, ratings=folder.path, yes=True)).run() == 0
+    options = WeightOptions(config=config, ratings=folder.path, yes=True, accept_unfounded=True)
+    assert WeightWizard(ScriptedUI(), options).run() == 0
     calibration = yaml.safe_load(written(config).read_text())["calibration"]
     assert calibration["source"] == "ratings of 3 people, on unknown clips"
     assert "few raters: 3, where the paper asked 8" in calibration["quality"]["remarks"]
