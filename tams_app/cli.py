@@ -28,6 +28,7 @@ from tams_app.console.options import (
     HeadlessOption,
     JsonOption,
     KeyOption,
+    MetricsOption,
     NetworkOption,
     OperatorOption,
     OutOption,
@@ -139,6 +140,7 @@ def run(
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
     foxglove: FoxgloveOption = None,
+    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -153,6 +155,7 @@ def run(
         fps=fps,
         record_reference=record_reference,
         foxglove=foxglove,
+        metrics=metrics,
         ros2=ros2,
         out=out,
     )

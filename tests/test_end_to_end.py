@@ -3,6 +3,8 @@
 import json
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -14,6 +16,7 @@ from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
 from tests.real_time import require_real_time
+from tests.scraping import free_port, scrape
 from tests.spoken import spoken
 
 pytestmark = [
@@ -29,22 +32,33 @@ def command(out, *options):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
+def scraped():
+    """Prometheus' figures as they were last read while the session ran."""
+    return {}
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory, scraped):
     """The folder and the words of one session on s2 that ran to its end."""
     require_real_time()
     out = tmp_path_factory.mktemp("run")
-    options = ("--seed", "1", "--seconds", "90", "--operator", "scripted")
-    result = subprocess.run(
-        command(out, *options),
-        cwd=PROJECT_DIRECTORY,
-        capture_output=True,
-        text=True,
-        timeout=170,
-        check=False,
-    )
-    assert result.returncode == 0, result.stderr
+    address = f"127.0.0.1:{free_port()}"
+    options = ("--seed", "1", "--seconds", "90", "--operator", "scripted", "--metrics", address)
+    words, errors = out.with_suffix(".out"), out.with_suffix(".err")
+    with words.open("w") as stdout, errors.open("w") as stderr:
+        process = subprocess.Popen(
+            command(out, *options), cwd=PROJECT_DIRECTORY, stdout=stdout, stderr=stderr
+        )
+    deadline_s = time.monotonic() + 170
+    while process.poll() is None:
+        if time.monotonic() > deadline_s:
+            process.kill()
+        time.sleep(1.0)
+        with suppress(OSError):  # before it has started, and after its end
+            scraped |= scrape(address)
+    assert process.returncode == 0, errors.read_text()
     (folder,) = out.iterdir()
-    return folder, result.stdout
+    return folder, words.read_text()
 
 
 @pytest.fixture(scope="module")
@@ -65,6 +79,23 @@ def test_a_session_leaves_log_configuration_summary_and_frame(finished):
     assert load_config(folder / "config.yaml").seed == 1
     assert (folder / "bitrates.png").read_bytes().startswith(b"\x89PNG")
     assert folder.name in words.replace("\n", "")
+
+
+def test_prometheus_reads_the_figures_of_a_session_while_it_runs(scraped, log):
+    in_the_log = {
+        ("tams_control_ticks_total",): len(log.ticks),
+        ("tams_video_captured_frames_total", "gs"): sum(one.view == "gs" for one in log.captured),
+        ("tams_video_shown_frames_total", "eih"): sum(one.view == "eih" for one in log.shown),
+    }
+    for name, count in in_the_log.items():
+        assert 0.5 * count < scraped[name] <= count
+    assert scraped["tams_session_seconds",] > 1.0
+    assert sum(value for name, value in scraped.items() if name[0] == "tams_arming_state") == 1.0
+    assert 0.0 < scraped["tams_video_latency_seconds", "eih"] < 5.0
+    assert 0.0 < scraped["tams_budget_bits_per_second",] < 20e6
+    assert {name for name in scraped if name[0] == "tams_phase"} == {
+        ("tams_phase", phase.value) for phase in Phase
+    }
 
 
 def test_the_block_is_placed_and_the_verdict_is_in_the_summary(summary, log):

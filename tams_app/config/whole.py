@@ -148,6 +148,8 @@ class RecordingConfig(Section):
     """HOST:PORT where Foxglove may connect while a session runs; empty: nowhere."""
     foxglove_origins: tuple[str, ...] = ("https://app.foxglove.dev", "file://")
     """Web pages that may connect there, by origin; programs that are no browser may always."""
+    metrics: str = ""
+    """HOST:PORT where Prometheus may scrape figures while a session runs; empty: nowhere."""
     ros2: Annotated[int, Field(ge=0, le=232)] | None = None
     """Domain of ROS 2 in which a session is published while it runs; null: none."""
     min_free_mb: NonNegative = 500.0

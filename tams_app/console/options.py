@@ -14,8 +14,13 @@ from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
 
 FOXGLOVE = "127.0.0.1:8765"
+METRICS = "127.0.0.1:9464"
 ROS2 = "0"
-_BARE = {"--foxglove": FOXGLOVE, "--ros2": ROS2}  # what an option without a value stands for
+_BARE = {
+    "--foxglove": FOXGLOVE,
+    "--metrics": METRICS,
+    "--ros2": ROS2,
+}  # what an option without a value stands for
 
 
 def network_names(ctx: typer.Context) -> list[str]:
@@ -78,6 +83,13 @@ FoxgloveOption = Annotated[
         help=f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
     ),
 ]
+MetricsOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="[HOST:PORT]",
+        help=f"Let Prometheus scrape figures while the session runs; by default at {METRICS}.",
+    ),
+]
 Ros2Option = Annotated[
     int | None,
     typer.Option(
@@ -111,6 +123,7 @@ def arm_overrides(
     fps: int | None,
     record_reference: bool,
     foxglove: str | None,
+    metrics: str | None,
     ros2: int | None,
     out: Path | None,
 ) -> dict[str, Any]:
@@ -126,13 +139,14 @@ def arm_overrides(
         "rig.fixed_fps": None if fps is None else True,
         "recording.record_reference": True if record_reference else None,
         "recording.foxglove": foxglove,
+        "recording.metrics": metrics,
         "recording.ros2": ros2,
         "recording.directory": str(out) if out else None,
     }
 
 
 def with_values(arguments: list[str]) -> list[str]:
-    """The command line with the values that a bare `--foxglove` and `--ros2` stand for."""
+    """The command line with the values that bare `--foxglove`, `--metrics`, `--ros2` stand for."""
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)

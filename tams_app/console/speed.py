@@ -17,13 +17,13 @@ from tams_app.faces.display import has_display
 from tams_app.faces.registry import check_faces
 from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.records import LATE_NS
 from tams_app.robot.build import check_names, check_ready_pose
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.machine_speed import this_machine
 from tams_app.session.folder import create_session_folder
 from tams_app.session.run import run
 from tams_app.summary.frame_rate import ENOUGH
-from tams_app.summary.summarise import LATE_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 SESSION_S = 10.0

@@ -18,6 +18,7 @@ from tams_app.console.options import (
     HeadlessOption,
     KeyOption,
     KeysOption,
+    MetricsOption,
     OutOption,
     ReferenceOption,
     Ros2Option,
@@ -62,6 +63,7 @@ def robot(
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
     foxglove: FoxgloveOption = None,
+    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -76,6 +78,7 @@ def robot(
         fps=fps,
         record_reference=record_reference,
         foxglove=foxglove,
+        metrics=metrics,
         ros2=ros2,
         out=out,
     )
@@ -106,6 +109,7 @@ def operate(
     hand: HandOption = None,
     headless: HeadlessOption = False,
     foxglove: FoxgloveOption = None,
+    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -121,6 +125,7 @@ def operate(
             "headless": True if headless else None,
             "name": "operate",
             "recording.foxglove": foxglove,
+            "recording.metrics": metrics,
             "recording.ros2": ros2,
             "recording.directory": str(out) if out else None,
         },

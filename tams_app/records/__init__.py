@@ -42,6 +42,7 @@ from tams_app.records.link import (
     StateHeard,
 )
 from tams_app.records.log import (
+    LATE_NS,
     Note,
     StopRecord,
     SystemSample,
@@ -75,6 +76,7 @@ from tams_app.records.uplink import (
 
 __all__ = [
     "IP_UDP_HEADER_BYTES",
+    "LATE_NS",
     "LINK_LOST",
     "Activity",
     "Allocation",

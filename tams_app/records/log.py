@@ -10,6 +10,9 @@ from tams_app.records.geometry import Twist
 from tams_app.records.hand import ControllerSample
 from tams_app.records.policy import Phase
 from tams_app.records.record import Record, TimeNs
+from tams_app.units import NS_PER_MS
+
+LATE_NS = NS_PER_MS  # a tick that begins so much after it was due is late
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from tams_app.config import Config
-from tams_app.records import CameraRates, Frame, Tick
+from tams_app.records import LATE_NS, CameraRates, Frame, Tick
 from tams_app.robot.devices import Note
 from tams_app.robot.listener import Listener
 from tams_app.robot.rate_ladder import Observation, RateLadder
 from tams_app.runtime.clock import Clock
 from tams_app.summary.frame_rate import ENOUGH, shortfall
-from tams_app.summary.summarise import LATE_NS
 from tams_app.units import NS_PER_S
 
 PERIOD_NS = NS_PER_S

@@ -11,7 +11,7 @@ import numpy as np
 
 from tams_app.outputs import write_file
 from tams_app.recording import SessionLog
-from tams_app.records import Outcome, PacketKind
+from tams_app.records import LATE_NS, Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
 from tams_app.summary.operator import operator
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
@@ -190,9 +190,6 @@ def _is_complete(path: Path) -> bool:
     except (OSError, ValueError):
         return False
     return isinstance(former, dict) and former.get("complete", True) is True
-
-
-LATE_NS = NS_PER_MS
 
 
 def control(log: SessionLog) -> dict[str, Any]:

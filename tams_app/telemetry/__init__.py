@@ -1,12 +1,14 @@
 """The channels for viewers of a session, derived from the records that its log keeps.
 
 Foxglove's own messages beside ours: log lines, the arm and its surroundings, pictures as they were
-shown, the rates of each second; in the log's file and, if asked for, live over a WebSocket.
+shown, the rates of each second; in the log's file and, if asked for, live over a WebSocket. And the
+figures that Prometheus scrapes.
 """
 
+from tams_app.telemetry.address import Address, check_address
 from tams_app.telemetry.group import ViewerGroup
-from tams_app.telemetry.live import Address, check_address
+from tams_app.telemetry.metrics import Metrics
 from tams_app.telemetry.scene import Lens, Scene
 from tams_app.telemetry.telemetry import Telemetry
 
-__all__ = ["Address", "Lens", "Scene", "Telemetry", "ViewerGroup", "check_address"]
+__all__ = ["Address", "Lens", "Metrics", "Scene", "Telemetry", "ViewerGroup", "check_address"]

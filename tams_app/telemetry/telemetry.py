@@ -11,8 +11,9 @@ from tams_app.recording import Header
 from tams_app.recording.codec import Codec
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Note, SceneTruth, ShownFrame, StopRecord, Tick
+from tams_app.telemetry.address import Address
 from tams_app.telemetry.lines import LogLines
-from tams_app.telemetry.live import Address, LiveServer
+from tams_app.telemetry.live import LiveServer
 from tams_app.telemetry.motion import MotionChannels
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.pictures import Pictures

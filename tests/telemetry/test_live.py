@@ -28,6 +28,7 @@ from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
 from tams_app.telemetry import Address
 from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
+from tests.scraping import free_port
 from tests.synthetic_session import START_NS, header, tick
 from tests.telemetry.test_telemetry import shown_frames
 
@@ -36,13 +37,6 @@ pytestmark = pytest.mark.waiting
 PROTOCOL = "foxglove.sdk.v1"
 MESSAGE_DATA = 1  # opcode; then the subscription's id (4 bytes) and the log time (8 bytes)
 DEADLINE_S = 20.0
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
 
 
 def recorder(path: Path, port: int) -> Recorder:
@@ -216,14 +210,14 @@ def test_a_port_in_use_is_told_in_one_sentence_before_anything_is_made() -> None
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
-        with pytest.raises(SetupError, match=f"cannot connect at 127.0.0.1:{port} .*in use"):
+        with pytest.raises(SetupError, match=f"nothing can connect at 127.0.0.1:{port} .*in use"):
             check_viewers(config)
 
 
 def test_a_log_whose_viewers_cannot_be_served_leaves_nothing_open(tmp_path: Path) -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
-        pytest.raises(SetupError, match="cannot connect"),
+        pytest.raises(SetupError, match="nothing can connect"),
     ):
         recorder(tmp_path / "session.mcap", taken.getsockname()[1])
 
