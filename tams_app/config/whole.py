@@ -174,7 +174,8 @@ class Config(Section):
     headless: bool = False
     """Whether no windows are opened."""
     faces: tuple[Word, ...] = ("window", "headset")
-    """What shows a session to the operator, each where it can."""
+    """What shows a session to the operator, each where it can: `window`, `headset`, or an
+    installed one; `sounds` plays a tone on hold, fault and ready again, also with --headless."""
     calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     """The set of measured files, `calibration/NAME/` beside this file, that is laid over it."""
     calibrated_by: tuple[str, ...] = ()

@@ -14,7 +14,7 @@ from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, actions_of, carry_out
 from tams_app.faces.display import has_display
-from tams_app.faces.registry import FACES, Shown, check_faces
+from tams_app.faces.registry import FACES, WITHOUT_DISPLAY, Shown, check_faces
 from tams_app.faces.session_face import (
     FacedSession,
     ShownReplay,
@@ -174,12 +174,13 @@ def _launch_faces(
     trial: ShownTrial | None,
     replay: ShownReplay | None,
 ) -> list[Shown]:
-    """Those of `faces` where there is a display, unless --headless is given; not open yet."""
+    """Those of `faces`; without a display or with --headless few of them; not open yet."""
+    names = session.config.faces
     if session.config.headless or not has_display():
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
-        return []
-    asked = (FACES[name](session, trial, replay) for name in session.config.faces)
+        names = tuple(name for name in names if name in WITHOUT_DISPLAY)
+    asked = (FACES[name](session, trial, replay) for name in names)
     faces = [face for face in asked if face is not None]
     for face in faces:
         stack.callback(face.close)

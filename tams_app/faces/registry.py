@@ -54,9 +54,13 @@ FACES: Registry[MakeFace] = Registry(
     {
         "window": "tams_app.faces.window.session_window:SessionWindow",
         "headset": "tams_app.faces.headset.session_headset:headset_if_wanted",
+        "sounds": "tams_app.faces.sounds.session_sounds:sounds_of",
     },
 )
 """Makers of a face by their word for `faces`; entry points of `tams.faces`."""
+
+WITHOUT_DISPLAY = frozenset({"sounds"})
+"""Those that need no display, and are there with --headless too."""
 
 
 def check_faces(config: Config) -> None:
