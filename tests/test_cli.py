@@ -244,16 +244,39 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
     assert not (tmp_path / "logs").exists()
 
 
+@pytest.mark.parametrize(
+    ("arguments", "address"),
+    [
+        (["run", "--metrics"], "127.0.0.1:9464"),
+        (["run", "--metrics", "--headless"], "127.0.0.1:9464"),
+        (["run", "--metrics", "127.0.0.1:9999"], "127.0.0.1:9999"),
+        (["run"], ""),
+    ],
+)
+def test_prometheus_scrapes_at_the_address_that_is_named_and_nowhere_unasked(
+    capsys, monkeypatch, arguments, address
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    assert run(capsys, *arguments)[0] == 0
+    assert [one.recording.metrics for one in settings] == [address]
+
+
+@pytest.mark.parametrize("option", ["--foxglove", "--metrics"])
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])
-def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, tmp_path, command):
+def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(
+    capsys, tmp_path, command, option
+):
     where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
-        options = ("--foxglove", address, "--out", tmp_path / "logs", *where.get(command, ()))
+        options = (option, address, "--out", tmp_path / "logs", *where.get(command, ()))
         code, out, err = run(capsys, command, *options)
     assert code == 1
     assert AT_MOST_STARTING.fullmatch(out)
-    assert f"viewers cannot connect at {address}" in err
+    assert f"{option}: nothing can connect at {address}" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
 
@@ -264,9 +287,9 @@ UNKNOWN = "controller.device: 'pedal' is none of auto, openvr, keyboard, gamepad
 @pytest.mark.parametrize(
     ("command", "content", "sentence"),
     [
-        ("run", "faces: [windw]", "faces: 'windw' is none of window, headset"),
-        ("robot", "faces: [windw]", "faces: 'windw' is none of window, headset"),
-        ("operate", "faces: [windw]", "faces: 'windw' is none of window, headset"),
+        ("run", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
+        ("robot", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
+        ("operate", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
         ("run", "faces: [window, window]", "faces: window, window: each may be named once only"),
         (
             "operate",

@@ -84,7 +84,6 @@ def robot(
     )
     overrides |= {
         "headless": True,
-        "faces": (),  # and no sounds: the operator is elsewhere
         "controller.device": "auto",  # the operator's side has the device
         "name": "robot",
         "video.bind_host": "127.0.0.1",

@@ -63,7 +63,8 @@ def for_robot(config: Config) -> Config:
     """The configuration of a session whose operator is at the other end of the link.
 
     A pose or a button is judged by its age at the operator's side; what the link may add until it
-    is lost comes on top. A datagram carries at most 1200 bytes, which every path lets through.
+    is lost comes on top. Nothing is shown here, nor sounds. A datagram carries at most 1200 bytes,
+    which every path lets through.
     """
     video = config.video
     video = video.model_copy(update={"mtu_bytes": min(video.mtu_bytes, LONGEST_RTP_BYTES)})
@@ -75,4 +76,4 @@ def for_robot(config: Config) -> Config:
             "buttons_ms": fresh.buttons_ms + link.lost_after_ms,
         }
     )
-    return config.model_copy(update={"freshness": freshness, "video": video})
+    return config.model_copy(update={"faces": (), "freshness": freshness, "video": video})

@@ -19,6 +19,7 @@ from tams_app.faces.registry import FACES
 from tams_app.faces.sounds.session_sounds import DEVICE, SessionSounds
 from tams_app.faces.sounds.tones import FAULT, HOLD, READY_AGAIN, TONES, Tone, ToneChoice
 from tams_app.records import LINK_LOST, SessionState
+from tams_app.session.robot import for_robot
 
 pytestmark = pytest.mark.waiting
 
@@ -196,6 +197,11 @@ def test_sounds_are_off_unless_asked_for_and_need_no_display(
     assert launched(Arm(tmp_path), monkeypatch) == []
     asked = Arm(tmp_path, faces=("window", "sounds"))
     assert launched(asked, monkeypatch) == ["sounds"]
+
+
+def test_the_robots_side_is_silent_for_its_operator_is_elsewhere() -> None:
+    asked = load_config(None, {"faces": ("window", "sounds")})
+    assert for_robot(asked).faces == ()
 
 
 def test_a_replay_is_silent(tmp_path: Path) -> None:
