@@ -154,6 +154,10 @@ class RecordingConfig(Section):
     """Domain of ROS 2 in which a session is published while it runs; null: none."""
     min_free_mb: NonNegative = 500.0
     """Free disk space that a session wants at its start; it ends below a tenth of that."""
+    episodes: bool = False
+    """Whether a session is a row of episodes, which the operator begins, keeps and discards."""
+    countdown_s: Annotated[float, Field(ge=0, le=60)] = 3.0
+    """With `episodes`: time from the request to the begin of an episode."""
 
 
 class Config(Section):

@@ -216,6 +216,12 @@ def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
             "there is neither window nor terminal, and what you hold has no button that confirms: "
             "the arm cannot be armed",
         )
+    if session.config.recording.episodes:
+        session.note(
+            "info",
+            "episodes: E begins one, and ends and keeps it; Z discards one and U redoes it, each "
+            "pressed twice; Y and N label it",
+        )
     if not has_window:
         session.note(
             "warning",

@@ -76,6 +76,9 @@ DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Everything but mo
 ReferenceOption = Annotated[
     bool, typer.Option("--record-reference", help="Keep lossless captures too.")
 ]
+EpisodesOption = Annotated[
+    bool, typer.Option("--episodes", help="A row of episodes, each kept or discarded by key.")
+]
 FoxgloveOption = Annotated[
     str | None,
     typer.Option(
@@ -122,6 +125,7 @@ def arm_overrides(
     seed: int | None,
     fps: int | None,
     record_reference: bool,
+    episodes: bool,
     foxglove: str | None,
     metrics: str | None,
     ros2: int | None,
@@ -138,6 +142,7 @@ def arm_overrides(
         "video.fps": fps,
         "rig.fixed_fps": None if fps is None else True,
         "recording.record_reference": True if record_reference else None,
+        "recording.episodes": True if episodes else None,
         "recording.foxglove": foxglove,
         "recording.metrics": metrics,
         "recording.ros2": ros2,

@@ -10,6 +10,8 @@ from rich.table import Table
 from rich.text import Text
 
 from tams_app.printing import known
+from tams_app.records import EpisodeState
+from tams_app.task.episodes import verdict
 
 _STOPS_NAMED = 5
 
@@ -64,6 +66,7 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
     control, arm, uplink = summary["control"], summary["arm"], summary["uplink"]
     stops = [stop["stop_time_ms"] for stop in arm["stops"] if stop["stop_time_ms"] is not None]
     rows: dict[str, str | Table] = {
+        "Episodes": _episodes(summary.get("episodes", ())),
         "Control loop": f"{known(control['rate_hz'], '{:g} Hz')}, {control['ticks']} ticks, "
         f"late {_percent(control['late_fraction'], 2)} ({control['skipped']} skipped), "
         f"period error p99 {known(control['period_error_ms']['p99'], '{:.2f} ms')}",
@@ -87,6 +90,19 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
     for name, value in rows.items():
         if value:
             table.add_row(Text(name, style="dim"), Text(value) if isinstance(value, str) else value)
+    return table
+
+
+def _episodes(episodes: Sequence[Mapping[str, Any]]) -> str | Table:
+    """Each episode: when it began, its length, and what has become of it; empty without any."""
+    if not episodes:
+        return ""
+    table = Table.grid(padding=(0, 1))
+    table.add_column(justify="right")
+    for one in episodes:
+        episode = EpisodeState(one["number"], one["length_s"], one["kept"], one["success"])
+        told = f"at {one['t_s']:.1f} s, {one['length_s']:.1f} s long: {verdict(episode)}"
+        table.add_row(str(one["number"]), told)
     return table
 
 

@@ -164,4 +164,5 @@ def _opening(config: Config, blind: bool, replay: Outline | None) -> Opening:
         hand=hand_of(config),
         old_ms=config.freshness.video_slow_ms,
         replay=replay,
+        has_episodes=config.recording.episodes,
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from functools import partial
 from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
-from tams_app.records import Phase
+from tams_app.records import EpisodeRequest, Phase
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 
 Action: TypeAlias = Callable[[], None]
@@ -18,23 +19,30 @@ PHASE_KEYS: Mapping[str, Phase | None] = MappingProxyType(
 
 
 class Command(StrEnum):
-    """A command; the last three are the experimenter's, in a trial of a study."""
+    """A command: the session's, those of episodes, and the experimenter's in a trial of a study."""
 
     CONFIRM = "confirm"
     EMERGENCY_STOP = "emergency stop"
     QUIT = "quit"
     CLOSE = "close"
+    EPISODE = "episode"
+    DISCARD = "discard"
+    REDO = "redo"
+    SUCCESS = "success"
+    FAILURE = "failure"
     DROP = "a drop more"
     NO_DROP = "a drop less"
     PLACED = "placed"
 
 
 class Signals(Protocol):
-    """The operator's signals to the arm."""
+    """The operator's signals to arm and log."""
 
     def confirm(self, asked_ns: int | None = None) -> None: ...
 
     def estop(self) -> None: ...
+
+    def episode(self, request: EpisodeRequest) -> None: ...
 
 
 class AskedSession(Protocol):
@@ -48,6 +56,13 @@ class AskedSession(Protocol):
     def note(self, level: str, text: str) -> None: ...
 
 
+_OF_EPISODES = {
+    Command.EPISODE: EpisodeRequest.NEXT,
+    Command.DISCARD: EpisodeRequest.DISCARD,
+    Command.REDO: EpisodeRequest.REDO,
+    Command.SUCCESS: EpisodeRequest.SUCCESS,
+    Command.FAILURE: EpisodeRequest.FAILURE,
+}
 _NONE: Mapping[Command, Action] = MappingProxyType({})
 
 
@@ -59,6 +74,10 @@ def actions_of(
         Command.EMERGENCY_STOP: session.signals.estop,
         Command.QUIT: lambda: session.end("ended by the operator"),
         Command.CLOSE: lambda: session.end("the operator closed the window"),
+        **{
+            command: partial(session.signals.episode, request)
+            for command, request in _OF_EPISODES.items()
+        },
         **more,
     }
 

@@ -49,7 +49,7 @@ class Opening(msgspec.Struct, frozen=True):
     may be shown that tells the strategy or the network of a trial, or the phases of one that a
     person marks. hand: of `HANDS`. replay: the
     log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
-    which a frame is called old.
+    which a frame is called old. has_episodes: there are keys for them.
     """
 
     views: tuple[str, ...]
@@ -60,6 +60,7 @@ class Opening(msgspec.Struct, frozen=True):
     hand: str
     old_ms: float
     replay: Outline | None = None
+    has_episodes: bool = False
 
 
 class TrialFacts(msgspec.Struct, frozen=True):

@@ -18,6 +18,7 @@ from tams_app.records import (
     CaptureNs,
     DroppedFrame,
     EncodedFrame,
+    Episode,
     FrameIndex,
     FrameQuality,
     HandHeard,
@@ -264,6 +265,7 @@ class SessionLog:
     )
     hands_heard: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
     states_heard: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
+    episodes: list[Episode] = records("/episode", Episode, lambda one: one.t_ns)
     link_health: list[LinkHealth] = records("/link/health", LinkHealth, lambda one: one.t_ns)
 
     @property
@@ -285,6 +287,11 @@ class SessionLog:
 
     def _seconds(self, t_ns: int | None) -> float | None:
         return None if t_ns is None else (t_ns - self.header.started_ns) / NS_PER_S
+
+    def judged_episodes(self) -> list[Episode]:
+        """Each episode once, by its newest verdict, in order."""
+        newest = {episode.number: episode for episode in self.episodes}
+        return [newest[number] for number in sorted(newest)]
 
     def add(self, record: Any) -> None:
         """Put one record where its type belongs."""

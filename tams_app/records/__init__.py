@@ -14,6 +14,7 @@ from tams_app.records.arm import (
     LinkFault,
     ServoMode,
 )
+from tams_app.records.episode import Episode, EpisodeRequest
 from tams_app.records.figure import ArmFigure, Solid, SolidKind
 from tams_app.records.frames import (
     CameraRates,
@@ -55,7 +56,15 @@ from tams_app.records.policy import (
     PhaseChange,
 )
 from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
-from tams_app.records.state import LINK_LOST, SessionState, ViewState, Whole, without_figures
+from tams_app.records.state import (
+    LINK_LOST,
+    EpisodesState,
+    EpisodeState,
+    SessionState,
+    ViewState,
+    Whole,
+    without_figures,
+)
 from tams_app.records.trial import (
     OperatorGlance,
     Outcome,
@@ -90,6 +99,10 @@ __all__ = [
     "ControllerStatus",
     "DroppedFrame",
     "EncodedFrame",
+    "Episode",
+    "EpisodeRequest",
+    "EpisodeState",
+    "EpisodesState",
     "Frame",
     "FrameIndex",
     "FrameQuality",

@@ -35,6 +35,33 @@ class ViewState(msgspec.Struct, frozen=True, array_like=True):
         return self.given_fps if self.shown_fps is None else self.shown_fps
 
 
+class EpisodeState(msgspec.Struct, frozen=True, array_like=True):
+    """An episode that has ended. success: None: nobody said."""
+
+    number: int
+    length_s: float
+    kept: bool = True
+    success: bool | None = None
+
+
+class EpisodesState(msgspec.Struct, frozen=True, array_like=True):
+    """The episodes of a session at one moment.
+
+    number: of the one that is recorded, or comes next. doing: idle, countdown or recording.
+    seconds: until it begins, in a countdown; since it began, while it is recorded. armed: the
+    request (`EpisodeRequest`) that counts if it is given once more, "" for none. kept, discarded:
+    how many there are of those that have ended. last: the newest of them, in order.
+    """
+
+    number: int
+    doing: str
+    seconds: float = 0.0
+    armed: str = ""
+    kept: int = 0
+    discarded: int = 0
+    last: tuple[EpisodeState, ...] = ()
+
+
 class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     """A session at one moment; None while a value is not known.
 
@@ -48,7 +75,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     budget believes. asked_fps: of each camera. live_ssim: of the primary view, over its last scored
     frames. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
     of the arm was true: of the control loop's last tick, or when the robot's side's last message
-    came; None: not live.
+    came; None: not live. episodes: None: the session has none.
     """
 
     t_s: float
@@ -75,6 +102,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     live_ssim: float | None = None
     now_ns: Whole = 0
     heard_ns: Whole | None = None
+    episodes: EpisodesState | None = None
 
 
 def without_figures(state: SessionState) -> SessionState:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
@@ -15,6 +16,7 @@ from tams_app.records import (
     ArmState,
     CommandLink,
     ControllerSample,
+    EpisodeRequest,
     Tick,
     TickInputs,
     Twist,
@@ -29,6 +31,7 @@ from tams_app.units import NS_PER_MS
 if TYPE_CHECKING:
     from tams_app.policy.inference import Inference
 
+_MOST_ASKED = 16  # between two ticks, or in a session that has no episodes
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 
 
@@ -53,6 +56,15 @@ class Signals:
         self._estop = False
         self._faults: dict[Reason, None] = {}
         self._trips: dict[Reason, None] = {}
+        self._asked: deque[EpisodeRequest] = deque(maxlen=_MOST_ASKED)
+
+    def episode(self, request: EpisodeRequest) -> None:
+        """Something is asked about episodes, which moves and stops nothing."""
+        self._asked.append(request)
+
+    def episodes(self) -> list[EpisodeRequest]:
+        """All that was asked since the last call."""
+        return [self._asked.popleft() for _ in range(len(self._asked))]
 
     def confirm(self, asked_ns: int | None = None) -> None:
         """The operator agrees: arm, or clear a fault. Who calls has judged when (`asked_ns`)."""

@@ -17,6 +17,7 @@ from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.dry_run import DryRunArm
 from tams_app.robot.engine import Engine
+from tams_app.robot.episode_keeper import EpisodeKeeper
 from tams_app.robot.frame_rates import FrameRates
 from tams_app.robot.guarding import Guarding
 from tams_app.robot.operator import StreamedOperator
@@ -68,6 +69,10 @@ class RobotSide:
         self._control: Worker | None = None
         weights = WeightMatrix(config.policy.weights.matrix)
         self._board = StatusBoard(config.video.views, weights, config.video.fps)
+        keeping = config.recording
+        self._episodes = (
+            EpisodeKeeper(keeping.countdown_s, signals, log) if keeping.episodes else None
+        )
 
     # --- start ----------------------------------------------------------------------------------
 
@@ -139,7 +144,7 @@ class RobotSide:
             log,
             self._signals,
             lambda: self._ending.end("the trial is over"),
-            (self._board, self._rates),
+            (self._board, self._rates, *filter(None, (self._episodes,))),
             self._arm_at_once,
             lambda: log.note("info", "the block is placed: go on, or press q to end the session"),
         )
@@ -216,6 +221,7 @@ class RobotSide:
             self._video.capacity,
             given_fps,
             operator.hand,
+            None if self._episodes is None else self._episodes.state,
         )
 
     # --- end ------------------------------------------------------------------------------------
@@ -238,6 +244,8 @@ class RobotSide:
 
     def finish(self, reason: str, failed: bool) -> None:
         """The arm has stopped: record the verdict, tell the operator why the session is over."""
+        if self._episodes is not None:
+            self._episodes.finish()
         try:
             self._log.record(self._engine.trial.outcome(reason))
         finally:

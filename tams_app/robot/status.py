@@ -10,6 +10,7 @@ from tams_app.records import (
     Allocation,
     ArmState,
     ControllerSample,
+    EpisodesState,
     PacketRecord,
     Phase,
     PhaseChange,
@@ -76,6 +77,7 @@ class StatusBoard(Listener):
         capacity: Capacity,
         given_fps: Mapping[str, float],
         hand: str,
+        episodes: EpisodesState | None = None,
     ) -> SessionState:
         """All that is known without the screen, from any thread; `hand`: of `HANDS`."""
         figures, allocation, output, arm = self._figures, self._allocation, self._output, self._arm
@@ -113,6 +115,7 @@ class StatusBoard(Listener):
             asked_fps=self._asked_fps,
             now_ns=now_ns,
             heard_ns=self._heard_ns,
+            episodes=episodes,
         )
 
 

@@ -12,7 +12,7 @@ import cv2
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.errors import TamsError
-from tams_app.records import SessionState
+from tams_app.records import EpisodeRequest, SessionState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.kept_memory import keep_freed_memory
@@ -27,11 +27,13 @@ from tams_app.video.live.frame_ring import FrameBlock
 
 
 class AskedSignals(Protocol):
-    """The operator's signals to the arm, and that it must not move any more."""
+    """The operator's signals to arm and log, and that the arm must not move any more."""
 
     def confirm(self, asked_ns: int | None = None) -> None: ...
 
     def estop(self) -> None: ...
+
+    def episode(self, request: EpisodeRequest) -> None: ...
 
     def fail(self) -> None: ...
 

@@ -61,6 +61,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "complete": log.complete,
         "missing": _missing(log),
         "outcome": _outcome(log),
+        "episodes": episodes(log),
         "control": control(log),
         "arm": arm(log),
         "phases": phases(log),
@@ -240,6 +241,20 @@ def arm(log: SessionLog) -> dict[str, Any]:
             for stop in log.stops
         ],
     }
+
+
+def episodes(log: SessionLog) -> list[dict[str, Any]]:
+    """Each episode by its newest verdict."""
+    return [
+        {
+            "number": one.number,
+            "t_s": seconds(log, one.start_ns),
+            "length_s": round((one.end_ns - one.start_ns) / NS_PER_S, 3),
+            "kept": one.kept,
+            "success": one.success,
+        }
+        for one in log.judged_episodes
+    ]
 
 
 def phases(log: SessionLog) -> list[dict[str, Any]]:

@@ -10,9 +10,10 @@ import numpy as np
 from tams_app.capacity import finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.records import Note, SessionState, ViewState
+from tams_app.records import EpisodesState, Note, SessionState, ViewState
 from tams_app.robot.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, known_packets
+from tams_app.task.episodes import SHOWN, shown_episode
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
@@ -77,11 +78,27 @@ class Moments:
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
             loss=figures.loss,
+            episodes=self._episodes(t_ns) if self._log.episodes else None,
         )
 
     def notes_between(self, after_ns: int, until_ns: int) -> list[Note]:
         """The sentences later than `after_ns` and not after `until_ns`."""
         return [note for note in self._log.notes if after_ns < note.t_ns <= until_ns]
+
+    def _episodes(self, t_ns: int) -> EpisodesState:
+        """Those that have ended, by their newest verdict, and the one that was recorded then."""
+        known = self._log.judged_episodes
+        ended = [one for one in known if one.end_ns <= t_ns]
+        running = [one for one in known if one.start_ns <= t_ns < one.end_ns]
+        kept = sum(one.kept for one in ended)
+        return EpisodesState(
+            number=len(ended) + 1,
+            doing="recording" if running else "idle",
+            seconds=(t_ns - running[0].start_ns) / NS_PER_S if running else 0.0,
+            kept=kept,
+            discarded=len(ended) - kept,
+            last=tuple(map(shown_episode, ended[-SHOWN:])),
+        )
 
     def _view(
         self, view: str, t_ns: int, figures: UplinkFigures, target_kbps: float | None

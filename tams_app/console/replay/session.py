@@ -23,7 +23,7 @@ from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
-from tams_app.records import Note, SessionState, without_figures
+from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
 from tams_app.units import NS_PER_S
@@ -48,6 +48,9 @@ class Requests:
 
     def estop(self) -> None:
         self.ask(self._playback.pause)
+
+    def episode(self, request: EpisodeRequest) -> None:
+        """Nothing: what has become of an episode is in the log."""
 
     def carry_out(self) -> None:
         while not self._asked.empty():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from tams_app.faces import episodes
 from tams_app.faces.banner import Look, banner_of
 from tams_app.faces.figures import trial_texts
 from tams_app.faces.messages import Facts
@@ -28,7 +29,7 @@ class PanelWords:
     phase: str
     sentence: str
     key: str
-    note: str  # a trial's time, or what was said last
+    note: str  # a trial's time, the episodes, or what was said last
 
 
 def panel_words(facts: Facts, hand: str) -> PanelWords:
@@ -38,6 +39,8 @@ def panel_words(facts: Facts, hand: str) -> PanelWords:
     key = words.told(_KEYS[facts.state.arming]) if confirms else banner.key
     if facts.trial is not None:
         note = " · ".join(trial_texts(facts.trial)[:3])
+    elif facts.state.episodes is not None:
+        note = episodes.line(facts.state.episodes)
     else:
         note = facts.said[-1].text if facts.said else ""
     return PanelWords(banner.look, facts.state.phase, banner.sentence, key, note)

@@ -32,6 +32,16 @@ _KEYS = {
     _ESCAPE: Command.EMERGENCY_STOP,
     ord("q"): Command.QUIT,
     ord("Q"): Command.QUIT,
+    ord("e"): Command.EPISODE,
+    ord("E"): Command.EPISODE,
+    ord("z"): Command.DISCARD,
+    ord("Z"): Command.DISCARD,
+    ord("u"): Command.REDO,
+    ord("U"): Command.REDO,
+    ord("y"): Command.SUCCESS,
+    ord("Y"): Command.SUCCESS,
+    ord("n"): Command.FAILURE,
+    ord("N"): Command.FAILURE,
     ord("x"): Command.DROP,
     ord("X"): Command.DROP,
     0x08: Command.NO_DROP,  # Backspace
@@ -39,6 +49,7 @@ _KEYS = {
     ord("p"): Command.PLACED,
     ord("P"): Command.PLACED,
 }
+_SEQUENCES = {b"[5~": Command.DISCARD, b"[6~": Command.EPISODE}  # Page Up, Page Down: pedals
 
 
 def decode_keys(data: bytes) -> list[Command]:
@@ -51,7 +62,10 @@ def decode_keys(data: bytes) -> list[Command]:
     at = 0
     while at < len(data):
         if data[at] == _ESCAPE and data[at + 1 : at + 2] in (b"[", b"O"):
-            at = _after_sequence(data, at + 2)
+            end = _after_sequence(data, at + 2)
+            if (command := _SEQUENCES.get(data[at + 1 : end])) is not None:
+                keys.append(command)
+            at = end
             continue
         key = _KEYS.get(data[at])
         if key is not None:

@@ -10,6 +10,7 @@ from rich.console import Group
 from rich.live import Live
 from rich.text import Text
 
+from tams_app.faces import episodes
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState
@@ -29,7 +30,7 @@ _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red
 class Words:
     """A state in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
 
-    why: on a terminal below `live`, why the arm does not move, and what to do.
+    why: on a terminal below `live`, the episodes, why the arm does not move, and what to do.
     """
 
     live: str
@@ -44,13 +45,20 @@ def status_words(state: SessionState) -> Words:
     """The arm, the views, the link, and in full why the arm does not move."""
     full = [
         arm_line(state),
+        *_episodes(state),
         "   ".join(_view(name, view, state.asked_fps) for name, view in state.views.items()),
         f"link {known(state.link_kbps)}/{known(state.budget_kbps)} kbit/s, "
         f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}, "
         f"queue {known(state.queue_ms)} ms{_ssim(state)}",
         *reason_parts(state),
     ]
-    return Words(fitting(_parts(state)), SEPARATOR.join(full), "".join(reason_parts(state)))
+    why = "\n".join((*_episodes(state), *reason_parts(state)))
+    return Words(fitting(_parts(state)), SEPARATOR.join(full), why)
+
+
+def _episodes(state: SessionState) -> list[str]:
+    """The session's episodes; none in a session without."""
+    return [] if state.episodes is None else [episodes.line(state.episodes)]
 
 
 def fitting(parts: Iterable[str]) -> str:
@@ -75,6 +83,8 @@ def arm_parts(state: SessionState) -> list[str]:
 def _parts(state: SessionState) -> list[str]:
     """The arm and, of the views, the primary one: what matters most comes first."""
     parts, views = arm_parts(state), state.views
+    if state.episodes is not None:
+        parts.append(episodes.now_text(state.episodes))
     if silence_of(state) is not None:
         return parts
     name = state.primary_view if state.primary_view in views else next(iter(views), "")

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from tams_app.faces import episodes
 from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.teleop.hands import words_of_hand
@@ -16,10 +17,18 @@ COMMANDS = {
     "space": Command.EMERGENCY_STOP,
     "Escape": Command.EMERGENCY_STOP,
     "q": Command.QUIT,
+    "e": Command.EPISODE,
+    "Next": Command.EPISODE,  # Page Down, which pedals and presenters send
+    "z": Command.DISCARD,
+    "Prior": Command.DISCARD,  # Page Up
+    "u": Command.REDO,
+    "y": Command.SUCCESS,
+    "n": Command.FAILURE,
     "x": Command.DROP,
     "BackSpace": Command.NO_DROP,
     "p": Command.PLACED,
 }
+_WITH_BUTTONS = ("openvr", "gamepad")  # that stay down as long as they are held
 _STOP_HELP = (("Space, Esc", "emergency stop; also the red button"),)
 _WINDOW_HELP = (
     ("Q", "end the session; the arm stops first"),
@@ -47,18 +56,27 @@ _MARKING_HELP = (
 )
 
 
-def key_help(hand: str, replay: bool = False, blind: bool = False) -> tuple[tuple[str, str], ...]:
-    """All keys with what they do, and the controls of `hand` (`HANDS`); `blind`: of `Opening`."""
+def key_help(
+    hand: str, replay: bool = False, blind: bool = False, has_episodes: bool = False
+) -> tuple[tuple[str, str], ...]:
+    """All keys with what they do, and the controls of `hand` (`HANDS`).
+
+    `blind`, `has_episodes`: of `Opening`.
+    """
     if replay:
         return (*(_MARKING_HELP if blind else ()), *_REPLAY_HELP)
     of_trial = _TRIAL_HELP if blind else ()
     words = words_of_hand(hand)
+    of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if has_episodes else ()
+    if has_episodes and hand in _WITH_BUTTONS:
+        of_episodes += (episodes.BUTTONS,)
     confirm = f"confirm: arm the arm, clear a fault (release {words.deadman} first)"
     return (
         *_STOP_HELP,
         ("Enter", confirm),
         *_WINDOW_HELP,
         *of_trial,
+        *of_episodes,
         *words.controls,
     )
 

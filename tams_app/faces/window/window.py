@@ -15,6 +15,7 @@ from tams_app.faces.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, 
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import as_known
+from tams_app.faces.window.episode_strip import EpisodeStrip
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
     BannerPanel,
@@ -72,7 +73,9 @@ class OperatorWindow:
         self._clock = clock
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
-        self._key_help = key_help(opening.hand, self._is_replay, opening.blind)
+        self._key_help = key_help(
+            opening.hand, self._is_replay, opening.blind, opening.has_episodes
+        )
         self._places = Places(opening.views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self._history = History()
@@ -131,7 +134,9 @@ class OperatorWindow:
         self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
         self._frame.add_css_class("frame")
         main = self._main_part()
-        for part in (self._banner.widget, main, self._timeline.widget, said):
+        self._episodes = EpisodeStrip()
+        below = (self._timeline.widget, self._episodes.widget, said)
+        for part in (self._banner.widget, main, *below):
             self._frame.append(part)
         for part in (main, self._timeline.widget):
             part.add_css_class(LIVE_CLASS)
@@ -309,6 +314,7 @@ class OperatorWindow:
             self._adapt()
             self._panel.show(facts)
             self._timeline.show(facts)
+            self._episodes.show(facts)
             self._said.set_text(facts.said[-1].text if facts.said else "")
 
     def _show_places(self) -> None:

@@ -1,0 +1,67 @@
+"""The episodes of a session, as they are written on the screen; pure."""
+
+from __future__ import annotations
+
+from tams_app.records import EpisodesState, EpisodeState
+from tams_app.task.episodes import ARMED_NS, verdict
+from tams_app.units import NS_PER_S
+
+KEYS = (
+    ("E, Page Down", "begin an episode / end and keep it; a pedal may send either key"),
+    ("Z, Page Up", "discard the running or the last one: press twice; ends a countdown"),
+    ("U", "redo it: discard it, and begin another; press twice"),
+    ("Y / N", "label it a success / a failure; a running one ends and is kept"),
+)
+BUTTONS = ("A / B held 1 s", "with the deadman released: as E / as Z")
+_SIGNS = {None: "●", True: "✔", False: "✖"}
+_DISCARDED = "–"
+
+
+def now_text(episodes: EpisodesState) -> str:
+    """The running or next episode in a few words."""
+    number = episodes.number
+    if episodes.doing == "recording":
+        return f"episode {number}: RECORDING {episodes.seconds:.0f} s"
+    if episodes.doing == "countdown":
+        return f"episode {number}: in {episodes.seconds:.1f} s"
+    return f"episode {number}: not begun"
+
+
+def asked_text(episodes: EpisodesState) -> str:
+    """The question that a second request answers, "" if there is none."""
+    if not episodes.armed:
+        return ""
+    return f"{episodes.armed.upper()}? once more within {ARMED_NS // NS_PER_S} s"
+
+
+def keys_text(episodes: EpisodesState) -> str:
+    """The keys that mean something now."""
+    last_is_kept = bool(episodes.last) and episodes.last[-1].kept
+    if episodes.doing == "recording":
+        return "E keep · Y success · N failure · Z discard · U redo"
+    if episodes.doing == "countdown":
+        return "Z calls it off"
+    return "E begin · Y / N label · Z discard · U redo" if last_is_kept else "E begin"
+
+
+def last_text(episodes: EpisodesState) -> str:
+    """The last ones: number, sign and length."""
+    return "   ".join(map(_ended, episodes.last))
+
+
+def counts_text(episodes: EpisodesState) -> str:
+    """How many there are of those that have ended."""
+    return f"{episodes.kept} kept, {episodes.discarded} discarded"
+
+
+def line(episodes: EpisodesState) -> str:
+    """All of it in one line; what matters most comes first."""
+    last = episodes.last[-1:]
+    parts = [now_text(episodes), asked_text(episodes), counts_text(episodes)]
+    parts += [f"last: {one.number} {verdict(one)}" for one in last]
+    return " · ".join(filter(None, parts))
+
+
+def _ended(one: EpisodeState) -> str:
+    sign = _SIGNS[one.success] if one.kept else _DISCARDED
+    return f"{sign} {one.number} {verdict(one)} {one.length_s:.0f} s"

@@ -1,0 +1,162 @@
+"""The rules of episodes: when one begins and ends, and what becomes of it; pure.
+
+A session is a row of episodes. `NEXT` counts down and begins one, and given again ends and keeps
+it. What would be lost is discarded by the second of two requests only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from tams_app.records import Episode, EpisodeRequest, EpisodesState, EpisodeState
+from tams_app.units import NS_PER_S
+
+ARMED_NS = 5 * NS_PER_S  # for so long a second request counts; a controller's needs more than one
+SHOWN = 5  # episodes that have ended, on the screen
+
+
+class Answer(NamedTuple):
+    """The effect of a request: a sentence for the operator, and what the log is to keep."""
+
+    sentence: str
+    record: Episode | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class _Armed:
+    request: EpisodeRequest
+    until_ns: int
+
+
+class Episodes:
+    """The episodes of one session; `step` as time passes, `ask` for what people want.
+
+    Times must not go back. Between two episodes nothing is recorded as one: the operator puts the
+    scene in order meanwhile.
+    """
+
+    def __init__(self, countdown_s: float) -> None:
+        """`countdown_s`: from the request to the begin of an episode."""
+        self._countdown_ns = round(countdown_s * NS_PER_S)
+        self._due_ns: int | None = None  # of the begin, in a countdown
+        self._start_ns: int | None = None  # of the one that is recorded
+        self._armed: _Armed | None = None
+        self._ended: list[Episode] = []
+
+    @property
+    def ended(self) -> tuple[Episode, ...]:
+        """All that have ended, in order, each by its newest verdict."""
+        return tuple(self._ended)
+
+    @property
+    def number(self) -> int:
+        """Of the one that is recorded, or comes next."""
+        return len(self._ended) + 1
+
+    def step(self, now_ns: int) -> str:
+        """Let time pass; a sentence if an episode has begun, else ""."""
+        if self._armed is not None and now_ns >= self._armed.until_ns:
+            self._armed = None
+        if self._due_ns is None or now_ns < self._due_ns:
+            return ""
+        self._start_ns, self._due_ns = self._due_ns, None
+        return f"episode {self.number} is recorded"
+
+    def ask(self, now_ns: int, request: EpisodeRequest) -> Answer:
+        """Carry out a request; `step` has been called for `now_ns`."""
+        armed, self._armed = self._armed, None
+        is_second = armed is not None and armed.request is request
+        if request in (EpisodeRequest.DISCARD, EpisodeRequest.REDO):
+            return self._discard(now_ns, request, is_second)
+        success = None if request is EpisodeRequest.NEXT else request is EpisodeRequest.SUCCESS
+        if self._start_ns is not None:
+            return self._end(now_ns, kept=True, success=success)
+        if request is EpisodeRequest.NEXT:
+            return self._begin(now_ns)
+        return self._label(now_ns, request)
+
+    def state(self, now_ns: int) -> EpisodesState:
+        """As the operator is shown it."""
+        doing, since_ns = "idle", now_ns
+        if self._due_ns is not None:
+            doing, since_ns = "countdown", self._due_ns
+        elif self._start_ns is not None:
+            doing, since_ns = "recording", self._start_ns
+        kept = sum(one.kept for one in self._ended)
+        return EpisodesState(
+            number=self.number,
+            doing=doing,
+            seconds=abs(now_ns - since_ns) / NS_PER_S,
+            armed="" if self._armed is None else self._armed.request.value,
+            kept=kept,
+            discarded=len(self._ended) - kept,
+            last=tuple(map(shown_episode, self._ended[-SHOWN:])),
+        )
+
+    def close(self) -> str:
+        """End the session; a sentence if an episode was not over, and so is none, else ""."""
+        if self._start_ns is None:
+            return ""
+        return f"episode {self.number} had not ended, so it is none; the log has what was recorded"
+
+    def _begin(self, now_ns: int) -> Answer:
+        if self._due_ns is not None:
+            return Answer(f"episode {self.number} begins in a moment; discard it to call it off")
+        self._due_ns = now_ns + self._countdown_ns
+        seconds = self._countdown_ns / NS_PER_S
+        return Answer(self.step(now_ns) or f"episode {self.number} begins in {seconds:g} s")
+
+    def _end(self, now_ns: int, *, kept: bool, success: bool | None = None) -> Answer:
+        assert self._start_ns is not None, "one is recorded"
+        episode = Episode(now_ns, self.number, self._start_ns, now_ns, kept, success)
+        self._start_ns = None
+        self._ended.append(episode)
+        length_s = (episode.end_ns - episode.start_ns) / NS_PER_S
+        return Answer(f"episode {episode.number}, {length_s:.1f} s: {verdict(episode)}", episode)
+
+    def _label(self, now_ns: int, request: EpisodeRequest) -> Answer:
+        if not self._ended or not self._ended[-1].kept:
+            return Answer("there is no episode to label: the last one was discarded, or none ended")
+        return self._judge(now_ns, success=request is EpisodeRequest.SUCCESS)
+
+    def _discard(self, now_ns: int, request: EpisodeRequest, is_second: bool) -> Answer:
+        """The running episode, a countdown or, between two, the last one."""
+        redo = request is EpisodeRequest.REDO
+        if self._due_ns is not None:
+            if redo:
+                return self._begin(now_ns)
+            self._due_ns = None
+            return Answer(f"episode {self.number} does not begin")
+        is_running = self._start_ns is not None
+        if not is_running and not (self._ended and self._ended[-1].kept):
+            return self._begin(now_ns) if redo else Answer("there is no episode to discard")
+        if not is_second:
+            self._armed = _Armed(request, now_ns + ARMED_NS)
+            number = self.number if is_running else self._ended[-1].number
+            what = f"discard episode {number}" + (" and begin another" if redo else "")
+            return Answer(f"{what}? Ask once more within {ARMED_NS // NS_PER_S} s")
+        answer = self._end(now_ns, kept=False) if is_running else self._judge(now_ns, kept=False)
+        if not redo:
+            return answer
+        return Answer(f"{answer.sentence}; {self._begin(now_ns).sentence}", answer.record)
+
+    def _judge(self, now_ns: int, *, kept: bool = True, success: bool | None = None) -> Answer:
+        """Another verdict on the last episode."""
+        last = self._ended[-1]
+        success = last.success if success is None else success
+        self._ended[-1] = episode = replace(last, t_ns=now_ns, kept=kept, success=success)
+        return Answer(f"episode {episode.number}: {verdict(episode)}", episode)
+
+
+def verdict(episode: Episode | EpisodeState) -> str:
+    """What has become of an episode, in words."""
+    if not episode.kept:
+        return "discarded"
+    return {None: "kept", True: "kept, success", False: "kept, failure"}[episode.success]
+
+
+def shown_episode(episode: Episode) -> EpisodeState:
+    """An episode as the operator is shown it."""
+    length_s = (episode.end_ns - episode.start_ns) / NS_PER_S
+    return EpisodeState(episode.number, length_s, episode.kept, episode.success)
