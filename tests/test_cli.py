@@ -188,6 +188,20 @@ def test_a_rate_that_is_asked_for_is_held_and_without_one_the_cameras_may_be_ste
     assert [(one.video.fps, one.rig.fixed_fps) for one in settings] == [(12, True), (30, False)]
 
 
+def test_a_session_has_episodes_only_if_they_are_asked_for(capsys, monkeypatch):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    monkeypatch.setattr(
+        "tams_app.console.two_sided.run_robot", lambda config, *_: settings.append(config) or 0
+    )
+    for command in (["run"], ["robot", "--sim", "--listen", "127.0.0.1:7300"]):
+        assert run(capsys, *command)[0] == 0
+        assert run(capsys, *command, "--episodes")[0] == 0
+    assert [one.recording.episodes for one in settings] == [False, True] * 2
+
+
 @pytest.mark.parametrize(
     ("arguments", "address"),
     [

@@ -245,6 +245,14 @@ def test_a_killed_session_stays_readable_up_to_its_last_second(tmp_path: Path) -
     # ten batches of 12 are handed over a second; on a busy machine a flush may come late
     assert len(log.ticks) >= handed_over - 180
     assert [record.link.sent for record in log.ticks] == list(range(len(log.ticks)))
+    # killed in its third episode: the two that had ended are there, with all of their ticks
+    ended = [(one.number, one.kept) for one in log.judged_episodes]
+    assert ended == [(1, True), (2, True)]
+    of_each = [
+        [tick.link.sent for tick in log.ticks if one.start_ns <= tick.started_ns < one.end_ns]
+        for one in log.judged_episodes
+    ]
+    assert of_each == [list(range(20)), list(range(25, 39))]
 
 
 @pytest.mark.parametrize("kept", [0.3, 0.55, 0.8, 0.99])

@@ -68,6 +68,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
         come and gone unheard.
     noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
     hand: what the operator drives with, of `teleop.hands.HANDS`.
+    episodes: how often each `EpisodeRequest` was made, in their order.
     """
 
     operator: Whole
@@ -92,6 +93,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     presses: tuple[Whole, Whole, Whole, Whole] = (0, 0, 0, 0)
     hand: str = ""
     damaged: tuple[bool, ...] = ()
+    episodes: tuple[Whole, Whole, Whole, Whole, Whole] = (0, 0, 0, 0, 0)
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):

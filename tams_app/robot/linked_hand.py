@@ -10,7 +10,7 @@ from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
 from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
 from tams_app.recording.journal import Journal
-from tams_app.records import HandHeard, Haptic, Presses, SteeredBy
+from tams_app.records import EpisodeRequest, HandHeard, Haptic, Presses, SteeredBy
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.robot.control import Signals
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
@@ -47,6 +47,7 @@ class LinkedHand:
         self._captured_ns: dict[str, int] = {}  # of the frame that is shown, once it was found
         self._damaged = dict.fromkeys(self._views, False)
         self._confirms = self._stops = self._menu_presses = 0
+        self._episodes: tuple[int, ...] = ()
         self._awake_ns = 0  # since this computer was suspended last
         self._offset = OffsetEstimate()
         self._told: set[str] = set()
@@ -94,6 +95,7 @@ class LinkedHand:
         if message.operator != self._operator:
             self._operator = message.operator
             self._confirms = self._stops = 0
+            self._episodes = message.episodes  # what was asked of another session does not count
             self._menu_presses = Presses(*message.presses).menu
         if message.simulated and not self._config.rig.enabled:
             self._tell_once("a simulated operator moves no real arm: its samples are left out")
@@ -141,6 +143,11 @@ class LinkedHand:
             self._menu_presses = menu_presses
             if self.is_armed:
                 self._signals.estop()
+        counts = zip(EpisodeRequest, self._episodes, message.episodes, strict=True)
+        for request, before, count in counts:
+            if count > before:  # once, also where two presses come together: none is a second one
+                self._signals.episode(request)
+        self._episodes = tuple(map(max, self._episodes, message.episodes))  # it may be an older one
         if message.confirms <= self._confirms:
             return
         self._confirms = message.confirms

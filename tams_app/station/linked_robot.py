@@ -223,6 +223,7 @@ class LinkedRobot:
             presses=(presses.grip, presses.a, presses.b, presses.menu),
             hand=self._driven_with,
             damaged=tuple(view.is_damaged for view in views),
+            episodes=requests.episodes,
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -11,6 +11,7 @@ from tams_app.console.summary_tables import summary_tables
 from tams_app.recording import SessionLog
 from tams_app.records import (
     CameraRates,
+    Episode,
     FrameQuality,
     Outcome,
     Phase,
@@ -102,6 +103,29 @@ def test_of_many_stops_five_are_named_and_the_others_counted() -> None:
     assert sum("tracking lost" in line for line in lines) == 5
     assert [line.split() for line in lines if "…" in line] == [["…", "and", "2", "more"]]
     assert "stops: 7, longest 60 ms" in " ".join(" ".join(lines).split())
+
+
+def test_episodes_are_listed_with_what_has_become_of_them() -> None:
+    log = Synthetic(20.0).log()
+    assert "Episodes" not in printed(log)
+    began_ns = log.header.started_ns
+
+    def episode(number: int, begin_s: int, kept: bool, success: bool | None) -> Episode:
+        start_ns, end_ns = (began_ns + at_s * NS_PER_S for at_s in (begin_s, begin_s + 3))
+        return Episode(end_ns, number, start_ns, end_ns, kept, success)
+
+    log.episodes = [
+        episode(1, 2, True, None),
+        episode(2, 7, True, None),
+        episode(2, 7, False, None),
+    ]
+    log.episodes.append(episode(3, 12, True, False))
+    lines = [line.strip() for line in printed(log, 80).splitlines() if "s long" in line]
+    assert [" ".join(line.split()) for line in lines] == [
+        "Episodes 1 at 2.0 s, 3.0 s long: kept",
+        "2 at 7.0 s, 3.0 s long: discarded",
+        "3 at 12.0 s, 3.0 s long: kept, failure",
+    ]
 
 
 def test_a_session_without_a_stop_or_a_freeze_has_no_line_for_them() -> None:

@@ -20,7 +20,7 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
-from tams_app.records import SessionState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -71,6 +71,7 @@ hands = st.builds(
     stops=COUNT,
     presses=st.tuples(COUNT, COUNT, COUNT, COUNT),
     hand=TEXT,
+    episodes=st.tuples(*[COUNT] * 5),
 )
 KNOWN = st.none() | NUMBER
 session_states = st.builds(
@@ -101,6 +102,20 @@ session_states = st.builds(
     live_ssim=KNOWN,
     now_ns=NS,
     heard_ns=st.none() | NS,
+    episodes=st.none()
+    | st.builds(
+        EpisodesState,
+        COUNT,
+        TEXT,
+        NUMBER,
+        TEXT,
+        COUNT,
+        COUNT,
+        st.lists(
+            st.builds(EpisodeState, COUNT, NUMBER, st.booleans(), st.none() | st.booleans()),
+            max_size=5,
+        ).map(tuple),
+    ),
 )
 states = st.builds(
     StateMessage,
@@ -287,12 +302,12 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-7]), HandMessage)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-8]), HandMessage)
     asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.presses
     assert asked == (0, 0, 0, 0, (0, 0, 0, 0))
-    assert (short.hand, short.damaged) == ("", ())
+    assert (short.hand, short.damaged, short.episodes) == ("", (), (0, 0, 0, 0, 0))
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-8]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-9]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

@@ -19,6 +19,7 @@ from tams_app.records import (
     Allocation,
     ControllerSample,
     ControllerStatus,
+    EpisodeRequest,
     HandHeard,
     Haptic,
     LinkHealth,
@@ -187,6 +188,25 @@ def test_a_lost_link_is_told_as_one_and_found_again():
     sides.cut(False)
     sides.run(0.3)
     assert sides.sample.status is ControllerStatus.OK
+
+
+def test_each_request_about_episodes_arrives_once_and_a_lost_link_makes_no_second_press() -> None:
+    sides = Sides()
+    sides.requests.episode(EpisodeRequest.FAILURE)  # before anyone is connected
+    sides.run(0.5)
+    assert sides.signals.episodes() == []
+    sides.requests.episode(EpisodeRequest.NEXT)
+    sides.requests.episode(EpisodeRequest.SUCCESS)
+    sides.run(1.0)
+    assert sides.signals.episodes() == [EpisodeRequest.NEXT, EpisodeRequest.SUCCESS]
+    sides.cut(True)
+    sides.requests.episode(EpisodeRequest.DISCARD)
+    sides.run(1.0)
+    sides.requests.episode(EpisodeRequest.DISCARD)
+    sides.run(1.0)
+    sides.cut(False)
+    sides.run(1.0)
+    assert sides.signals.episodes() == [EpisodeRequest.DISCARD]
 
 
 def test_an_emergency_stop_pressed_while_nothing_arrives_stops_once_when_it_does():

@@ -23,7 +23,15 @@ from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder
-from tams_app.records import Note, Phase, PhaseChange, ShownFrame
+from tams_app.records import (
+    Episode,
+    EpisodesState,
+    EpisodeState,
+    Note,
+    Phase,
+    PhaseChange,
+    ShownFrame,
+)
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -222,6 +230,19 @@ def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
     assert early.views[view].latency_ms is not None
     assert early.views[view].age_ms is not None
     assert early.views[view].age_ms >= early.views[view].latency_ms
+
+
+def test_the_episodes_are_those_of_the_moment_by_their_newest_verdict() -> None:
+    log = Synthetic(6.0).log()
+    assert Moments(log).at(second(1.0)).episodes is None
+    first = Episode(second(2), 1, second(1), second(2))
+    other = Episode(second(4), 2, second(3), second(4), True, True)
+    log.episodes = [first, replace(first, t_ns=second(2.5), kept=False), other]
+    before, within, after = (Moments(log).at(second(t_s)).episodes for t_s in (0.5, 3.25, 5.0))
+    assert before == EpisodesState(1, "idle")
+    discarded, labelled = EpisodeState(1, 1.0, False), EpisodeState(2, 1.0, True, True)
+    assert within == EpisodesState(2, "recording", 0.25, "", 0, 1, (discarded,))
+    assert after == EpisodesState(3, "idle", 0.0, "", 1, 1, (discarded, labelled))
 
 
 def test_before_the_first_record_nothing_is_known() -> None:

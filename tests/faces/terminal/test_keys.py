@@ -46,6 +46,10 @@ def terminal() -> Iterator[tuple[int, int]]:
         (b"a7\t", []),
         (b"xX\x7f\x08", [Command.DROP, Command.DROP, Command.NO_DROP, Command.NO_DROP]),
         (b"pP", [Command.PLACED, Command.PLACED]),
+        (b"eEzZuU", [Command.EPISODE] * 2 + [Command.DISCARD] * 2 + [Command.REDO] * 2),
+        (b"yYnN", [Command.SUCCESS] * 2 + [Command.FAILURE] * 2),
+        (b"\x1b[6~\x1b[5~", [Command.EPISODE, Command.DISCARD]),  # Page Down, Page Up
+        (b"\x1b[6;5~", []),  # Ctrl and Page Down
         (b"\x1b[A", []),  # arrow up
         (b"\x1b[1;5C", []),  # Ctrl and arrow right
         (b"\x1bOP", []),  # F1

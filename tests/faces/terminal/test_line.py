@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.faces.terminal.line import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
-from tams_app.records import SessionState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -153,3 +153,17 @@ def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:
     with StatusLine(Console(file=output, width=30, force_terminal=True)) as line:
         line.update(STATE)
     assert "…" in output.getvalue()
+
+
+def test_the_episodes_are_in_the_line_and_in_full_below_it() -> None:
+    last = (EpisodeState(1, 9.0, False), EpisodeState(2, 12.0, True, True))
+    episodes = EpisodesState(3, "recording", 4.2, "discard", 1, 1, last)
+    words = status_words(replace(STATE, episodes=episodes))
+    told = (
+        "episode 3: RECORDING 4 s · DISCARD? once more within 5 s · 1 kept, 1 discarded · "
+        "last: 2 kept, success"
+    )
+    assert "episode 3: RECORDING 4 s" in words.live
+    assert words.why == told
+    assert told in words.plain
+    assert "episode" not in status_words(STATE).plain

@@ -13,6 +13,7 @@ from hw.make_controller import DEVICES
 from tams_app import palette
 from tams_app.faces.banner import LOOKS, banner_of, look_of
 from tams_app.faces.commands import PHASE_KEYS, Command
+from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text
 from tams_app.faces.figures import (
     hand_rows,
     marking_texts,
@@ -29,7 +30,7 @@ from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.style import state_class, style_sheet
-from tams_app.records import ViewState
+from tams_app.records import EpisodesState, EpisodeState, ViewState
 from tams_app.teleop.hands import HANDS, SIMULATED
 from tams_app.teleop.safety import ArmingState
 from tests.faces.played_session import STATE
@@ -153,6 +154,49 @@ def test_who_marks_phases_finds_each_key_in_the_list_and_beside_the_views() -> N
         assert f"{key} {phase or 'no phase'}" in beside
     assert "Backspace" in listed
     assert "1" not in dict(key_help("openvr", replay=True))
+
+
+def test_keys_of_episodes_are_listed_where_there_are_any_and_buttons_that_can_be_held() -> None:
+    keys = {key for key, _ in KEYS}
+    for hand in ("openvr", "gamepad", "keyboard", "spacemouse"):
+        listed = dict(key_help(hand, has_episodes=True))
+        assert keys <= set(listed)
+        assert (BUTTONS[0] in listed) is (hand in ("openvr", "gamepad"))
+        assert keys.isdisjoint(dict(key_help(hand)))
+
+
+@pytest.mark.parametrize(
+    ("state", "told"),
+    [
+        (EpisodesState(1, "idle"), "E begin"),
+        (EpisodesState(2, "idle", last=(EpisodeState(1, 3.0, False),)), "E begin"),
+        (
+            EpisodesState(2, "idle", last=(EpisodeState(1, 3.0),)),
+            "E begin · Y / N label · Z discard · U redo",
+        ),
+        (EpisodesState(1, "countdown", 2.0), "Z calls it off"),
+        (
+            EpisodesState(1, "recording", 2.0),
+            "E keep · Y success · N failure · Z discard · U redo",
+        ),
+    ],
+)
+def test_each_state_of_an_episode_names_the_keys_that_mean_something(
+    state: EpisodesState, told: str
+) -> None:
+    assert keys_text(state) == told
+
+
+def test_the_last_episodes_are_told_by_sign_word_and_length() -> None:
+    last = (
+        EpisodeState(1, 9.4),
+        EpisodeState(2, 8.0, True, True),
+        EpisodeState(3, 7.0, True, False),
+        EpisodeState(4, 6.0, False, True),
+    )
+    assert last_text(EpisodesState(5, "idle", last=last)) == (
+        "● 1 kept 9 s   ✔ 2 kept, success 8 s   ✖ 3 kept, failure 7 s   – 4 discarded 6 s"
+    )
 
 
 def test_the_button_says_what_a_click_does() -> None:
@@ -456,7 +500,7 @@ def test_an_emergency_stop_counts_even_where_it_may_be_a_repeat() -> None:
     assert command_of("Return", is_new=True) is Command.CONFIRM
     assert command_of("q", is_new=False) is None
     assert command_of("q", is_new=True) is Command.QUIT
-    assert command_of("z", is_new=True) is None
+    assert command_of("j", is_new=True) is None
 
 
 def test_in_a_replay_the_keys_that_stop_an_arm_pause_or_go_on_once_for_each_press() -> None:

@@ -12,10 +12,10 @@ import pytest
 from tams_app.faces.banner import LOOKS
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Keys
-from tams_app.records import Image
+from tams_app.records import EpisodesState, EpisodeState, Image
 from tests.faces.window.conftest import ShownWindow
 from tests.faces.window.facts import FACTS, changed
-from tests.faces.window.photographs import SAME, banner_is, difference, width_of
+from tests.faces.window.photographs import SAME, banner_is, difference, place_of, width_of
 from tests.faces.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
@@ -95,6 +95,46 @@ def test_space_escape_and_the_button_stop_and_q_ends(window: ShownWindow) -> Non
     window.screen.xdotool("key", "q")
     assert wait_for(lambda: len(window.commands()) == 5)
     assert window.commands() == [Command.EMERGENCY_STOP] * 4 + [Command.QUIT]
+
+
+def test_keys_and_pedals_ask_about_episodes_once_for_each_press(window: ShownWindow) -> None:
+    window.events.clear()
+    window.screen.xdotool("keydown", "e")
+    time.sleep(1.5)  # the server repeats it after 0.66 s
+    window.screen.xdotool("keyup", "e", "key", "Next", "key", "z", "key", "Prior")
+    window.screen.xdotool("key", "u", "key", "y", "key", "n")
+    assert wait_for(lambda: len(window.commands()) == 7)
+    assert window.commands() == [
+        *[Command.EPISODE] * 2,
+        *[Command.DISCARD] * 2,
+        Command.REDO,
+        Command.SUCCESS,
+        Command.FAILURE,
+    ]
+
+
+def test_episodes_have_a_row_only_in_a_session_that_has_them(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    window.put(pictures)
+    window.show(FACTS)
+    assert wait_for(lambda: all_are_shown(window, pictures))
+    full = width_and_height(window)
+    last = (EpisodeState(1, 9.0, False), EpisodeState(2, 12.0, True, True))
+    episodes = EpisodesState(3, "recording", 4.2, "", 1, 1, last)
+    window.show(changed(FACTS, episodes=episodes))
+    assert wait_for(lambda: width_and_height(window)[1] < full[1] - 10)
+    assert all_are_shown(window, pictures)
+    window.show(FACTS)
+    assert wait_for(lambda: width_and_height(window) == full)
+
+
+def width_and_height(window: ShownWindow) -> tuple[int, int]:
+    """Of the place of the large view [px]."""
+    place = place_of(window.screen.photograph(), "eih")
+    assert place is not None
+    rows, columns = place
+    return columns.stop - columns.start, rows.stop - rows.start
 
 
 def test_keys_that_are_held_together_are_told_as_they_are(window: ShownWindow) -> None:
