@@ -31,7 +31,7 @@ def export(
         typer.Option(
             "--format",
             help="rosbag2 (ROS 2; a bag for each session) or lerobot (LeRobotDataset v3.0; an "
-            "episode for each).",
+            "episode for each, or each kept one of theirs).",
             autocompletion=lambda: list(FORMATS),
         ),
     ],
@@ -102,7 +102,7 @@ def _lerobot(
     rows = sum(episode.rows for episode in episodes)
     views = ", ".join(episodes[0].shape.views)
     number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"
-    skipped = len(logs) - len(episodes)
+    skipped = len(logs) - len({episode.path for episode in episodes})
     left_out = f"; skipped: {skipped} of {len(logs)} sessions" if skipped else ""
     _tell(console, f"{folder}: {number}, {rows} frames of {views}{left_out}")
 

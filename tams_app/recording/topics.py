@@ -288,6 +288,13 @@ class SessionLog:
     def _seconds(self, t_ns: int | None) -> float | None:
         return None if t_ns is None else (t_ns - self.header.started_ns) / NS_PER_S
 
+    @property
+    def has_episodes(self) -> bool:
+        """Whether the session is a row of episodes, of which none may have ended."""
+        recording = self.header.config.get("recording", {})
+        return bool(self.episodes or recording.get("episodes"))
+
+    @property
     def judged_episodes(self) -> list[Episode]:
         """Each episode once, by its newest verdict, in order."""
         newest = {episode.number: episode for episode in self.episodes}

@@ -12,7 +12,7 @@ import numpy as np
 from tams_app.config import load_config
 from tams_app.recording import LOG_NAME, Header
 from tams_app.recording.mcap_log import McapLog
-from tams_app.records import Outcome, Phase, Pose, Tick, Twist
+from tams_app.records import Episode, Outcome, Phase, Pose, Tick, Twist
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.calibration.weights_session import VIDEO, encoded
@@ -58,11 +58,13 @@ def write_session(
     header_of: Header | None = None,
     bitstream: bool = True,
     outcome: Outcome | None = PLACED,
+    episodes: Sequence[Episode] = (),
 ) -> Path:
     """A session folder; its log has chunks of `CHUNK_S`, its cameras take turns."""
     folder.mkdir(parents=True)
     log = McapLog(folder / LOG_NAME, header_of or head(), bitstream)
     records: list[tuple[int, Any]] = [(one.started_ns, one) for one in ticks]
+    records += [(one.t_ns, one) for one in episodes]
     for view, later_ns in FIRST_CAPTURE_NS.items():
         for frame in encoded(view, round(seconds * FPS), KEYFRAME_INTERVAL):
             shifted = replace(

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.errors import ConfigError, LogError, SetupError, UnreadableLogError
-from tams_app.export.lerobot.episode import Episode, read_episode
+from tams_app.export.lerobot.episode import Episode, read_episodes
 from tams_app.export.options import ExportOptions
 from tams_app.outputs import refuse_existing
 
@@ -33,9 +33,10 @@ class Watcher(Protocol):
 def export_lerobot(
     logs: Sequence[Path], out: Path, options: ExportOptions, watcher: Watcher
 ) -> Sequence[Episode]:
-    """Write the logs as a LeRobotDataset v3.0 into the new folder `out`, an episode each.
+    """Write the logs as a LeRobotDataset v3.0 into the new folder `out`.
 
-    Of several logs, those that give no episode are left out, and named. Returns the episodes.
+    Each is an episode; a session that is a row of episodes gives the kept ones. Of several logs,
+    those that give no episode are left out, and named. Returns the episodes.
     UnreadableLogError if no log gives one, ConfigError if logs do not fit together or `out` is
     there already, LogError if it cannot be written, SetupError if a package is missing; then no
     folder is left.
@@ -46,7 +47,7 @@ def export_lerobot(
     episodes: list[Episode] = []
     for path in logs:
         try:
-            episodes.append(read_episode(path, options))
+            episodes += read_episodes(path, options, watcher.say)
         except UnreadableLogError as error:
             if len(logs) == 1:
                 raise

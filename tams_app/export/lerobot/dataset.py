@@ -21,6 +21,7 @@ from tams_app.export.lerobot.statistics import Statistics, as_lists, merged, sta
 from tams_app.outputs import write_file
 
 _SESSION_TYPES = {
+    "session_episode": pa.int64(),
     "success": pa.bool_(),
     "completed": pa.bool_(),
     "completion_time_s": pa.float64(),
@@ -146,6 +147,7 @@ def _session_of(episode: Episode) -> dict[str, Any]:
     header, outcome = episode.header, episode.outcome
     return {
         "session": episode.name,
+        "session_episode": episode.number,
         "log_complete": not episode.remark,
         "success": outcome.success,
         "completed": outcome.completed,

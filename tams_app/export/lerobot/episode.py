@@ -1,8 +1,8 @@
-"""The part of a log that becomes an episode: the longest that is whole, with arm and all views."""
+"""The parts of a log that become episodes: the longest that are whole, with arm and all views."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -16,6 +16,7 @@ from tams_app.export.options import ExportOptions
 from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
+from tams_app.records import Episode as EndedEpisode
 from tams_app.records import Outcome, ServoMode
 from tams_app.units import NS_PER_S
 
@@ -43,7 +44,8 @@ class Episode:
 
     start_ns: of the grid. keyframes_ns: by view, the capture that its decoding begins with.
     sizes: by view, the bytes that the log has of it between each row and the next, shape (rows,).
-    remark: a sentence if the log was not whole, else "".
+    remark: a sentence if the log was not whole, else "". number: of those of its session, None if
+    that is no row of episodes.
     """
 
     path: Path
@@ -55,6 +57,7 @@ class Episode:
     sizes: Mapping[str, NDArray[np.int64]]
     outcome: Outcome
     remark: str
+    number: int | None = None
 
     @property
     def name(self) -> str:
@@ -80,21 +83,33 @@ class _Captures(NamedTuple):
     size_bytes: NDArray[np.int64]
 
 
+class _Wanted(NamedTuple):
+    number: int | None
+    when_ns: tuple[float, float]
+    outcome: Outcome
+
+
 class _Part(NamedTuple):
     start_ns: int
     end_ns: int
     keyframes_ns: dict[str, int]
 
 
-def read_episode(path: Path, options: ExportOptions) -> Episode:
-    """The episode in the log at `path`; UnreadableLogError in a sentence if there is none."""
-    log = read_log(path, only=(OutcomeGiven,))
-    outcome = log.outcome or _NOT_JUDGED
-    if log.damage and not options.with_damaged:
+def read_episodes(path: Path, options: ExportOptions, say: Callable[[str], None]) -> list[Episode]:
+    """The episodes in the log at `path`: one, or those kept of a session that is a row of them.
+
+    `say` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
+    """
+    log = read_log(path, only=(OutcomeGiven, EndedEpisode))
+    # of a row of episodes a log that was cut off lacks none that had ended
+    damage = "" if log.has_episodes and not log.gaps else log.damage
+    if damage and not options.with_damaged:
         raise UnreadableLogError(
-            f"{path.parent}: {log.damage} --with-damaged exports the longest part that is whole."
+            f"{path.parent}: {damage} --with-damaged exports the longest part that is whole."
         )
-    if options.only_success and not outcome.success:
+    wanted = _kept(path, log, options) if log.has_episodes else []
+    outcome = log.outcome or _NOT_JUDGED
+    if options.only_success and not log.has_episodes and not outcome.success:
         raise UnreadableLogError(
             f"{path.parent}: was not judged a success ({outcome.reason or 'there is no verdict'})"
         )
@@ -105,30 +120,58 @@ def read_episode(path: Path, options: ExportOptions) -> Episode:
             f"{path.parent}: tells nothing of an arm: of two computers give the robot's log"
         )
     captures = {view: _captures(path, view) for view in shape.views}
-    wanted_ns = (-np.inf, np.inf) if options.keep_idle else _busy(path, table, outcome)
-    parts = [
-        part
-        for whole_ns in _whole(log.gaps)
-        if (part := _part(whole_ns, wanted_ns, table.times_ns, captures)) is not None
-    ]
-    if not parts:
+    if not log.has_episodes:
+        when_ns = (-np.inf, np.inf) if options.keep_idle else _busy(path, table, outcome)
+        wanted = [_Wanted(None, when_ns, outcome)]
+    found: dict[int | None, Episode] = {}
+    for one in wanted:
+        parts = [
+            part
+            for whole_ns in _whole(log.gaps)
+            if (part := _part(whole_ns, one.when_ns, table.times_ns, captures)) is not None
+        ]
+        if not parts:
+            continue
+        part = max(parts, key=lambda one: one.end_ns - one.start_ns)
+        rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
+        grid_ns = _grid(part.start_ns, rows, shape.fps)
+        found[one.number] = Episode(
+            path,
+            log.header,
+            shape,
+            part.start_ns,
+            table.sample(grid_ns),
+            part.keyframes_ns,
+            {view: _sizes(one, grid_ns) for view, one in captures.items()},
+            one.outcome,
+            _remark(_name(path), log, damage, part),
+            one.number,
+        )
+    if not found:
         raise UnreadableLogError(
             f"{path.parent}: has no moment with the arm and a picture of every view"
         )
-    part = max(parts, key=lambda one: one.end_ns - one.start_ns)
-    rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
-    grid_ns = _grid(part.start_ns, rows, shape.fps)
-    return Episode(
-        path,
-        log.header,
-        shape,
-        part.start_ns,
-        table.sample(grid_ns),
-        part.keyframes_ns,
-        {view: _sizes(found, grid_ns) for view, found in captures.items()},
-        outcome,
-        _remark(_name(path), log, part),
-    )
+    if log.has_episodes:
+        numbers = ", ".join(map(str, found))
+        say(f"{_name(path)}: takes {numbers} of {len(log.judged_episodes)} episodes")
+    return list(found.values())
+
+
+def _kept(path: Path, log: SessionLog, options: ExportOptions) -> list[_Wanted]:
+    """The kept episodes as the operator began and ended them, labelled by them alone."""
+    wanted = [
+        _Wanted(
+            one.number,
+            (one.start_ns, one.end_ns - 1),
+            Outcome(None, one.success, None, None, ""),
+        )
+        for one in log.judged_episodes
+        if one.kept and (one.success or not options.only_success)
+    ]
+    if not wanted:
+        what = "labelled a success" if options.only_success else "kept"
+        raise UnreadableLogError(f"{path.parent}: no episode of it was {what}")
+    return wanted
 
 
 def _name(path: Path) -> str:
@@ -231,11 +274,11 @@ def _part(
     return _Part(start_ns, end_ns, begun)
 
 
-def _remark(name: str, log: SessionLog, part: _Part) -> str:
-    if not log.damage:
+def _remark(name: str, log: SessionLog, damage: str, part: _Part) -> str:
+    if not damage:
         return ""
     from_s, to_s = (
         (instant_ns - log.header.started_ns) / NS_PER_S
         for instant_ns in (part.start_ns, part.end_ns)
     )
-    return f"{name}: {log.damage} Its episode is from {from_s:.1f} to {to_s:.1f} s."
+    return f"{name}: {damage} Its episode is from {from_s:.1f} to {to_s:.1f} s."
