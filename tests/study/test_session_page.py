@@ -22,13 +22,14 @@ from tams_app.recording import SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.recording.writer import DirectRecorder
-from tams_app.records import Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.records import Episode, Note, Phase, PhaseChange, ShownFrame, StopRecord
 from tams_app.report.figures import phase_stretches
 from tams_app.report.plots import THEME, to_svg
-from tams_app.report.session_page import stills_of
+from tams_app.report.session_page import session_page, stills_of
 from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
+from tams_app.summary import summarise
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState
@@ -114,6 +115,21 @@ def test_each_stop_is_told_with_its_time_and_what_to_do(page: str) -> None:
     (stale,) = (row for row in rows if row[2:4] == ["stale", "video"])
     assert stale[:2] == ["1", "1.50"]
     assert stale[4] == "80"
+
+
+def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_has_no_table(
+    folder: Path, page: str
+) -> None:
+    assert "Episodes" not in page
+    log = read_log(folder / "session.mcap")
+    log.episodes = [
+        Episode(second(1), 1, second(0.5), second(1), False),
+        Episode(second(2), 2, second(1.5), second(2), True, True),
+    ]
+    told = session_page(log, summarise(log), [], "a session")
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
+    assert ["1", "0.50", "0.5", "discarded"] in rows
+    assert ["2", "1.50", "0.5", "kept", "success"] in [row[:5] for row in rows]
 
 
 def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:

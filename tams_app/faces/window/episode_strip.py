@@ -14,10 +14,11 @@ class EpisodeStrip:
         Gtk = load().Gtk
         self.widget = Gtk.Box(spacing=24, visible=False)
         self.widget.add_css_class("episodes")
-        self._labels = [Gtk.Label(xalign=0.0, ellipsize=3) for _ in range(4)]
+        self._labels = [Gtk.Label(xalign=0.0, ellipsize=3) for _ in range(5)]
         self._labels[0].add_css_class("running")
         self._labels[1].add_css_class("asked")
-        self._labels[2].set_hexpand(True)
+        self._labels[2].add_css_class("means")
+        self._labels[3].set_hexpand(True)
         for label in self._labels:
             self.widget.append(label)
 
@@ -27,12 +28,14 @@ class EpisodeStrip:
         self.widget.set_visible(state is not None)
         if state is None:
             return
-        keys = "" if facts.replay is not None else episodes.keys_text(state)
+        keys = "" if facts.replay or state.armed else episodes.keys_text(state)
         texts = (
             episodes.now_text(state),
-            episodes.asked_text(state) or keys,
+            episodes.asked_text(state),
+            keys,
             episodes.last_text(state),
             episodes.counts_text(state),
         )
         for label, text in zip(self._labels, texts, strict=True):
             label.set_text(text)
+            label.set_visible(bool(text) or label.get_hexpand())

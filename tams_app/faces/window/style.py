@@ -42,6 +42,7 @@ def style_sheet(scale: float) -> str:
         f".episodes {{ background: {PANEL}; padding: {px(2)} {px(8)}; }}",
         f".episodes label {{ font-size: {px(14)}; }}",
         ".episodes .running { font-weight: bold; }",
+        f".episodes .means {{ color: {FAINT}; }}",
         f".episodes .asked {{ color: {palette.YELLOW}; }}",
         f".replay {{ min-width: {px(160)}; padding: 0 {px(8)}; }}",
         f".replay label {{ font-size: {px(14)}; color: {FAINT}; }}",
