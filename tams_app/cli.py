@@ -87,19 +87,23 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     except TamsError as error:
         if debug:
             raise
-        from tams_app.printing import plain
-
-        typer.echo(f"tams: {plain(str(error))}", err=True)
+        _show_error(str(error))
         return error.exit_code
     except OSError as error:  # what files do is handled where they are used
         typer.echo(f"tams: standard output cannot be written: {error.strerror}", err=True)
         return 1
     except TyperException as error:
-        typer.echo(f"tams: {error.format_message()} (see {called_as} --help)", err=True)
+        _show_error(f"{error.format_message()} (see {called_as} --help)")
         return 2
     if code == _CTRL_C:
         raise KeyboardInterrupt
     return int(code)
+
+
+def _show_error(sentence: str) -> None:
+    from tams_app.printing import Console
+
+    Console(stderr=True).print(f"tams: {sentence}", highlight=False, soft_wrap=True)
 
 
 _GLOBAL_OPTIONS = ("-h", "--help", "--version", "--install-completion", "--show-completion")
@@ -179,6 +183,32 @@ add_two_sided(app)
 
 
 @app.command()
+def init(
+    file: Annotated[Path, typer.Argument(metavar="[FILE]")] = Path("YOUR.yaml"),
+    model: Annotated[str | None, typer.Option(help="The kind of arm, such as lite6.")] = None,
+    host: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Of the arm's control box.")
+    ] = None,
+    hand: HandOption = None,
+    side: Annotated[
+        str | None, typer.Option(help="The hand that holds a tracked controller: right or left.")
+    ] = None,
+    camera: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="VIEW=SERIAL_OR_PATH", help="A view's camera; once for each view; none: later."
+        ),
+    ] = None,
+) -> None:
+    """Write a configuration for your arm, cameras and controller; asks for what is not given."""
+    from calibration.first_file import Answers, write_first_file
+    from calibration.ui import WizardUI
+
+    with WizardUI() as ui:
+        write_first_file(ui, file, Answers(model, host, hand, side, tuple(camera or ())))
+
+
+@app.command()
 def home(config: ConfigOption = None) -> None:
     """Move the arm slowly to its ready pose, only while Enter is held."""
     from tams_app.console.home import run_home
@@ -221,15 +251,16 @@ def doctor(
     if speed:
         from tams_app.console.speed import run_speed
 
-        raise typer.Exit(run_speed(settings, as_json))
+        raise typer.Exit(run_speed(settings, as_json, config_path=config))
     if devices:
         from tams_app.console.doctor import show_devices
 
         raise typer.Exit(show_devices(settings, as_json))
-    from tams_app.console.checks import CHECKS
+    from tams_app.console.checks import CHECKS, marked_keys
     from tams_app.console.doctor import run_doctor
 
-    raise typer.Exit(run_doctor(settings, CHECKS, as_json))
+    checks = CHECKS if config is None else (*CHECKS, marked_keys(config))
+    raise typer.Exit(run_doctor(settings, checks, as_json))
 
 
 add_logs(app)

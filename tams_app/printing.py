@@ -7,6 +7,7 @@ rename the window or hide what was printed; brackets could be taken for rich's m
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterable
 from typing import Any, TextIO
 
@@ -17,6 +18,12 @@ from rich.text import Text
 
 # C0 but tabulator and line feed, DEL, C1, and what changes the direction of text that follows
 _CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+_WHOLE_WORDS: dict[str, Any] = {
+    "expand_tabs": False,
+    "replace_whitespace": False,
+    "break_long_words": False,  # a path is longer than the line rather than in two pieces
+    "break_on_hyphens": False,
+}
 
 
 def plain(text: str) -> str:
@@ -43,6 +50,21 @@ class Console(RichConsole):
             if segment.control is None and _CONTROL.search(segment.text):
                 segment = Segment(plain(segment.text), segment.style)
             yield segment
+
+    def print(self, *objects: Any, soft_wrap: bool | None = None, **how: Any) -> None:
+        """As rich does it, but on a terminal soft lines end between words.
+
+        What is to be copied whole, such as a command, is printed with `no_wrap` as well.
+        """
+        if soft_wrap and self.is_terminal and not how.get("no_wrap"):
+            objects = tuple(self._between_words(one) for one in objects)
+        super().print(*objects, soft_wrap=soft_wrap, **how)
+
+    def _between_words(self, one: Any) -> Any:
+        if not isinstance(one, str):
+            return one
+        lines = plain(one).split("\n")
+        return "\n".join(textwrap.fill(line, self.width, **_WHOLE_WORDS) for line in lines)
 
     def render_str(self, text: str, **how: Any) -> Text:
         """As rich does it; measured without what will not be printed."""

@@ -124,3 +124,25 @@ def test_a_table_is_as_it_is_for_programs_and_plain_for_people(
 ) -> None:
     PlainOutput(file).write(PRINTED)
     assert file.getvalue() == shown
+
+
+@pytest.mark.parametrize("width", [30, 60])
+def test_on_a_narrow_terminal_no_word_is_broken(width: int) -> None:
+    sentence = "holding, stale video. The video is too old to steer by: wait until it is back"
+    file = io.StringIO()
+    terminal = Console(file=file, force_terminal=True, color_system=None, width=width)
+    terminal.print(f"{sentence} /a/path/{'longer/' * 10}file", highlight=False, soft_wrap=True)
+    *lines, last = file.getvalue().splitlines()
+    assert " ".join(line.rstrip() for line in lines) == sentence
+    assert len(lines) > 1
+    assert all(len(line) <= width for line in lines)
+    assert last.startswith("/a/path/")  # one piece, which can be copied
+
+
+def test_a_command_stays_one_line_on_any_terminal_and_a_sentence_does_in_a_file() -> None:
+    command = "replay: run_tams.py replay /a/folder/of/sessions --speed 2"
+    for options in ({"force_terminal": True, "color_system": None}, {}):
+        file = io.StringIO()
+        console = Console(file=file, width=20, **options)
+        console.print(command, highlight=False, soft_wrap=True, no_wrap=bool(options))
+        assert file.getvalue() == f"{command}\n"

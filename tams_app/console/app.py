@@ -26,7 +26,7 @@ from tams_app.printing import Console
 from tams_app.robot.build import check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.session.folder import create_session_folder
+from tams_app.session.folder import create_session_folder, remove_session_folder
 from tams_app.session.run import run
 from tams_app.session.sentences import Sentences
 from tams_app.session.viewing import check_viewers
@@ -55,6 +55,13 @@ class ShownSession(FacedSession, Protocol):
     def close(self) -> None: ...
 
 
+class RecordedSession(ShownSession, Protocol):
+    """A session that leaves a folder, if it has started."""
+
+    @property
+    def started(self) -> bool: ...
+
+
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
     """Run one session to its end; the exit code. Everything it leaves is in its own folder.
 
@@ -76,18 +83,21 @@ def check_session(config: Config, dry_run: bool) -> None:
 
 def run_and_report(
     config: Config,
-    make: Callable[[Path], ShownSession],
+    make: Callable[[Path], RecordedSession],
     report: Callable[[Path, Console], object] = report_session,
 ) -> int:
     """Run the session that `make` makes of its folder, then `report` on it; the exit code."""
     check_viewers(config)
     console = Console()
     folder = create_session_folder(config)
-    session = make(folder)
+    session: RecordedSession | None = None
     signals: list[str] = []
     try:
+        session = make(folder)
         show_session(session, console, interrupted=signals.append)
     except TamsError as error:
+        if session is None or not session.started:
+            remove_session_folder(folder, str(error))
         if signals:  # it was ended before it had started
             raise SignalledError(str(error)) from error
         raise

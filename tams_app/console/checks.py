@@ -17,6 +17,7 @@ from packaging.requirements import Requirement
 
 from tams_app import gst
 from tams_app.config import Config
+from tams_app.config.marks import TEMPLATE, unset_keys
 from tams_app.console.device_checks import arm, cameras, controller, headset
 from tams_app.console.doctor import Check, Finding, tried
 from tams_app.errors import SetupError, TamsError
@@ -29,6 +30,7 @@ from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
+LOG_MB_PER_MINUTE = "25 to 100"  # docs/LOG.md has what it depends on
 _RENDER = (
     "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
     "SceneRenderer(draw_layout(0)).close()"
@@ -163,7 +165,7 @@ def disk(config: Config) -> Iterator[Finding]:
     yield Finding(
         "Free disk space",
         free >= wanted,
-        f"{free:.0f} MB, {wanted:.0f} MB wanted",
+        f"{free:.0f} MB, {wanted:.0f} MB wanted; a session takes {LOG_MB_PER_MINUTE} a minute",
         "delete old logs, or lower recording.min_free_mb",
     )
 
@@ -224,6 +226,23 @@ def network_emulation(_: Config) -> Iterator[Finding]:
         "use a kernel with sch_netem; only `run_tams.py network` needs it",
         essential=False,
     )
+
+
+def marked_keys(path: Path) -> Check:
+    """The check of the keys marked SET in a file of one's hardware that are still as in ours."""
+
+    def check(config: Config) -> Iterator[Finding]:
+        if config.rig.enabled:
+            return
+        left = unset_keys(path)
+        named = ", ".join(f"{key} (line {line})" for key, line in left.items())
+        fix = (
+            f"in {path} these are still as in our {TEMPLATE.name}: {named}; set them, or take the "
+            "mark SET away where the value is right"
+        )
+        yield Finding("Keys marked SET", not left, "", fix, essential=False)
+
+    return check
 
 
 CHECKS: tuple[Check, ...] = (

@@ -86,7 +86,7 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
         f"report: {folder / PAGE_NAME}",
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
     ):
-        console.print(line, style="bold", markup=False, highlight=False, soft_wrap=True)
+        console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)
 
 
 def write_summary(folder: Path) -> dict[str, Any]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
@@ -19,22 +21,22 @@ from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import LATE_NS
 from tams_app.robot.build import check_names, check_ready_pose
+from tams_app.robot.frame_rates import PERIOD_NS
+from tams_app.robot.rate_ladder import STARTING, Observation
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.runtime.machine_speed import this_machine
+from tams_app.runtime.machine_speed import rungs, this_machine
 from tams_app.session.folder import create_session_folder
 from tams_app.session.run import run
-from tams_app.summary.frame_rate import ENOUGH
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-SESSION_S = 10.0
-SETTLING_NS = NS_PER_S
-SHORTEST_NS = 2 * NS_PER_S  # at one rate, for a judgement of it
-MOST_LATE = 0.005  # of the control ticks
+SESSION_S = 12.0
+WARM_UP_NS = (STARTING + 1) * PERIOD_NS  # as long as the ladder of a session judges nothing
+SHORTEST_NS = 2 * NS_PER_S  # for a judgement
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A time at one rate."""
+    """The figures of a time at one rate."""
 
     fps: float
     given_fps: float  # of the view with fewest
@@ -43,8 +45,8 @@ class Stretch:
 
     @property
     def held(self) -> bool:
-        """True if frames and control loop kept their times."""
-        return self.late <= MOST_LATE and self.given_fps >= ENOUGH * self.fps
+        """True if the ladder of a session would stay at this rate."""
+        return not Observation(1.0 - self.given_fps / self.fps, self.late).trouble
 
     def tree(self) -> dict[str, float | bool | None]:
         """As JSON has it, which has no infinite numbers."""
@@ -59,11 +61,16 @@ class Stretch:
         )
 
 
-def run_speed(config: Config, as_json: bool = False, console: Console | None = None) -> int:
+def run_speed(
+    config: Config,
+    as_json: bool = False,
+    console: Console | None = None,
+    config_path: Path | None = None,
+) -> int:
     """Measure without windows, and with them where there is a display; 1 if nothing is held.
 
-    `as_json`: print one object, the sentences on standard error. SignalledError if a signal ends
-    it.
+    The last line is the command to use, with `config_path`, the file of `config`. `as_json`: print
+    one object, the sentences on standard error. SignalledError if a signal ends it.
     """
     results = console or Console()
     console = Console(stderr=True) if as_json else results
@@ -72,19 +79,24 @@ def run_speed(config: Config, as_json: bool = False, console: Console | None = N
     check_ready_pose(config)
     machine, views = this_machine(), len(config.video.views)
     asked_fps = config.video.fps
+    start_fps = machine.starting_fps(asked_fps)
     console.print(
         f"Quick probe: {machine.cores:g} cores of {machine.speed:.2f} times the reference; "
-        f"a session begins with {machine.starting_fps(asked_fps):g} of {asked_fps} frames a second",
+        f"a session begins with {start_fps:g} of {asked_fps} frames a second",
         highlight=False,
         soft_wrap=True,
     )
+    held: Stretch | None = None
     holds, sessions = True, list[dict[str, object]]()
     for title, headless in (("Without windows", True), ("With windows", False)):
         if not headless and not has_display():
             console.print(f"{title}: not measured, there is no display.", highlight=False)
             continue
-        console.print(f"{title}: a session of {SESSION_S:g} s ...", highlight=False)
-        found = list(stretches(_session(config, headless)))
+        found = list[Stretch]()
+        for one in _walk(config, headless, start_fps):
+            found.append(one)
+            verdict = "held" if one.held else "not held"
+            console.print(f"{title}: {one}: {verdict}", highlight=False, soft_wrap=True)
         held = max((one for one in found if one.held), key=lambda one: one.fps, default=None)
         holds = holds and held is not None
         sessions.append(
@@ -94,30 +106,54 @@ def run_speed(config: Config, as_json: bool = False, console: Console | None = N
                 "rates": [one.tree() for one in found],
             }
         )
-        if held is not None:
-            verdict = f"this machine holds {views} views × {held}."
-        else:
-            tried = "; ".join(map(str, found)) or "too few frames to tell"
-            verdict = (
-                f"this machine holds {views} views at no rate that was tried: {tried}. "
-                "Close other programs; `doctor` says whether real-time priority is missing."
-            )
-        console.print(f"{title}: {verdict}", highlight=False, soft_wrap=True)
+        rate = "no rate of the ladder" if held is None else f"{held.fps:g} frames a second"
+        console.print(f"{title}: this machine holds {views} views × {rate}.", highlight=False)
+    console.print(
+        _advice(config_path, held, asked_fps), highlight=False, soft_wrap=True, no_wrap=True
+    )
     if as_json:
-        probe = {**asdict(machine), "starting_fps": machine.starting_fps(asked_fps)}
+        probe = {**asdict(machine), "starting_fps": start_fps}
         tree = {"probe": probe, "asked_fps": asked_fps, "views": views, "sessions": sessions}
         results.out(json.dumps(tree), highlight=False)
     return 0 if holds else 1
 
 
-def stretches(log: SessionLog) -> Iterator[Stretch]:
-    """The times of a session at one rate that were long enough, without their first second."""
-    changes = [one for one in log.rates if one.reason or one is log.rates[0]]
-    ends_ns = [one.t_ns for one in changes[1:]] + [log.ended_ns]
-    for change, end_ns in zip(changes, ends_ns, strict=True):
-        begin_ns = change.t_ns + SETTLING_NS
-        if end_ns - begin_ns >= SHORTEST_NS:
-            yield _stretch(log, change.asked_fps, begin_ns, end_ns)
+def _walk(config: Config, headless: bool, start_fps: float) -> Iterator[Stretch]:
+    """A session at each rate of the ladder: down from `start_fps` to one that is held, else up."""
+    ladder = [int(fps) for fps in rungs(config.video.fps)]  # as `--fps` takes them
+    start = next(rung for rung, fps in enumerate(ladder) if fps <= start_fps)
+    for rung in range(start, len(ladder)):
+        tried = stretch(_session(config, headless, ladder[rung]), ladder[rung])
+        yield tried
+        if tried.held:
+            break
+    if rung == start:
+        for rung in reversed(range(start)):
+            tried = stretch(_session(config, headless, ladder[rung]), ladder[rung])
+            yield tried
+            if not tried.held:
+                return
+
+
+def _advice(config_path: Path | None, held: Stretch | None, asked_fps: float) -> str:
+    """The command to use."""
+    file = f" --config {shlex.quote(str(config_path))}" if config_path else ""
+    if held is None:
+        return f"Close other programs, and see what is missing: run_tams.py doctor{file}"
+    window = "" if has_display() else " --headless"
+    fps = "" if held.fps == asked_fps else f" --fps {held.fps:g}"
+    return f"Use: run_tams.py run{file}{' --sim' if file else ''}{window}{fps}"
+
+
+def stretch(log: SessionLog, fps: float) -> Stretch:
+    """The time of a session at `fps`, without its start, in which much is done that is done once.
+
+    Where it ended before that nothing was held.
+    """
+    begin_ns = log.rates[0].t_ns + WARM_UP_NS if log.rates else log.ended_ns
+    if log.ended_ns - begin_ns < SHORTEST_NS:
+        return Stretch(fps, 0.0, 1.0, math.inf)
+    return _stretch(log, fps, begin_ns, log.ended_ns)
 
 
 def _stretch(log: SessionLog, fps: float, begin_ns: int, end_ns: int) -> Stretch:
@@ -142,12 +178,18 @@ def _stretch(log: SessionLog, fps: float, begin_ns: int, end_ns: int) -> Stretch
     )
 
 
-def _session(config: Config, headless: bool) -> SessionLog:
-    """The log of a session of a few seconds, in which the operator moves the arm."""
+def _session(config: Config, headless: bool, fps: int) -> SessionLog:
+    """The log of a session of a few seconds at `fps`, in which the operator moves the arm."""
     with TemporaryDirectory(prefix="tams-speed-") as directory:
         recording = config.recording.model_copy(update={"directory": directory})
         config = config.model_copy(
-            update={"recording": recording, "headless": headless, "seconds": None}
+            update={
+                "recording": recording,
+                "headless": headless,
+                "seconds": None,
+                "video": config.video.model_copy(update={"fps": fps}),
+                "rig": config.rig.model_copy(update={"fixed_fps": True}),
+            }
         )
         folder = create_session_folder(config)
         session = run(config, MonotonicClock(), folder, arm_at_once=True)

@@ -87,4 +87,4 @@ def _tell_where(folder: Path, console: Console) -> None:
         "joined with the log of the robot's side: "
         f"run_tams.py report ROBOT_LOG {shlex.quote(str(folder))}",
     ):
-        console.print(line, style="bold", markup=False, highlight=False, soft_wrap=True)
+        console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import time
 from pathlib import Path
 
@@ -28,7 +29,11 @@ def create_session_folder(config: Config, now: time.struct_time | None = None) -
             f"{parent}: no session folder can be made there ({error.strerror}): "
             "choose another one with --out"
         ) from error
-    furnish_session_folder(config, folder)
+    try:
+        furnish_session_folder(config, folder)
+    except LogError:
+        remove_session_folder(folder)
+        raise
     return folder
 
 
@@ -39,6 +44,15 @@ def furnish_session_folder(config: Config, folder: Path) -> None:
     """
     require_free_space(folder, config.recording.min_free_mb)
     write_file(folder / "config.yaml", dump_config(config))
+
+
+def remove_session_folder(folder: Path, failure: str = "") -> None:
+    """Remove the folder of a session that has not started.
+
+    It stays if the sentence `failure` names a file in it, such as a helper's last words.
+    """
+    if str(folder) not in failure:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def recording_directory(config: Config) -> Path:

@@ -154,6 +154,11 @@ class Session(Ending):
         return self._log
 
     @property
+    def started(self) -> bool:
+        """True once everything runs; what was recorded is worth keeping from then on."""
+        return self._side is not None
+
+    @property
     def side(self) -> Side:
         """The side that runs here, once it has started."""
         assert self._side is not None, "start it first"

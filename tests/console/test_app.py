@@ -16,6 +16,7 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
+from tams_app.errors import TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.faces.terminal.line import Words
@@ -302,3 +303,47 @@ def test_an_enter_that_was_typed_while_the_session_stood_still_confirms_nothing(
         os.close(program)
     assert session.confirmed == 0
     assert session.notes == [TOO_LONG_AGO]
+
+
+class FailedSession(EndedSession):
+    """A session that fails when it has started, or before."""
+
+    failure = ""
+
+    def __init__(self, started, sentence="no arm"):
+        super().__init__("tams.yaml")
+        self.started, self.sentence = started, sentence
+
+    def start(self):
+        raise TamsError(self.sentence)
+
+    def close(self):
+        """Nothing was started."""
+
+
+@pytest.mark.parametrize("is_made", [True, False])
+def test_a_session_that_did_not_start_leaves_no_folder(tmp_path, is_made):
+    config = load_config(None, {"recording.directory": str(tmp_path), "headless": True})
+
+    def make(folder):
+        assert (folder / "config.yaml").exists()
+        if not is_made:
+            raise TamsError("no arm")
+        return FailedSession(started=False)
+
+    with pytest.raises(TamsError, match="no arm"):
+        app.run_and_report(config, make)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("started", [True, False])
+def test_what_a_sentence_points_at_or_a_session_recorded_stays(tmp_path, started):
+    config = load_config(None, {"recording.directory": str(tmp_path), "headless": True})
+
+    def make(folder):
+        return FailedSession(started, "ended" if started else f"ended; see {folder}/helpers/x.log")
+
+    with pytest.raises(TamsError, match="ended"):
+        app.run_and_report(config, make)
+    (folder,) = tmp_path.iterdir()
+    assert (folder / "config.yaml").exists()

@@ -25,7 +25,7 @@ from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Episode, Note, Phase, PhaseChange, ShownFrame, StopRecord
 from tams_app.report.figures import phase_stretches
 from tams_app.report.plots import THEME, to_svg
-from tams_app.report.session_page import session_page, stills_of
+from tams_app.report.session_page import stills_of, write_page
 from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
@@ -126,7 +126,8 @@ def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_h
         Episode(second(1), 1, second(0.5), second(1), False),
         Episode(second(2), 2, second(1.5), second(2), True, True),
     ]
-    told = session_page(log, summarise(log), [], "a session")
+    write_page(log, summarise(log), [], folder / "episodes.html")
+    told = (folder / "episodes.html").read_text(encoding="utf-8")
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
     assert ["1", "0.50", "0.5", "discarded"] in rows
     assert ["2", "1.50", "0.5", "kept", "success"] in [row[:5] for row in rows]

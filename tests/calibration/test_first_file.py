@@ -1,0 +1,198 @@
+"""`init`: the first configuration file, from what is plugged in and what a person answers."""
+
+from __future__ import annotations
+
+import os
+import pty
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+
+from calibration import first_file
+from calibration.first_file import Answers, stable_name, write_first_file
+from hw.arm import FoundArm
+from hw.lite6.kind import Lite6Kind
+from hw.v4l2.devices import CameraInfo, CameraMode
+from tams_app.cli import _main
+from tams_app.config import load_config
+from tams_app.config.marks import TEMPLATE, filled, unset_keys
+from tams_app.console.doctor import Finding
+from tams_app.errors import ConfigError
+from tams_app.runtime.process import PROJECT_DIRECTORY
+from tests.scripted_ui import ScriptedUI
+
+pytestmark = pytest.mark.untimed
+
+MJPEG = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
+RAW = CameraMode("YUYV", False, 640, 480, (Fraction(30),))
+ONE = CameraInfo("Cam", "0123", "/dev/video0", ("/dev/v4l/by-path/a",), (MJPEG,))
+TWIN = CameraInfo("Twin", "7", "/dev/video2", ("/dev/v4l/by-path/b", "/dev/v4l/by-id/b"), (RAW,))
+OTHER = CameraInfo("Twin", "7", "/dev/video4", ("/dev/v4l/by-path/c",), (MJPEG,))
+BARE = CameraInfo("Bare", "", "/dev/video6", (), ())
+ALL = Answers(
+    host="10.0.0.9", hand="keyboard", cameras=("eih=0123", "gt=/dev/v4l/by-path/b", "gs=none")
+)
+
+
+def cameras() -> list[CameraInfo]:
+    return [ONE, TWIN, OTHER]
+
+
+@pytest.fixture
+def devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An arm at one address, and a keyboard alone."""
+
+    def find(_kind: Lite6Kind, config: object) -> FoundArm:
+        there = getattr(config, "host", "") == "10.0.0.9"
+        return FoundArm("" if there else "no answer", "a Lite 6")
+
+    def look(config: object) -> list[Finding]:
+        return [Finding("Controller", False, "", "plug it in")]
+
+    monkeypatch.setattr(Lite6Kind, "find", find)
+    monkeypatch.setattr(first_file, "controller", look)
+
+
+@pytest.mark.usefixtures("devices")
+def test_each_thing_is_asked_for_with_what_was_found(tmp_path: Path) -> None:
+    path = tmp_path / "ours.yaml"
+    ui = ScriptedUI(["10.0.0.8", "n", "10.0.0.9", "openvr", "left", "2", "1", "none"])
+    write_first_file(ui, path, Answers(), cameras)
+    made = load_config(path)
+    assert (made.arm.host, made.controller.device, made.controller.hand) == (
+        "10.0.0.9",
+        "openvr",
+        "left",
+    )
+    assert (made.cameras["eih"].path, made.cameras["eih"].serial) == ("/dev/v4l/by-path/b", "")
+    assert made.cameras["eih"].pixel_format == "raw"
+    assert (made.cameras["gt"].serial, made.cameras["gt"].pixel_format) == ("0123", "mjpeg")
+    told = "\n".join(ui.said)
+    for words in ("no answer", "a Lite 6", "openvr: plug it in", "  1: 'Cam', serial 0123"):
+        assert words in told
+    assert "cameras.gs.serial" in told
+    assert told.endswith(f"Next: run_tams.py doctor --config {path}")
+
+
+def test_nobody_is_asked_for_what_the_command_line_says(tmp_path: Path) -> None:
+    path, ui = tmp_path / "ours.yaml", ScriptedUI()
+    write_first_file(ui, path, ALL, cameras)
+    assert not ui.console.asked
+    made, ours = load_config(path), load_config(TEMPLATE)
+    assert made.cameras["gt"].path == "/dev/v4l/by-path/b"
+    assert made.cameras["gs"] == ours.cameras["gs"]
+    assert made.limits == ours.limits
+
+
+def test_a_set_key_loses_its_mark_and_every_other_comment_stays(tmp_path: Path) -> None:
+    path = tmp_path / "ours.yaml"
+    write_first_file(ScriptedUI(), path, ALL, cameras)
+    left = set(unset_keys(path))
+    assert set(unset_keys(TEMPLATE)) - left == {
+        "arm.host",
+        "cameras.eih.serial",
+        "cameras.gt.serial",
+    }
+    text, ours = path.read_text(), TEMPLATE.read_text()
+    assert "# the control box, on a wire of its own" in text
+    assert "# in quotes: YAML takes 0123 for a number" in text
+    assert text.count("#") == ours.count("#") - 1  # behind gt's serial there was the mark alone
+
+
+def test_a_file_that_is_there_is_never_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "ours.yaml"
+    path.write_text("mine")
+    assert _main(["init", str(path)]) == 2
+    assert "is there already" in capsys.readouterr().err
+    assert path.read_text() == "mine"
+
+
+def test_without_a_terminal_each_option_that_is_needed_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "ours.yaml"
+    given = Answers(host="10.0.0.9", cameras=("gt=0123",))
+    with pytest.raises(
+        ConfigError, match=r"give --hand DEVICE .*--camera eih=…, --camera gs=…"
+    ) as it:
+        write_first_file(ScriptedUI(), path, given, cameras)
+    assert "'Cam', serial 0123 at /dev/video0" in str(it.value)
+    assert "--host" not in str(it.value)
+    assert not path.exists()
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"hand": "broom"}, "controller.device: 'broom' is none of"),
+        ({"side": "both"}, "controller.hand"),
+        ({"model": "lite7"}, "'lite7' is none of lite6"),
+        ({"cameras": ("eih",)}, "'eih' is not VIEW=SERIAL_OR_PATH"),
+        ({"cameras": ("top=1",)}, "with one of eih, gt, gs"),
+    ],
+)
+def test_an_answer_that_cannot_be_is_refused_and_nothing_is_written(
+    tmp_path: Path, changed: dict[str, object], sentence: str
+) -> None:
+    path = tmp_path / "ours.yaml"
+    fields = {name: getattr(ALL, name) for name in ("model", "host", "hand", "side", "cameras")}
+    given = Answers(**(fields | changed))  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match=sentence):
+        write_first_file(ScriptedUI(), path, given, cameras)
+    assert not path.exists()
+
+
+def test_a_camera_is_named_by_what_stays_the_same() -> None:
+    found = [*cameras(), BARE]
+    assert [stable_name(info, found) for info in found] == [
+        "0123",
+        "/dev/v4l/by-path/b",
+        "/dev/v4l/by-path/c",
+        "/dev/video6",
+    ]
+
+
+def test_a_key_that_was_set_is_not_named_though_its_mark_stayed(tmp_path: Path) -> None:
+    path = tmp_path / "ours.yaml"
+    path.write_text(TEMPLATE.read_text().replace("192.168.1.150 ", "192.168.1.151 "))
+    assert "arm.host" not in unset_keys(path)
+    path.write_text(TEMPLATE.read_text().replace("# SET: the lowest", "# the lowest"))
+    assert "limits.floor_mm" in unset_keys(TEMPLATE)
+    assert "limits.floor_mm" not in unset_keys(path)
+
+
+def test_the_lines_are_those_of_the_keys() -> None:
+    lines = TEMPLATE.read_text().splitlines()
+    for key, line in unset_keys(TEMPLATE).items():
+        assert lines[line - 1].strip().startswith(f"{key.rsplit('.', 1)[1]}:")
+
+
+def test_values_of_several_keys_are_filled_in_at_their_places() -> None:
+    text = "a:\n  b: 1  # SET\n  c: [1, 2]  # SET: two\nd: x\n"
+    assert filled(text, {"a.b": ("e", "22"), "a.c": ("c", "[]")}) == (
+        "a:\n  e: 22\n  c: []  # two\nd: x\n"
+    )
+
+
+def test_at_a_terminal_the_command_asks(tmp_path: Path) -> None:
+    """The real command on a real terminal, with all but the cameras given."""
+    ours, theirs = pty.openpty()
+    command = ["run_tams.py", "init", str(tmp_path / "a.yaml"), "--hand", "keyboard"]
+    process = subprocess.Popen(
+        [sys.executable, *command],
+        cwd=PROJECT_DIRECTORY,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+    )
+    os.close(theirs)
+    shown = b""
+    while b"address of its control box" not in shown:
+        shown += os.read(ours, 1024)
+    os.write(ours, b"\x04")  # the end of the input
+    assert process.wait(timeout=60) == 2
+    os.close(ours)
+    assert not (tmp_path / "a.yaml").exists()
