@@ -54,7 +54,8 @@ class WizardUI:
 
     def say(self, text: str) -> None:
         """Print one or more sentences."""
-        self.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        # as Text nothing in it is markup
+        self.console.print(Text(text), soft_wrap=True)
 
     def yes(self, question: str) -> bool:
         """Ask until the answer is yes or no."""

@@ -61,6 +61,8 @@ class Console(RichConsole):
         super().print(*objects, soft_wrap=soft_wrap, **how)
 
     def _between_words(self, one: Any) -> Any:
+        if isinstance(one, Text) and not one.spans:
+            return Text(self._between_words(one.plain), one.style)
         if not isinstance(one, str):
             return one
         lines = plain(one).split("\n")

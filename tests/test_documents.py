@@ -130,3 +130,25 @@ def test_the_citation_names_the_version_and_the_paper():
     readme = " ".join(text("README.md").replace(">", " ").split())
     assert paper["title"] in readme
     assert all(f"{one['given-names']} {one['family-names']}" in readme for one in paper["authors"])
+
+
+def test_the_container_is_made_of_files_and_targets_that_exist():
+    lines = re.sub(r"\\\n", " ", text("Dockerfile")).splitlines()
+    copied = [name for line in lines if line.startswith("COPY ") for name in line.split()[1:-1]]
+    assert {"setup.sh", "apt-packages.txt", "."} <= set(copied)
+    for name in copied:
+        assert (ROOT / name).exists(), name
+    makefile = text("Makefile")
+    targets = [
+        *re.findall(r"^RUN make (\w+)$", "\n".join(lines), re.MULTILINE),
+        *re.findall(
+            r'^CMD \["make", "(\w+)", "ARGS=--headless"\]$', "\n".join(lines), re.MULTILINE
+        ),
+    ]
+    assert targets == ["setup", "run"]
+    for target in targets:
+        assert re.search(rf"^{target}:", makefile, re.MULTILINE), target
+    # set-up is not repeated at the start: what it is made from is copied before it
+    ready = re.search(r"^\$\(READY\): (.+)$", makefile, re.MULTILINE)
+    assert ready
+    assert set(ready.group(1).split()) <= set(copied)

@@ -107,7 +107,7 @@ def run_speed(
             }
         )
         rate = "no rate of the ladder" if held is None else f"{held.fps:g} frames a second"
-        console.print(f"{title}: this machine holds {views} views × {rate}.", highlight=False)
+        console.print(f"{title}: this machine holds {views} views at {rate}.", highlight=False)
     console.print(
         _advice(config_path, held, asked_fps), highlight=False, soft_wrap=True, no_wrap=True
     )

@@ -40,15 +40,14 @@ def choose_operator(
     machine = this_machine()
     cost_s = GLANCE_S / machine.speed
     rate_hz = eyes_share(machine.cores) / cost_s
-    time = f"a glance takes {1e3 * cost_s:.0f} ms, for which {machine.cores:g} cores have time"
+    time = f"this machine evaluates an image in {1e3 * cost_s:.0f} ms, and may do so"
     if rate_hz >= LEAST_GLANCES_HZ:
         return OperatorChoice(
             "seeing", f"{_SEEING}: {time} {min(rate_hz, MOST_GLANCES_HZ):.0f} times a second"
         )
     return OperatorChoice(
         "scripted",
-        f"{_SCRIPTED}: {time} {rate_hz:.1f} times a second, and {LEAST_GLANCES_HZ:.0f} are "
-        "needed to see",
+        f"{_SCRIPTED}: {time} {rate_hz:.1f} times a second, and {LEAST_GLANCES_HZ:.0f} are needed",
     )
 
 
@@ -58,4 +57,4 @@ def eyes_share(cores: float) -> float:
 
 
 _SEEING = "the seeing operator works, from the images on the screen alone"
-_SCRIPTED = "the scripted operator works, who is told where things are"
+_SCRIPTED = "the scripted operator works, who gets positions from the simulator"

@@ -19,6 +19,7 @@ from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.config.marks import TEMPLATE, filled, unset_keys
+from tams_app.console.checks import configuration, marked_keys
 from tams_app.console.doctor import Finding
 from tams_app.errors import ConfigError
 from tams_app.runtime.process import PROJECT_DIRECTORY
@@ -85,6 +86,20 @@ def test_nobody_is_asked_for_what_the_command_line_says(tmp_path: Path) -> None:
     assert made.cameras["gt"].path == "/dev/v4l/by-path/b"
     assert made.cameras["gs"] == ours.cameras["gs"]
     assert made.limits == ours.limits
+
+
+def test_the_doctor_finds_the_file_in_order_but_for_what_is_left_to_set(tmp_path: Path) -> None:
+    path = tmp_path / "ours.yaml"
+    write_first_file(ScriptedUI(), path, ALL, cameras)
+    made = load_config(path)
+    assert all(one.ok for one in configuration(made))
+    (left,) = marked_keys(path)(made)
+    assert (left.ok, left.essential) == (False, False)
+    assert f"in {path} these are still as in our lite6.yaml" in left.fix
+    assert "limits.floor_mm (line " in left.fix
+    path.write_text(path.read_text().replace("# SET", "# set"))
+    assert all(one.ok for one in marked_keys(path)(made))
+    assert not list(marked_keys(path)(load_config()))  # of the rig nothing is to be set
 
 
 def test_a_set_key_loses_its_mark_and_every_other_comment_stays(tmp_path: Path) -> None:

@@ -98,7 +98,7 @@ def test_what_the_machine_holds_is_told_without_and_with_windows(
     code, text, asked = told(monkeypatch, lambda _fps: True, display=True)
     assert (code, asked) == (0, [(True, 30), (False, 30)])
     for title in ("Without windows", "With windows"):
-        assert f"{title}: this machine holds 3 views × 30 frames a second." in text
+        assert f"{title}: this machine holds 3 views at 30 frames a second." in text
     assert text.splitlines()[-1] == "Use: run_tams.py run"
 
 
@@ -111,7 +111,7 @@ def test_the_ladder_is_walked_down_to_a_rate_that_is_held(monkeypatch: pytest.Mo
 def test_the_ladder_is_walked_up_from_a_rate_that_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
     code, text, asked = told(monkeypatch, lambda fps: fps <= 15, start_fps=10.0)
     assert (code, [fps for _, fps in asked]) == (0, [10, 15, 20])
-    assert "holds 3 views × 15 frames a second" in text
+    assert "holds 3 views at 15 frames a second" in text
 
 
 def test_a_machine_that_holds_nothing_is_a_failure_with_what_to_do(
@@ -119,7 +119,7 @@ def test_a_machine_that_holds_nothing_is_a_failure_with_what_to_do(
 ) -> None:
     code, text, asked = told(monkeypatch, lambda _fps: False)
     assert (code, [fps for _, fps in asked]) == (1, [30, 20, 15, 10, 7, 5])
-    assert "3 views × no rate of the ladder" in text
+    assert "3 views at no rate of the ladder" in text
     assert text.splitlines()[-1].startswith("Close other programs")
 
 

@@ -49,6 +49,6 @@ def test_the_sentence_says_who_works_and_what_was_measured():
     assert fast.startswith("the seeing operator works, from the images on the screen alone: ")
     assert "16 ms" in fast
     slow = choose_operator("auto", lambda: MachineSpeed(2, GLANCE_S / 0.050)).sentence
-    assert slow.startswith("the scripted operator works, who is told where things are: ")
+    assert slow.startswith("the scripted operator works, who gets positions from the simulator: ")
     assert "50 ms" in slow
     assert "4.0 times a second, and 6 are needed" in slow
