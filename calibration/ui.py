@@ -74,9 +74,13 @@ class WizardUI:
 
     def text(self, question: str) -> str:
         """Ask until there is an answer."""
-        while not (answer := self._ask(_Line, question)):
+        while not (answer := self.line(question)):
             self.say("Please say something: it is kept with the data.")
         return answer
+
+    def line(self, question: str) -> str:
+        """Ask for one line; it may be empty."""
+        return self._ask(_Line, question)
 
     def show(self, live: RenderableType) -> None:
         """Display the current measurement in place of what was shown before."""

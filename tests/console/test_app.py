@@ -237,7 +237,9 @@ class NotedSession:
         self.confirmed, self.notes = 0, []
         self.ended = threading.Event()
         self.failure = ""
-        self.signals = SimpleNamespace(confirm=self._confirm, estop=lambda: None)
+        self.signals = SimpleNamespace(
+            confirm=self._confirm, estop=lambda: None, episode=lambda _request: None
+        )
 
     def _confirm(self, asked_ns):
         self.confirmed += 1
