@@ -18,9 +18,9 @@ COMMANDS = {
     "Escape": Command.EMERGENCY_STOP,
     "q": Command.QUIT,
     "e": Command.EPISODE,
-    "Next": Command.EPISODE,  # Page Down, which pedals and presenters send
+    "Page_Down": Command.EPISODE,  # which pedals and presenters send
     "z": Command.DISCARD,
-    "Prior": Command.DISCARD,  # Page Up
+    "Page_Up": Command.DISCARD,
     "u": Command.REDO,
     "y": Command.SUCCESS,
     "n": Command.FAILURE,

@@ -98,6 +98,7 @@ def test_space_escape_and_the_button_stop_and_q_ends(window: ShownWindow) -> Non
 
 
 def test_keys_and_pedals_ask_about_episodes_once_for_each_press(window: ShownWindow) -> None:
+    time.sleep(1.0)  # after the focus
     window.events.clear()
     window.screen.xdotool("keydown", "e")
     time.sleep(1.5)  # the server repeats it after 0.66 s
