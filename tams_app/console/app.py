@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 from tams_app.config import Config
+from tams_app.console.end_screen import ask_at_end
 from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, actions_of, carry_out
 from tams_app.faces.display import has_display
-from tams_app.faces.registry import FACES, WITHOUT_DISPLAY, Shown, check_faces
+from tams_app.faces.registry import FACES, WITHOUT_DISPLAY, Shown, ShowsEnd, check_faces
 from tams_app.faces.session_face import (
     FacedSession,
     ShownReplay,
@@ -33,6 +34,7 @@ from tams_app.session.viewing import check_viewers
 from tams_app.teleop.hands import hand_of, words_of_hand
 
 POLL_S = 0.05
+Conclude: TypeAlias = Callable[[Sequence[Shown]], None]
 
 
 class ShownSession(FacedSession, Protocol):
@@ -81,36 +83,52 @@ def check_session(config: Config, dry_run: bool) -> None:
     check_views(config, dry_run)
 
 
-def run_and_report(
-    config: Config,
-    make: Callable[[Path], RecordedSession],
-    report: Callable[[Path, Console], object] = report_session,
-) -> int:
-    """Run the session that `make` makes of its folder, then `report` on it; the exit code."""
+def run_and_report(config: Config, make: Callable[[Path], RecordedSession]) -> int:
+    """Run the session that `make` makes of its folder, and report on it; the exit code.
+
+    On the simulated rig the operator may start it anew from the window, as often as they like.
+    """
     check_viewers(config)
     console = Console()
+    while _run_once(config, make, console):
+        console.print("starting again …", highlight=False)
+    return 0
+
+
+def _run_once(config: Config, make: Callable[[Path], RecordedSession], console: Console) -> bool:
+    """One session and its report; whether the operator asks for another one."""
     folder = create_session_folder(config)
     session: RecordedSession | None = None
     signals: list[str] = []
+    closed = again = False
+
+    def conclude(faces: Sequence[Shown]) -> None:
+        nonlocal closed, again
+        closed = True
+        summary: Mapping[str, Any] | None = None
+        assert session is not None, "there is one that has ended"
+        try:
+            summary = report_session(folder, console)
+        except TamsError:
+            if not session.failure:  # else that is what matters, and the reason for this
+                raise
+        if not signals and config.seconds is None:
+            again = ask_at_end(faces, console, session, summary, folder, signals)
+
     try:
         session = make(folder)
-        show_session(session, console, interrupted=signals.append)
+        show_session(session, console, interrupted=signals.append, conclude=conclude)
     except TamsError as error:
         if session is None or not session.started:
             remove_session_folder(folder, str(error))
-        if signals:  # it was ended before it had started
+        if signals and not closed:  # it was ended before it had started
             raise SignalledError(str(error)) from error
         raise
-    try:
-        report(folder, console)
-    except TamsError:
-        if not session.failure:  # else that is what matters, and the reason for this
-            raise
     if session.failure:
         raise TamsError(f"{session.failure} (the log is in {folder})")
     if signals:
         raise SignalledError(f"{signals[0]}; all that was recorded is in {folder}")
-    return 0
+    return again
 
 
 def show_session(
@@ -121,26 +139,36 @@ def show_session(
     limit_s: float | None = None,
     trial: ShownTrial | None = None,
     replay: ShownReplay | None = None,
+    conclude: Conclude | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
     `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
     it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing else
-    may be told of its session. `replay`: the session, where it is one.
+    may be told of its session. `replay`: the session, where it is one. `conclude`: called once it
+    is closed, with the faces, of which those that show an end are still there.
     """
+    over = threading.Event()
 
     def end(reason: str) -> None:
         interrupted(reason)
         session.request_end(reason)
 
-    with handled_signals(end, session.signals.estop), ExitStack() as stack:
+    def stop_arm() -> None:
+        if not over.is_set():
+            session.signals.estop()
+
+    with handled_signals(end, stop_arm), ExitStack() as stack:
         faces = _launch_faces(session, stack, trial, replay)
         session.start()
         try:
-            _watch(session, console, words_of, limit_s, faces, trial)
+            _watch(session, console, words_of, limit_s, faces, trial, conclude is not None)
             console.print("ending …", highlight=False)
         finally:
             session.close()
+            over.set()
+        if conclude is not None:
+            conclude(faces)
 
 
 def _watch(
@@ -150,13 +178,17 @@ def _watch(
     limit_s: float | None = None,
     faces: Sequence[Shown] = (),
     trial: ShownTrial | None = None,
+    shows_end: bool = False,
 ) -> None:
-    """Show the session until it ends; from the main thread."""
+    """Show the session until it ends; from the main thread.
+
+    `shows_end`: of the faces those that can stay, and show that it is over.
+    """
     end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
         has_keys = _read_keys(session, stack, trial)
         for face in faces:  # to be closed before the keys: what it shows at the end gets old
-            stack.callback(face.close)
+            stack.callback(face.end if shows_end and isinstance(face, ShowsEnd) else face.close)
             face.open()
         if not session.config.operator_is_simulated:
             _tell_how_to_begin(session, has_keys, session.displays.heard_ns() is not None)

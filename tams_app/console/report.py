@@ -8,13 +8,16 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from tams_app.console.summary_tables import link_table, summary_tables
+from tams_app.console.summary_tables import link_table, seen_tables, summary_tables
 from tams_app.errors import UnreadableLogError
 from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.summary.joined import (
+    OPERATOR_FACT,
+    ROBOT_FOLDER_FACT,
+    SESSION_FACT,
     clock_offsets,
     in_order,
     joined,
@@ -41,8 +44,8 @@ def report_session(
     console = console or Console()
     folder = _session_folder(folder)
     with waiting(_WRITING, progress or console):
-        summary = write_summary(folder)
-    _show(summary, folder, console)
+        log, summary = _summarised(folder)
+    _show(summary, folder, console, join_command(log, folder))
     return summary
 
 
@@ -74,27 +77,49 @@ def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
     return summary, of_robot
 
 
-def _show(summary: Mapping[str, Any], folder: Path, console: Console) -> None:
-    console.print(summary_tables(summary))
+def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str = "") -> None:
+    console.print(seen_tables(summary) if "seen" in summary else summary_tables(summary))
     if "link" in summary:  # of two sides
         console.print(link_table(summary["link"]))
     if not summary["complete"]:
         missing = [(gap["start_s"], gap["end_s"]) for gap in summary["missing"]]
         damage = damage_sentence(missing) or "The operator's log is damaged or ends early."
         console.print(damage, style="bold", highlight=False, soft_wrap=True)
-    for line in (
+    lines = [
         f"report: {folder / PAGE_NAME}",
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
-    ):
+    ]
+    if join:
+        lines.append(f"seen by the operator: needs both logs: {join}")
+    for line in lines:
         console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)
+
+
+def join_command(log: SessionLog, folder: Path) -> str:
+    """How to join a log with that of the other side, of which the operator's knows the folder.
+
+    "" for the log of a session on one computer.
+    """
+    facts = log.facts
+    if SESSION_FACT not in facts:
+        return ""
+    robot, operator = str(folder), "FOLDER_OF_OPERATE"
+    if OPERATOR_FACT in facts:
+        name = Path(facts.get(ROBOT_FOLDER_FACT, "")).name or "FOLDER_OF_ROBOT"
+        robot, operator = str(folder.parent / name), str(folder)
+    return shlex.join(["tams", "report", robot, operator])
 
 
 def write_summary(folder: Path) -> dict[str, Any]:
     """Compute summary.json, bitrates.png and report.html from the log in `folder`, show nothing."""
+    return _summarised(folder)[1]
+
+
+def _summarised(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
     log = read_log(folder / LOG_NAME)
     summary = save_summary(log, folder)
     _draw(log, summary, read_pictures(folder / LOG_NAME), folder)
-    return summary
+    return log, summary
 
 
 def _draw(

@@ -21,6 +21,33 @@ def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
     return Group(_headline(summary), _session_table(summary), _view_table(summary["views"]))
 
 
+def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
+    """What the operator's log alone tells (`seen` of its summary.json), below the headline."""
+    seen, system = summary["seen"], summary["system"]
+    trips = seen["round_trip_ms"]
+    shown = ", ".join(
+        f"{view.upper()} {one['frames']} ({one['per_s']:.1f} a second)"
+        for view, one in seen["shown"].items()
+    )
+    rows = {
+        "Link": f"round trip p50 {known(trips['p50'], '{:.0f} ms')}, "
+        f"p99 {known(trips['p99'], '{:.0f} ms')}; {seen['messages']} messages of the robot's side, "
+        f"longest gap {known(seen['longest_gap_ms'], '{:.0f} ms')}",
+        "Frames shown": shown,
+        "Load": f"application {known(system['cpu_percent']['app'], '{:.0f} %')}, "
+        f"helpers {known(system['cpu_percent']['helpers'], '{:.0f} %')} of a core",
+        "Needs both logs": "stops, latency, freezes, quality and what the uplink carried",
+    }
+    return Group(_headline(summary), _named_rows(rows))
+
+
+def _named_rows(rows: Mapping[str, str]) -> Table:
+    table = Table.grid(padding=(0, 2))
+    for name, value in rows.items():
+        table.add_row(Text(name, style="dim"), Text(value))
+    return table
+
+
 def link_table(link: Mapping[str, Any]) -> Table:
     """The figures of the link between two computers."""
     ages, commands, trips = link["sample_age_ms"], link["command_latency_ms"], link["round_trip_ms"]
@@ -37,27 +64,31 @@ def link_table(link: Mapping[str, Any]) -> Table:
         f"{link['samples']['counted']} of {link['samples']['heard']} counted"
         + (f" ({refused})" if refused else ""),
     }
-    table = Table.grid(padding=(0, 2))
-    for name, value in rows.items():
-        table.add_row(Text(name, style="dim"), Text(value))
-    return table
+    return _named_rows(rows)
+
+
+def task_verdict(summary: Mapping[str, Any]) -> str:
+    """What came of the task."""
+    outcome = summary["outcome"]
+    if outcome["completed"] is None:
+        return "no verdict on the task"
+    if not outcome["completed"]:
+        drops = outcome["drops"]
+        return "not completed" + ("" if drops is None else f", drops: {drops}")
+    if outcome["success"] is None:  # as the operator's side alone knows it
+        return "the block is placed"
+    time_s = known(outcome["completion_time_s"], "{:.1f} s")
+    success = "success" if outcome["success"] else "no success"
+    return f"completed in {time_s}, drops: {outcome['drops']}, {success}"
 
 
 def _headline(summary: Mapping[str, Any]) -> Text:
     outcome = summary["outcome"]
-    if outcome["completed"] is None:
-        verdict = "no verdict on the task"
-    elif outcome["completed"]:
-        time_s = known(outcome["completion_time_s"], "{:.1f} s")
-        verdict = f"completed in {time_s}, drops: {outcome['drops']}"
-        verdict += ", success" if outcome["success"] else ", no success"
-    else:
-        verdict = f"not completed, drops: {outcome['drops']}"
     reason = f" ({outcome['reason']})" if outcome["reason"] else ""
     shortfall = summary["rates"]["shortfall"]
     return Text(
         f"{summary['strategy']} on {summary['network']}, {summary['duration_s']:.1f} s: "
-        f"{verdict}{reason}" + (f"\n{shortfall}" if shortfall else ""),
+        f"{task_verdict(summary)}{reason}" + (f"\n{shortfall}" if shortfall else ""),
         style="bold",
     )
 
@@ -106,16 +137,23 @@ def _episodes(episodes: Sequence[Mapping[str, Any]]) -> str | Table:
     return table
 
 
-def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
+def stop_texts(stops: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     """The first stops: when each was, why, and how long the arm took to rest."""
-    table = Table.grid(padding=(0, 1))
-    table.add_column(justify="right")
+    texts = []
     for stop in stops[:_STOPS_NAMED]:
         rest_ms = stop["stop_time_ms"]
         rest = "not at rest at the end" if rest_ms is None else f"at rest after {rest_ms:.0f} ms"
-        table.add_row(f"{stop['t_s']:.1f} s", Text(f"{stop['reason']}, {rest}"))
+        texts.append((f"{stop['t_s']:.1f} s", f"{stop['reason']}, {rest}"))
     if (more := len(stops) - _STOPS_NAMED) > 0:
-        table.add_row("…", f"and {more} more")
+        texts.append(("…", f"and {more} more"))
+    return texts
+
+
+def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table.grid(padding=(0, 1))
+    table.add_column(justify="right")
+    for when, why in stop_texts(stops):
+        table.add_row(when, Text(why))
     return table
 
 

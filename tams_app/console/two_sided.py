@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ipaddress
-import shlex
 import socket
 from pathlib import Path
 
@@ -47,7 +46,7 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     def make(folder: Path) -> Session:
         return operate(config, MonotonicClock(), folder, endpoint, say)
 
-    return run_and_report(config, make, _tell_where)
+    return run_and_report(config, make)
 
 
 def endpoint_of(
@@ -79,12 +78,3 @@ def endpoint_of(
     else:
         read_key(key)
     return Endpoint(host, int(port), key)
-
-
-def _tell_where(folder: Path, console: Console) -> None:
-    for line in (
-        f"log: {folder}",
-        "joined with the log of the robot's side: "
-        f"run_tams.py report ROBOT_LOG {shlex.quote(str(folder))}",
-    ):
-        console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)

@@ -47,6 +47,8 @@ LOOKS = {
 }
 _OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 
+_ENDED = replace(_OTHER, word="ENDED", sign="■")
+
 _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.told` takes them
     "disarmed": ("The arm does not move.", "{release}, then press Enter to arm it"),
     "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
@@ -87,9 +89,13 @@ _SIMULATED = {  # who watches can do that much
 def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -> Banner:
     """The state, why the arm does not move, and the key that helps; of a replay that it is one.
 
+    Of a session that is over, what came of it.
+
     hand: what drives the arm, of `HANDS`. shift_is_dead: `Keyboard.shift_is_dead`.
     """
     words, state = words_of_hand(hand), facts.state
+    if facts.end is not None:
+        return Banner(_ENDED, facts.end.headline, facts.end.key, "CLOSE")
     if state.arming == NOT_LIVE and facts.silent_s is not None:
         key = f"{STILL_STOPS} still stops it"
         return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)

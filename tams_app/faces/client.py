@@ -165,4 +165,6 @@ def _opening(config: Config, blind: bool, replay: Outline | None) -> Opening:
         old_ms=config.freshness.video_slow_ms,
         replay=replay,
         has_episodes=config.recording.episodes,
+        strategy="" if blind else config.strategy,
+        network="" if blind else str(config.network),
     )

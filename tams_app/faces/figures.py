@@ -3,11 +3,37 @@
 from __future__ import annotations
 
 from tams_app.faces.commands import PHASE_KEYS
-from tams_app.faces.messages import Opening, ReplayFacts, TrialFacts
+from tams_app.faces.messages import Facts, Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
 
+MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
+
+
+def status_text(facts: Facts, opening: Opening) -> str:
+    """Time, strategy, network and recording; of a replay, whose bar has its time, without both."""
+    parts = []
+    if opening.strategy:
+        parts.append(f"strategy {opening.strategy}, network {opening.network.rpartition('/')[2]}")
+    if opening.replay is None and facts.end is None:
+        parts.insert(0, f"{minutes(facts.state.t_s)} elapsed")
+        parts.append(f"recording{_size(facts)}")
+    return " · ".join(parts)
+
+
+def _size(facts: Facts) -> str:
+    if facts.recorded_mb is None:
+        return ""
+    a_minute = facts.recorded_mb * 60 / max(facts.state.t_s, 1.0)
+    return f": {facts.recorded_mb:.0f} MB, {a_minute:.0f} MB a minute"
+
+
+def placed_text(opening: Opening) -> str:
+    """The notice over the primary view once the block is placed."""
+    if opening.replay is not None or opening.blind:
+        return "✔ The block is placed"
+    return "✔ The block is placed · Q ends the session, or go on"
 
 
 def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, ...]:
@@ -22,18 +48,21 @@ def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, 
 
 
 def uplink_texts(state: SessionState) -> tuple[str, str]:
-    """The uplink's load and condition."""
+    """The uplink's load and condition: views alone share the budget, and vary within a second."""
     loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
+    sent = [view.sent_kbps for view in state.views.values() if view.sent_kbps is not None]
     return (
-        f"uplink {known(state.link_kbps)} kbit/s of budget {known(state.budget_kbps)}, "
-        f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}",
+        f"views {known(sum(sent) if sent else None)} of budget {known(state.budget_kbps)} kbit/s; "
+        f"with padding, RTCP {known(state.link_kbps)}",
+        f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}; "
         f"queue {known(state.queue_ms)} ms, loss {loss} %",
     )
 
 
 def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
     """The state of the operator's hand: name and word."""
-    gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
+    unused = "not known" if state.tcp_mm is None else "not used yet"
+    gripper = {None: unused, True: "closed", False: "open"}[state.gripper_closed]
     return (
         ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
         ("mode", "orientation" if state.orientation_mode else "translation"),
@@ -86,15 +115,27 @@ def is_old(view: ViewState | None, old_ms: float) -> bool:
     return view is not None and view.age_ms is not None and view.age_ms >= old_ms
 
 
-def view_title(name: str, view: ViewState | None, is_primary: bool, opening: Opening) -> str:
-    """The text in a view's picture: its name, and if its frame is old, that."""
+def view_title(
+    name: str,
+    view: ViewState | None,
+    is_primary: bool,
+    opening: Opening,
+    pinned: bool | None = None,
+) -> str:
+    """The text in a view's picture: its name, and if its frame is old, that.
+
+    pinned: whether it is, in a window, which has room for what the name means; else None.
+    """
     title = f"{name.upper()} · primary" if is_primary else name.upper()
+    title += " · pinned" if pinned else ""
     age_ms = None if view is None else view.age_ms
     if view is None or (age_ms is None and not opening.blind):
         return f"{title} · no frame yet"
     if age_ms is not None and is_old(view, opening.old_ms):
         return f"{title} · OLD: {age_ms / 1000:.1f} s"
-    return title
+    if pinned is None or name not in MEANINGS:
+        return title
+    return title.replace(name.upper(), f"{name.upper()}, {MEANINGS[name]}", 1)
 
 
 def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:

@@ -21,14 +21,17 @@ class History:
     def add(self, facts: Facts) -> None:
         """Take in a newer state; one of the same moment changes nothing.
 
-        Where a replay goes back, what came later is forgotten; where it jumps ahead, all is: of
-        the time between nothing is known.
+        Where a replay goes back, what came later is forgotten; where it jumps, the minute before
+        is what its log has, or, if it does not tell, is forgotten after a jump ahead.
         """
         states, state, jumps = self.states, facts.state, _jumps(facts)
         jumped, self._jumps = jumps != self._jumps, jumps
         if states and state.t_s == states[-1].t_s:
             return
-        if states and state.t_s > states[-1].t_s and jumped:
+        if jumped and facts.replay is not None and facts.replay.past:
+            states.clear()
+            states.extend(facts.replay.past)
+        elif states and state.t_s > states[-1].t_s and jumped:
             states.clear()
         while states and states[-1].t_s >= state.t_s:
             states.pop()

@@ -49,7 +49,8 @@ class Opening(msgspec.Struct, frozen=True):
     may be shown that tells the strategy or the network of a trial, or the phases of one that a
     person marks. hand: of `HANDS`. replay: the
     log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
-    which a frame is called old. has_episodes: there are keys for them.
+    which a frame is called old. has_episodes: there are keys for them. strategy, network: "" where
+    they may not be known.
     """
 
     views: tuple[str, ...]
@@ -61,6 +62,8 @@ class Opening(msgspec.Struct, frozen=True):
     old_ms: float
     replay: Outline | None = None
     has_episodes: bool = False
+    strategy: str = ""
+    network: str = ""
 
 
 class TrialFacts(msgspec.Struct, frozen=True):
@@ -77,13 +80,26 @@ class ReplayFacts(msgspec.Struct, frozen=True):
     """The state of a replay; its position is the time of its facts.
 
     marks: the phases that a person marks in it, in place of those of its log; None where they mark
-    none.
+    none. past: the minute before its last jump, with rates alone.
     """
 
     speed: float  # times the real one
     paused: bool  # or at the end
     jumps: int = 0  # how often it went elsewhere than on
     marks: tuple[Stretch, ...] | None = None
+    past: tuple[SessionState, ...] = ()
+
+
+class Ended(msgspec.Struct, frozen=True):
+    """What came of a session that is over.
+
+    headline: the verdict, or what is being done. lines: what else there is to know. key: what the
+    keys do now.
+    """
+
+    headline: str
+    lines: tuple[str, ...] = ()
+    key: str = ""
 
 
 class Said(msgspec.Struct, frozen=True):
@@ -98,7 +114,8 @@ class Facts(msgspec.Struct, frozen=True):
 
     advice: what to do about `state.reason` now. told_ns: when they were put (`FaceClient`).
     silent_s: for how long nothing has been received, None while that is short; only a face knows it
-    (`faces.silence`).
+    (`faces.silence`). recorded_mb: size of the log so far, None where it is not told. end: of a
+    session that is over.
     """
 
     state: SessionState
@@ -108,6 +125,8 @@ class Facts(msgspec.Struct, frozen=True):
     said: tuple[Said, ...] = ()
     told_ns: int = 0
     silent_s: float | None = None
+    recorded_mb: float | None = None
+    end: Ended | None = None
 
 
 class Asked(msgspec.Struct, frozen=True, tag="asked"):

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError
+from tams_app.faces.commands import Command
+from tams_app.faces.messages import Ended
 from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
 from tams_app.registry import Registry
 
@@ -39,6 +41,28 @@ class Shown(Protocol):
 
     def close(self) -> None:
         """Show nothing more; may be called twice."""
+
+
+@runtime_checkable
+class ShowsEnd(Protocol):
+    """A face that also shows what came of a session, and takes an answer; no face has to."""
+
+    answer: Command | None
+    """The operator's answer to what was shown last; None: none yet."""
+
+    def end(self) -> None:
+        """Show that the session is over; in place of `Shown.close`, which comes later."""
+
+    def show_end(self, end: Ended) -> None:
+        """Show what came of it.
+
+        Args:
+            end: all that is to be shown.
+        """
+
+    @property
+    def is_there(self) -> bool:
+        """Whether it can show anything still."""
 
 
 MakeFace: TypeAlias = Callable[[FacedSession, ShownTrial | None, ShownReplay | None], Shown | None]

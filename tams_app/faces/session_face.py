@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Protocol
+
+from msgspec.structs import replace
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
@@ -22,6 +24,7 @@ from tams_app.faces.messages import (
     Said,
     TrialFacts,
 )
+from tams_app.recording import LOG_NAME
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -151,6 +154,7 @@ class SessionFace:
         self._opened_ns = 0
         self._silent = False
         self._gone = False
+        self._worker: Worker | None = None
 
     def launch(self) -> None:
         """Start its process, before the session has the processor.
@@ -173,9 +177,7 @@ class SessionFace:
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
             session.displays.add(lambda: self._client.heard_ns or self._opened_ns)
-        worker = Worker(self._name, self._client.body(self._on_event), self._on_failure)
-        self._stack.callback(worker.stop)
-        worker.start()
+        self._listen(self._on_event)
 
     @property
     def pid(self) -> int | None:
@@ -203,6 +205,22 @@ class SessionFace:
         """Close it; may be called twice."""
         self._stack.close()
 
+    def _listen(self, on_event: Callable[[Event], None]) -> None:
+        """Hand what the face tells to `on_event` from now on, in a thread of its own."""
+        if self._worker is not None:
+            self._worker.stop()
+        self._worker = worker = Worker(self._name, self._client.body(on_event), self._on_failure)
+        self._stack.callback(worker.stop)
+        worker.start()
+
+    def _recorded_mb(self) -> float | None:
+        """Size of the session's log; None where there is none, or its size tells too much."""
+        if self._trial is not None or self._replay is not None:
+            return None
+        with suppress(OSError):
+            return (self._session.folder / LOG_NAME).stat().st_size / 1e6
+        return None
+
     def _specification(self) -> dict[str, Any]:
         """The arguments that its process is started with, besides its socket."""
         return {}
@@ -226,7 +244,8 @@ class SessionFace:
     def _facts(self, state: SessionState) -> Facts:
         trial = None if self._trial is None else self._trial.facts_of(state)
         replay = None if self._replay is None else self._replay.facts()
-        return facts_of(state, tuple(self._said), trial, replay)
+        facts = facts_of(state, tuple(self._said), trial, replay)
+        return replace(facts, recorded_mb=self._recorded_mb())
 
     def _on_event(self, event: Event) -> None:
         """In a thread of the face's own."""

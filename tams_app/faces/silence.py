@@ -36,7 +36,7 @@ def as_known(facts: Facts, now_ns: int) -> Facts:
     tell that it is lost.
     """
     state = facts.state
-    if facts.replay is not None:
+    if facts.replay is not None or facts.end is not None:
         return facts
     silence_s = silent_s(min(facts.told_ns, state.heard_ns or facts.told_ns), now_ns)
     if silence_s is None:

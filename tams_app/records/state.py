@@ -75,7 +75,8 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     budget believes. asked_fps: of each camera. live_ssim: of the primary view, over its last scored
     frames. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
     of the arm was true: of the control loop's last tick, or when the robot's side's last message
-    came; None: not live. episodes: None: the session has none.
+    came; None: not live. episodes: None: the session has none. placed: the block was placed, as the
+    rig's judge saw it.
     """
 
     t_s: float
@@ -103,6 +104,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     now_ns: Whole = 0
     heard_ns: Whole | None = None
     episodes: EpisodesState | None = None
+    placed: bool = False
 
 
 def without_figures(state: SessionState) -> SessionState:

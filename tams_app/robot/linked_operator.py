@@ -45,13 +45,15 @@ class LinkedOperator(StreamedOperator):
         log: Journal,
         make_gateway: Callable[[bytes], Gateway],
         state_at: Callable[[int], SessionState],
+        name: str,
     ) -> None:
         """`make_gateway`: of what an operator is told when they connect.
 
-        `state_at`: of this side at a time, asked for in the control thread.
+        `state_at`: of this side at a time, asked for in the control thread. `name`: of the
+        session's folder.
         """
         self._config, self._clock, self._log = config, clock, log
-        self._make_gateway = make_gateway
+        self._make_gateway, self._name = make_gateway, name
         self._gateway: Gateway | None = None
         self._state = LinkedState(clock, state_at)
         self._hand = LinkedHand(config, signals, log, self._receive, self._state.pulse)
@@ -72,7 +74,7 @@ class LinkedOperator(StreamedOperator):
             protocol=PROTOCOL,
             version=__version__,
             session=secrets.token_hex(8),
-            name=config.name,
+            name=self._name,
             strategy=config.strategy,
             network=config.network,
             seed=config.seed,

@@ -132,7 +132,7 @@ class TrialObserver(Listener):
         placed: Callable[[], None] = lambda: None,
     ) -> None:
         """`limited`: whether it ends when the block is placed or its time is over. A person takes
-        their time and goes on for as long as they like; `placed` is told once, that they may end.
+        their time and goes on for as long as they like. `placed` is called once, when it is.
         """
         self._limited = limited
         self._placed = placed
@@ -170,12 +170,12 @@ class TrialObserver(Listener):
         closed = state.gripper_closed if state is not None else None
         if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
             return False
+        if self._judge.placed and not self._told_placed:
+            self._told_placed = True
+            self._placed()
         if self._limited():
             self._ended()
             return True
-        if not self._told_placed:
-            self._told_placed = True
-            self._placed()
         return False
 
     def outcome(self, reason: str) -> Outcome:

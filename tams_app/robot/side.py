@@ -28,6 +28,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
+from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
 from tams_app.video.live.networks import resolve_network
@@ -146,7 +147,7 @@ class RobotSide:
             lambda: self._ending.end("the trial is over"),
             (self._board, self._rates, *filter(None, (self._episodes,))),
             self._arm_at_once,
-            lambda: log.note("info", "the block is placed: go on, or press q to end the session"),
+            self._on_placed,
         )
         self._parts.stack.callback(self._engine.stops.finish)
         self._start_workers(devices)
@@ -259,6 +260,11 @@ class RobotSide:
             if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
+
+    def _on_placed(self) -> None:
+        self._board.placed = True
+        then = "" if self._operator.is_simulated else ": go on, or press q to end the session"
+        self._log.note("info", PLACED + then)
 
     def _on_packets(self, packets: list[PacketRecord]) -> None:
         self._board.packets(packets)

@@ -42,6 +42,7 @@ class StatusBoard(Listener):
         self._sample: ControllerSample | None = None
         self._heard_ns: int | None = None
         self._last_stop = ""
+        self.placed = False  # the block, as the judge saw it
         self._uplink = UplinkMeter(views)
         self._figures = uplink_figures((), views, WINDOW_NS)
 
@@ -116,6 +117,7 @@ class StatusBoard(Listener):
             now_ns=now_ns,
             heard_ns=self._heard_ns,
             episodes=episodes,
+            placed=self.placed,
         )
 
 

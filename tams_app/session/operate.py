@@ -108,4 +108,5 @@ class OperatorSide:
             clock.sleep_until_ns(clock.now_ns() + _STOP_TOLD_NS)
 
     def finish(self, reason: str, failed: bool) -> None:
-        """The robot's side hears of our end from the gateway."""
+        """Record what is known here of the task; the gateway notifies the robot's side."""
+        self.session.log.record(self.watch.outcome(reason))

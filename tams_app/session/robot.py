@@ -42,7 +42,7 @@ def robot(
             parts.watch("link", made.process)
             return made
 
-        operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at)
+        operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at, folder.name)
         session.forward_notes(operator.note)
         side.stream(operator, build.codecs(config, log.note), link=config.link)
         session.go_on()

@@ -15,7 +15,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
 from tams_app.station.welcome import follow, repair_of, welcome_of
-from tams_app.summary.joined import OPERATOR_FACT, SESSION_FACT
+from tams_app.summary.joined import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule
@@ -51,6 +51,7 @@ class RobotCall:
     def record(self, log: Journal) -> None:
         """Record the facts by which a reader joins this log with that of the robot's side."""
         log.fact(SESSION_FACT, self.welcome.session)
+        log.fact(ROBOT_FOLDER_FACT, self.welcome.name)
         log.fact(OPERATOR_FACT, str(self.identity))
         log.fact(HAND_FACT, self.hand)
 

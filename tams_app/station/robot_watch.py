@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from hw.make_controller import Note
 from tams_app.config import Config
 from tams_app.link.messages import Welcome
-from tams_app.records import LINK_LOST, SessionState
+from tams_app.records import LINK_LOST, Outcome, SessionState
 from tams_app.runtime.clock import Clock
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.robot_call import BUSY
@@ -65,6 +65,12 @@ class RobotWatch:
             return True
         silent_ms = (self._clock.now_ns() - self._link.state_heard_ns) / NS_PER_MS
         return silent_ms > self._welcome.stopped_after_ms
+
+    def outcome(self, reason: str) -> Outcome:
+        """The task as far as it is known here: of a rig, whether the block was placed."""
+        message = self._link.state
+        placed = message is not None and message.state.placed
+        return Outcome(placed if self._welcome.simulated else None, None, None, None, reason)
 
     def state(self, elapsed_s: float) -> SessionState:
         """The robot's, as it was told last, and what is known here alone; views as told."""

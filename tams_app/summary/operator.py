@@ -10,7 +10,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase
 from tams_app.summary.tables import percentiles, phase_at, ratio
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
@@ -28,6 +28,26 @@ def operator(log: SessionLog) -> dict[str, Any]:
         "glances_per_s": _glances_per_s(log.glances),
         "relied_on": _relied_on(log) if looked else None,
         "uncertainty_mm": _uncertainty_mm(log.glances) if looked else None,
+    }
+
+
+def seen(log: SessionLog) -> dict[str, Any] | None:
+    """What the operator's log alone tells of link and frames shown; None of any other log."""
+    if not log.states_heard or log.ticks:
+        return None
+    seconds = max(log.ended_ns - log.header.started_ns, 1) / NS_PER_S
+    frames = {view: sum(one.view == view for one in log.shown) for view in log.header.views}
+    heard_ns = np.array([one.t_ns for one in log.states_heard])
+    trips_ns = [one.t_ns - one.echo_ns for one in log.states_heard if one.echo_ns > 0]
+    gaps_ms = np.diff(heard_ns) / NS_PER_MS
+    return {
+        "round_trip_ms": percentiles(np.array(trips_ns) / NS_PER_MS, ("p50", "p95", "p99", "max")),
+        "messages": len(heard_ns),
+        "longest_gap_ms": percentiles(gaps_ms, ("max",))["max"],
+        "shown": {
+            view: {"frames": number, "per_s": round(number / seconds, 2)}
+            for view, number in frames.items()
+        },
     }
 
 

@@ -13,7 +13,7 @@ from tams_app.outputs import write_file
 from tams_app.recording import SessionLog
 from tams_app.records import LATE_NS, Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
-from tams_app.summary.operator import operator
+from tams_app.summary.operator import operator, seen
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
 from tams_app.summary.tables import (
     Flags,
@@ -43,12 +43,14 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     """The content of summary.json; keys are fixed, what was not measured is null.
 
     Definitions: docs/GLOSSARY.md, Measures. Means of rates are over the time in which
-    targets were given and frames captured; `t_s` counts from the start of the session.
+    targets were given and frames captured; `t_s` counts from the start of the session. Of the
+    operator's side of two, `seen` has what its log tells alone.
     """
     header = log.header
     packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
     quality = QualityTable.of(log)
     views = {view: _view(log, view, packets, targets, quality, span) for view in header.views}
+    seen_here = seen(log)
     return {
         "schema": SCHEMA,
         "version": header.version,
@@ -71,6 +73,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "primary_view": primary_quality(log, quality),
         "operator": operator(log),
         "system": _system(log),
+        **({} if seen_here is None else {"seen": seen_here}),
     }
 
 

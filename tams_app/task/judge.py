@@ -15,6 +15,8 @@ ON_TABLE_M = 0.003  # above its resting height
 PLACED_SPEED_M_S = 0.010
 PLACED_FOR_S = 0.5
 
+PLACED = "the block is placed"  # begins the sentence that says so
+
 
 @dataclass(frozen=True, slots=True)
 class TaskGeometry:
@@ -53,6 +55,11 @@ class TrialJudge:
     @property
     def started(self) -> bool:
         return self._started_ns is not None
+
+    @property
+    def placed(self) -> bool:
+        """True once the block is placed."""
+        return self._placed
 
     def step(
         self, now_ns: int, truth: SceneTruth, closed: bool | None, limited: bool = True

@@ -78,7 +78,9 @@ HANDS = {
         controls=(
             ("Shift", _ONLY_HELD),
             ("W / S, A / D, R / F", "forward / back, left / right, up / down"),
-            ("M", f"{_MODE}: the same keys tilt and turn"),
+            ("M", _MODE),
+            ("in orientation mode", "W / S, A / D tilt forward / back, left / right"),
+            ("", "R / F turn left / right: seen from above, R anticlockwise, F clockwise"),
             ("C / O", _GRIPPER.format("Shift")),
         ),
     ),

@@ -115,3 +115,10 @@ def test_the_last_stop_is_the_recorded_one_and_what_is_in_the_way_is_none():
     board.on_output(2 * 10**8, output(ArmingState.READY), None)
     shown = state(board)
     assert (shown.reason, shown.last_stop) == ("", "stale video")
+
+
+def test_the_block_is_placed_once_the_judge_has_seen_it():
+    board = board_of(("eih",))
+    assert not state(board).placed
+    board.placed = True
+    assert state(board).placed

@@ -119,6 +119,7 @@ class Sides:
             lambda now_ns: self.board.state(
                 now_ns, 1.0, SteadyVideo(), UnlimitedCapacity(), {}, hand_of(config)
             ),
+            "20260101-120000-robot",
         )
         self.sent = {view: SentFrames() for view in VIEWS}
         self.robot.open(RepairRule(True, 60, 300.0), True, self.sent)

@@ -8,12 +8,14 @@ from typing import TypeVar
 import numpy as np
 
 from tams_app.capacity import finite
+from tams_app.faces.history import SPAN_S
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import EpisodesState, Note, SessionState, ViewState
 from tams_app.robot.uplink_meter import WINDOW_NS
 from tams_app.summary.tables import FrameTable, Integers, known_packets
 from tams_app.task.episodes import SHOWN, shown_episode
+from tams_app.task.judge import PLACED
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
@@ -31,6 +33,7 @@ class Moments:
         self._allocation_ns = _times([one.t_ns for one in log.allocations])
         self._phase_ns = _times([change.t_ns for change in log.phases])
         self._capacity_ns = _times([one.t_ns for one in log.capacities])
+        self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
         self._rates_ns = _times([one.t_ns for one in log.rates])
         self._frames = {view: FrameTable.of(log, view) for view in self._views}
         self._packets = sorted(known_packets(log), key=lambda one: one.entered_ns)
@@ -79,7 +82,27 @@ class Moments:
             estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
             loss=figures.loss,
             episodes=self._episodes(t_ns) if self._log.episodes else None,
+            placed=any(one.text.startswith(PLACED) and one.t_ns <= t_ns for one in log.notes),
         )
+
+    def rates_before(self, t_ns: int) -> tuple[SessionState, ...]:
+        """The last minute before `t_ns`, a state at each whole second with the rates alone."""
+        start_ns = self._log.header.started_ns
+        last_s = (t_ns - start_ns) // NS_PER_S
+        first_s = max(last_s - round(SPAN_S), 0)
+        return tuple(self._rates_at(start_ns + s * NS_PER_S) for s in range(first_s, last_s + 1))
+
+    def _rates_at(self, t_ns: int) -> SessionState:
+        if t_ns not in self._rates:
+            state = self.at(t_ns)
+            views = {
+                name: ViewState(target_kbps=view.target_kbps, sent_kbps=view.sent_kbps)
+                for name, view in state.views.items()
+            }
+            self._rates[t_ns] = SessionState(
+                t_s=state.t_s, arming=state.arming, views=views, estimate_kbps=state.estimate_kbps
+            )
+        return self._rates[t_ns]
 
     def notes_between(self, after_ns: int, until_ns: int) -> list[Note]:
         """The sentences later than `after_ns` and not after `until_ns`."""

@@ -100,6 +100,7 @@ class ReplaySession:
                 self._go_to(marking.marks[-1].t_s)
         self._noted_ns = log.header.started_ns - NS_PER_S
         self._note: Note | None = None
+        self._past: tuple[SessionState, ...] = ()  # before the last jump
         self._presses: Mapping[str, int] = {}
         self._told = ""
         self._shown: dict[str, int] = {}
@@ -116,6 +117,8 @@ class ReplaySession:
         self.signals.carry_out()
         position_ns = self.playback.step(self._now_ns())
         jumped = self.playback.jumps != jumps
+        if jumped and not self.blind:
+            self._past = self._moments.rates_before(position_ns)
         self._say_notes(position_ns, jumped)
         self._tell()
         self._put_pictures(position_ns, jumped)
@@ -143,7 +146,7 @@ class ReplaySession:
             changes = ((round(mark.t_s * NS_PER_S), mark.name) for mark in self._marking.marks)
             marks = phases_row(self._log, changes)
         paused = playback.paused or playback.at_end
-        return ReplayFacts(playback.speed, paused, playback.jumps, marks)
+        return ReplayFacts(playback.speed, paused, playback.jumps, marks, self._past)
 
     def on_keys(self, keys: Keys) -> None:
         """Do what each new press asks for; others change nothing. From one thread."""

@@ -35,12 +35,16 @@ _WINDOW_HELP = (
     ("F1", "show or hide this list"),
     ("F11", "whole screen, or a window again"),
 )
+_VIEWS_HELP = (
+    ("1, 2, 3 …", "keep this view large, whatever is primary; again: the primary one is large"),
+    ("Tab", "exchange the large view with the first small one, and keep it large"),
+)
 _TRIAL_HELP = (
     ("P", "the block is placed: end the trial"),
     ("X / Backspace", "count a drop / one drop less"),
 )
 _REPLAY_HELP = (
-    ("Enter, Space", "pause, or go on; also the red button"),
+    ("Enter, Space", "pause, or go on; also the button"),
     ("Left, Right", "5 s back, 5 s forward"),
     ("Down, Up", "slower, faster"),
     ("Page Up, Page Down", "pause, 0.1 s back, 0.1 s forward"),
@@ -64,8 +68,8 @@ def key_help(
     `blind`, `has_episodes`: of `Opening`.
     """
     if replay:
-        return (*(_MARKING_HELP if blind else ()), *_REPLAY_HELP)
-    of_trial = _TRIAL_HELP if blind else ()
+        return (*(_MARKING_HELP if blind else _VIEWS_HELP), *_REPLAY_HELP)
+    of_trial = _TRIAL_HELP if blind else _VIEWS_HELP
     words = words_of_hand(hand)
     of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if has_episodes else ()
     if has_episodes and hand in _WITH_BUTTONS:

@@ -11,7 +11,7 @@ from tams_app.faces import canvas
 from tams_app.faces.banner import Banner
 from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
 from tams_app.faces.history import History
-from tams_app.faces.messages import Facts, Outline, Workspace
+from tams_app.faces.messages import Ended, Facts, Outline, Workspace
 from tams_app.faces.window import strips
 from tams_app.faces.window.toolkit import load
 from tams_app.records import SessionState
@@ -32,7 +32,7 @@ class BannerPanel:
         told.append(self._key)
         # never the focus: Space and Enter mean what they mean wherever one clicked before
         self._button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
-        self._button.add_css_class("stop")
+        self._button.add_css_class("act")
         self._button.connect("clicked", lambda _button: click())
         for part in (self._sign, self._word, told, self._button):
             self.widget.append(part)
@@ -44,6 +44,10 @@ class BannerPanel:
         self._sentence.set_text(banner.sentence)
         self._key.set_text(banner.key)
         self._button.set_label(banner.button)
+        if banner.button == "STOP":
+            self._button.add_css_class("stop")
+        else:  # nothing that stops an arm
+            self._button.remove_css_class("stop")
 
 
 class NumbersPanel:
@@ -194,6 +198,38 @@ class LogBar:
     def _at(self, x: float) -> float:
         """The moment [s] at a place in the bar."""
         return self._outline.end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
+
+
+class EndPanel:
+    """What came of the session, over everything else; hidden until it is over."""
+
+    def __init__(self) -> None:
+        Gtk = load().Gtk
+        self.widget = Gtk.Box(
+            orientation=Gtk.Orientation.VERTICAL,
+            spacing=4,
+            halign=Gtk.Align.CENTER,
+            valign=Gtk.Align.CENTER,
+            visible=False,
+        )
+        self.widget.add_css_class("end")
+        self._end: Ended | None = None
+
+    def show(self, end: Ended | None) -> None:
+        """This end from now on."""
+        if end is None or end == self._end:
+            return
+        self._end = end
+        while (child := self.widget.get_first_child()) is not None:
+            self.widget.remove(child)
+        self.widget.append(_label("who", text=end.headline, wrap=True, lines=2))
+        for line in end.lines:
+            label = _label("", text=line, wrap=True, lines=3)
+            label.set_selectable(True)  # a path or a command can be copied
+            label.set_focusable(False)
+            self.widget.append(label)
+        self.widget.append(_label("key", text=end.key))
+        self.widget.set_visible(True)
 
 
 def key_list(keys: Sequence[tuple[str, str]]) -> Any:

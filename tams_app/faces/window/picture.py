@@ -18,6 +18,11 @@ class PicturePlace:
         self._label.add_css_class("view-name")
         overlay = Gtk.Overlay(child=self._picture, hexpand=True, vexpand=True)
         overlay.add_overlay(self._label)
+        self._notice = Gtk.Label(
+            halign=Gtk.Align.CENTER, valign=Gtk.Align.START, ellipsize=3, visible=False
+        )
+        self._notice.add_css_class("notice")
+        overlay.add_overlay(self._notice)
         self.widget = Gtk.Box(hexpand=True, vexpand=True)
         self.widget.add_css_class("view")
         self.widget.append(overlay)
@@ -35,6 +40,12 @@ class PicturePlace:
             self.widget.remove_css_class(self._class or "none")
             self.widget.add_css_class(colour_class)
             self._class = colour_class
+
+    def notice(self, text: str) -> None:
+        """The text over it from now on; "": none."""
+        if text != self._notice.get_text():
+            self._notice.set_text(text)
+            self._notice.set_visible(bool(text))
 
 
 def texture_of(image: Image) -> Any:

@@ -12,8 +12,8 @@ from contextlib import closing
 
 from tams_app.errors import SetupError, TamsError
 from tams_app.faces.application import Application, Opened
-from tams_app.faces.window.size_memory import keep_size, read_size, size_file
-from tams_app.faces.window.toolkit import load
+from tams_app.faces.window.size_memory import first_size, keep_size, read_size, size_file
+from tams_app.faces.window.toolkit import load, screen_size
 from tams_app.faces.window.window import OperatorWindow
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
@@ -47,7 +47,7 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
         opened.facts,
         application.tell,
         MonotonicClock(),
-        read_size(path),
+        read_size(path, first_size(*screen_size())),
     )
     window.present()
     loop = GLib.MainLoop()

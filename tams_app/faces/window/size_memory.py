@@ -22,20 +22,29 @@ class Size:
     maximised: bool = False
 
 
+USUAL = Size()
+
+
 def size_file(environment: Mapping[str, str] = os.environ) -> Path:
     """The file of the size: a state of the user (XDG base directories)."""
     state = environment.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(state) / "tams" / "window.json"
 
 
-def read_size(path: Path) -> Size:
-    """The size kept there; the usual one if there is nothing of use."""
+def first_size(screen_width: int, screen_height: int) -> Size:
+    """The size before any is kept: maximised where the usual one would fill most of the screen."""
+    fills_most = 2 * USUAL.width * USUAL.height > screen_width * screen_height
+    return Size(maximised=fills_most)
+
+
+def read_size(path: Path, first: Size = USUAL) -> Size:
+    """The size kept there; `first` if there is nothing of use."""
     try:
         size = Size(**json.loads(path.read_text()))
         usable = size.width >= LEAST_WIDTH and size.height >= LEAST_HEIGHT
     except (OSError, ValueError, TypeError):
-        return Size()
-    return size if usable else Size()
+        return first
+    return size if usable else first
 
 
 def keep_size(path: Path, size: Size) -> None:

@@ -53,9 +53,19 @@ def style_sheet(scale: float) -> str:
         f".keys {{ background: {PANEL}; border: 2px solid {INK}; padding: {px(24)}; }}",
         f".keys label {{ font-size: {px(18)}; padding: {px(4)} {px(14)}; }}",
         ".keys .name { font-weight: bold; }",
-        f"button.stop {{ background: #B00020; color: white; border: 3px solid white; "
+        f".said {{ padding: 0 {px(6)}; }}",
+        f".said .status {{ color: {INK}; }}",
+        f".notice {{ background: #1B8A3A; color: white; font-size: {px(19)}; "
+        f"font-weight: bold; padding: {px(5)} {px(16)}; margin-top: {px(36)}; }}",
+        f".end {{ background: {PANEL}; border: 2px solid {INK}; padding: {px(24)}; }}",
+        f".end label {{ font-size: {px(16)}; }}",
+        f".end .who {{ font-size: {px(34)}; font-weight: bold; }}",
+        f".end .key {{ font-size: {px(19)}; font-weight: bold; margin-top: {px(12)}; }}",
+        f"button.act {{ background: #2F3A43; color: white; border: 3px solid white; "
         f"font-size: {px(22)}; font-weight: bold; "
         f"padding: {px(2)} {px(26)}; min-width: {px(64)}; }}",
+        "button.act:active { background: #10161B; }",
+        "button.stop { background: #B00020; }",
         "button.stop:active { background: #600010; }",
         f".{SILENT_CLASS} .{LIVE_CLASS} {{ filter: grayscale(100%); opacity: 0.45; }}",
     ]
@@ -68,5 +78,5 @@ def style_sheet(scale: float) -> str:
         )
         rules.append(f".{name} .banner {{ background: {look.colour}; }}")
         rules.append(f".{name} .banner label {{ color: {look.ink}; }}")
-        rules.append(f".{name} .banner button.stop label {{ color: white; }}")
+        rules.append(f".{name} .banner button.act label {{ color: white; }}")
     return "\n".join(rules)

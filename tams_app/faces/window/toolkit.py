@@ -60,3 +60,10 @@ def load() -> Toolkit:
     if not Gtk.init_check() or Gdk.Display.get_default() is None:
         raise SetupError("the display does not answer")
     return Toolkit(Gtk, Gdk, GLib)
+
+
+def screen_size() -> tuple[int, int]:
+    """Width and height of the first monitor [pixels of the application]."""
+    monitors = load().Gdk.Display.get_default().get_monitors()
+    geometry = monitors.get_item(0).get_geometry()
+    return geometry.width, geometry.height

@@ -9,7 +9,7 @@ from typing import Any
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
-from tams_app.faces.figures import view_title
+from tams_app.faces.figures import placed_text, status_text, view_title
 from tams_app.faces.history import History
 from tams_app.faces.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Sought
 from tams_app.faces.pacing import Pacer
@@ -19,6 +19,7 @@ from tams_app.faces.window.episode_strip import EpisodeStrip
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
     BannerPanel,
+    EndPanel,
     LogBar,
     NumbersPanel,
     Timeline,
@@ -113,8 +114,7 @@ class OperatorWindow:
         Gtk.StyleContext.add_provider_for_display(
             Gdk.Display.get_default(), self._css, Gtk.STYLE_PROVIDER_PRIORITY_APPLICATION
         )
-        click = Command.CONFIRM if self._is_replay else Command.EMERGENCY_STOP
-        self._banner = BannerPanel(lambda: self._ask(click))
+        self._banner = BannerPanel(self._clicked)
         self._pictures = [PicturePlace() for _ in self._opening.views]
         workspace, views = self._opening.workspace, self._opening.views
         self._panel: NumbersPanel | TrialPanel = (
@@ -127,10 +127,13 @@ class OperatorWindow:
             if self._opening.replay is None
             else LogBar(self._opening.replay, self._seek)
         )
-        self._said = Gtk.Label(xalign=0.0, ellipsize=3)
-        said = Gtk.Box()
+        self._said = Gtk.Label(xalign=0.0, ellipsize=3, hexpand=True)
+        self._status = Gtk.Label(xalign=1.0)
+        self._status.add_css_class("status")
+        said = Gtk.Box(spacing=12)
         said.add_css_class("said")
         said.append(self._said)
+        said.append(self._status)
         self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
         self._frame.add_css_class("frame")
         main = self._main_part()
@@ -143,6 +146,8 @@ class OperatorWindow:
         self._keys = key_list(self._key_help)
         overlay = Gtk.Overlay(child=self._frame)
         overlay.add_overlay(self._keys)
+        self._end = EndPanel()
+        overlay.add_overlay(self._end.widget)
         self.window.set_child(overlay)
         self._adapt()
         self._show_places()
@@ -200,11 +205,33 @@ class OperatorWindow:
             self._ask(command)
         if is_new:
             self._beat()
+            self._arrange(name)
             if name == "F1":
                 self._keys.set_visible(not self._keys.get_visible())
             elif name == "F11":
                 self._toggle_fullscreen()
         return True
+
+    def _arrange(self, name: str) -> None:
+        """Pin or exchange views, if that is what the key is for; in no trial, and for no marks."""
+        views = self._opening.views
+        if self._opening.blind:
+            return
+        if name == "Tab":
+            self._places.swap()
+        elif name.isdecimal() and 0 < int(name) <= len(views):
+            self._places.pin(views[int(name) - 1])
+        else:
+            return
+        self._show_textures(self._places.views)
+        self._show_places()
+
+    def _clicked(self) -> None:
+        """The banner's button does what is written on it."""
+        if self._shown is not None and self._shown.end is not None:
+            self._ask(Command.QUIT)
+        else:
+            self._ask(Command.CONFIRM if self._is_replay else Command.EMERGENCY_STOP)
 
     def _released(self, _keys: Any, _value: int, code: int, _modifiers: Any) -> None:
         self._keyboard.release(code)
@@ -309,6 +336,8 @@ class OperatorWindow:
         if self._places.step(facts.state.primary_view, now_ns):
             self._show_textures(self._places.views)
         self._show_places()
+        self._pictures[0].notice(placed_text(self._opening) if facts.state.placed else "")
+        self._end.show(facts.end)
         if now_ns - self._figures_ns >= _FIGURES_NS:
             self._figures_ns = now_ns
             self._adapt()
@@ -316,13 +345,15 @@ class OperatorWindow:
             self._timeline.show(facts)
             self._episodes.show(facts)
             self._said.set_text(facts.said[-1].text if facts.said else "")
+            self._status.set_text(status_text(facts, self._opening))
 
     def _show_places(self) -> None:
         for view, picture in zip(self._places.views, self._pictures, strict=True):
             state = None if self._shown is None else self._shown.state
             view_state = None if state is None else state.views.get(view)
             is_primary = state is not None and view == state.primary_view
-            title = view_title(view, view_state, is_primary, self._opening)
+            pinned = view == self._places.pinned
+            title = view_title(view, view_state, is_primary, self._opening, pinned)
             picture.tell(title, view_class(self._opening.views.index(view)))
 
     def _take_frames(self) -> bool:

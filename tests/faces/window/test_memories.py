@@ -10,7 +10,7 @@ import pytest
 from tams_app.errors import TamsError
 from tams_app.faces.facts_memory import FactsReader, FactsWriter
 from tams_app.faces.messages import Said
-from tams_app.faces.window.size_memory import Size, keep_size, read_size, size_file
+from tams_app.faces.window.size_memory import Size, first_size, keep_size, read_size, size_file
 from tests.faces.window.facts import FACTS, changed
 
 pytestmark = pytest.mark.untimed
@@ -61,3 +61,18 @@ def test_a_size_that_cannot_be_kept_is_told_of(tmp_path: Path) -> None:
     (tmp_path / "tams").write_text("a file, not a folder")
     with pytest.raises(TamsError, match="size cannot be kept"):
         keep_size(tmp_path / "tams" / "window.json", Size())
+
+
+@pytest.mark.parametrize(
+    ("screen", "maximised"),
+    [((1280, 720), True), ((1366, 768), True), ((1600, 900), True), ((1920, 1080), False)],
+)
+def test_the_first_window_is_maximised_where_it_would_fill_most_of_the_screen(
+    tmp_path: Path, screen: tuple[int, int], maximised: bool
+) -> None:
+    first = first_size(*screen)
+    assert first == Size(1280, 720, maximised)
+    path = tmp_path / "window.json"
+    assert read_size(path, first) == first
+    keep_size(path, Size(1000, 600))
+    assert read_size(path, first) == Size(1000, 600)

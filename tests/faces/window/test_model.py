@@ -6,25 +6,31 @@ import dataclasses
 from itertools import pairwise
 
 import msgspec
+import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from hw.desk.keyboard import DEADMAN, deflection_of
+from hw.desk.virtual_hand import VirtualHand
 from hw.make_controller import DEVICES
 from tams_app import palette
+from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.banner import LOOKS, banner_of, look_of
 from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text
 from tams_app.faces.figures import (
     hand_rows,
     marking_texts,
+    placed_text,
     replay_texts,
+    status_text,
     trial_texts,
     uplink_texts,
     view_row,
     view_title,
 )
 from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import Facts, ReplayFacts, Stretch, TrialFacts
+from tams_app.faces.messages import Ended, Facts, Outline, ReplayFacts, Stretch, TrialFacts
 from tams_app.faces.places import STAYS_NS, Places
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
@@ -265,8 +271,79 @@ def test_what_is_not_known_is_a_dash() -> None:
 
 def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
     carried, fares = uplink_texts(FACTS.state)
-    assert carried == "uplink 5210 kbit/s of budget 5520, capacity 6100, estimated 6000"
-    assert fares == "queue 12 ms, loss 0.3 %"
+    assert carried == "views 5300 of budget 5520 kbit/s; with padding, RTCP 5210"
+    assert fares == "capacity 6100, estimated 6000; queue 12 ms, loss 0.3 %"
+
+
+def test_what_shares_the_budget_is_apart_from_what_the_uplink_carries_beside_it() -> None:
+    """Padding fills the uplink up to the budget and beyond: that is not the views' doing."""
+    views = {name: ViewState(sent_kbps=1000.0) for name in ("eih", "gt", "gs")}
+    padded = changed(FACTS, views=views, budget_kbps=3100.0, link_kbps=3300.0).state
+    carried, _ = uplink_texts(padded)
+    assert carried == "views 3000 of budget 3100 kbit/s; with padding, RTCP 3300"
+    nothing = {name: ViewState() for name in views}
+    assert uplink_texts(replace(padded, views=nothing))[0].startswith("views – of")
+
+
+def test_a_gripper_without_a_command_is_not_used_yet_and_without_an_arm_not_known() -> None:
+    unused = changed(FACTS, gripper_closed=None).state
+    assert dict(hand_rows(unused))["gripper"] == "not used yet"
+    assert dict(hand_rows(replace(unused, tcp_mm=None)))["gripper"] == "not known"
+
+
+def test_the_last_line_has_time_strategy_network_and_what_is_recorded() -> None:
+    opening = replace(OPENING, strategy="tams", network="config/traces/outage.csv")
+    facts = changed(FACTS, t_s=90.0, recorded_mb=30.0)
+    assert status_text(facts, opening) == (
+        "1:30 elapsed · strategy tams, network outage.csv · recording: 30 MB, 20 MB a minute"
+    )
+    over = replace(facts, end=Ended("Over"))
+    assert status_text(over, opening) == "strategy tams, network outage.csv"
+    blind = replace(OPENING, blind=True)  # `FaceClient` leaves out what is compared
+    assert status_text(replace(facts, recorded_mb=None), blind) == "1:30 elapsed · recording"
+
+
+def test_a_view_s_title_in_the_window_says_what_its_letters_mean() -> None:
+    view = FACTS.state.views["eih"]
+    assert view_title("eih", view, True, OPENING, False) == "EIH, eye-in-hand · primary"
+    assert view_title("gt", view, False, OPENING, True) == "GT, global top · pinned"
+    assert view_title("gs", view, False, OPENING, False) == "GS, global side"
+    assert view_title("left", view, False, OPENING, False) == "LEFT"
+    assert view_title("eih", view, True, OPENING) == "EIH · primary"  # no room in the headset
+    old = replace(view, age_ms=1234.0)
+    assert view_title("eih", old, False, OPENING, True) == "EIH · pinned · OLD: 1.2 s"
+
+
+def test_the_notice_that_the_block_is_placed_names_the_key_where_it_ends_the_session() -> None:
+    assert "Q ends the session" in placed_text(OPENING)
+    for other in (replace(OPENING, blind=True), replace(OPENING, replay=Outline(9.0, (), ()))):
+        assert placed_text(other) == "✔ The block is placed"
+
+
+def test_of_a_session_that_is_over_the_banner_has_the_result_and_no_stop() -> None:
+    banner = banner_of(changed(FACTS, end=Ended("Completed in 34.5 s", (), "Q: close")))
+    assert (banner.look.word, banner.button) == ("ENDED", "CLOSE")
+    assert (banner.sentence, banner.key) == ("Completed in 34.5 s", "Q: close")
+    assert banner.look.sign not in {look.sign for look in LOOKS.values()}
+
+
+def test_the_key_list_says_which_of_r_and_f_turns_which_way() -> None:
+    helped = " ".join(sum(key_help("keyboard"), ()))
+    assert "seen from above, R anticlockwise, F clockwise" in helped
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+    to_base = np.array(config.hand.rotation)
+
+    def turned(key: str) -> np.ndarray:
+        """Where the arm's x axis points once the hand has been turned by `key`, seen from above."""
+        hand = VirtualHand(config.controller.desk, config.hand.rotation)
+        asked = deflection_of(frozenset({key, DEADMAN}), {})
+        for step in range(20):
+            pose = hand.step(step * 10**7, asked)
+        forward = to_base.T @ np.array([1.0, 0.0, 0.0])
+        return to_base @ np.asarray(pose.rotation.apply(forward))
+
+    assert turned("r")[1] > 0.05  # towards the base's left
+    assert turned("f")[1] < -0.05
 
 
 def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
@@ -337,6 +414,26 @@ def test_views_that_have_just_exchanged_stay_for_a_moment() -> None:
     assert places.views == ("gt", "eih", "gs")
     assert places.step("eih", STAYS_NS)
     assert places.views == ("eih", "gt", "gs")
+
+
+def test_a_pinned_view_stays_large_until_it_is_let_go() -> None:
+    places = Places(("eih", "gt", "gs"))
+    places.pin("gs")
+    assert places.views == ("gs", "gt", "eih")
+    assert not places.step("eih", 10 * STAYS_NS)
+    assert places.views[0] == "gs"
+    places.pin("gs")
+    assert places.pinned == ""
+    assert places.step("eih", 10 * STAYS_NS)
+    assert places.views == ("eih", "gt", "gs")
+
+
+def test_swapping_takes_the_large_view_and_the_one_beside_it_to_and_fro() -> None:
+    places = Places(("eih", "gt", "gs"))
+    places.swap()
+    assert (places.views, places.pinned) == (("gt", "eih", "gs"), "gt")
+    places.swap()
+    assert (places.views, places.pinned) == (("eih", "gt", "gs"), "eih")
 
 
 def test_without_a_known_primary_view_all_stay() -> None:
@@ -570,6 +667,21 @@ def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
     assert go_to(21.0, 1) == [20.0, 21.0]
     assert go_to(20.5, 2) == [20.0, 20.5]
     assert go_to(20.6, 2) == [20.0, 20.5, 20.6]
+
+
+def test_after_a_jump_the_minute_before_is_what_the_log_has() -> None:
+    history = History()
+    history.add(at(1.0))
+    past = tuple(at(float(t_s)).state for t_s in range(20, 31))
+
+    def go_to(t_s: float, jumps: int) -> list[float]:
+        replay = ReplayFacts(1.0, False, jumps, None, past)
+        history.add(msgspec.structs.replace(at(t_s), replay=replay))
+        return [state.t_s for state in history.states]
+
+    assert go_to(30.4, 1) == [*range(20, 31), 30.4]
+    assert go_to(31.0, 1)[-2:] == [30.4, 31.0]
+    assert go_to(24.5, 2) == [*range(20, 25), 24.5]  # a jump back has it, too
 
 
 def test_stretches_leave_no_gap_between_them() -> None:

@@ -314,6 +314,6 @@ def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
     told = {name for name in SessionState.__struct_fields__ if getattr(state, name) is not None}
     arm = {"arming", "reason", "lasting", "last_stop", "orientation_mode", "gripper_closed"}
     hand = {"hand", "pressed", "deadman", "tcp_mm", "phase", "primary_view"}
-    assert told == arm | hand | {"t_s", "now_ns", "views"}
+    assert told == arm | hand | {"t_s", "now_ns", "views", "placed"}
     assert facts.trial is not None
     assert (facts.trial.participant, state.arming) == ("P01", "holding")
