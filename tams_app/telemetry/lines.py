@@ -61,6 +61,8 @@ class LogLines:
 def _sentence(outcome: Outcome) -> str:
     if outcome.completed is None:
         return f"not judged: {outcome.reason}"
+    if outcome.success is None:  # as the operator's side alone knows it
+        return f"{'placed' if outcome.completed else 'not placed'}: {outcome.reason}"
     if not outcome.completed:
         return f"not completed, {outcome.drops} drops: {outcome.reason}"
     verdict = "a success" if outcome.success else "no success"

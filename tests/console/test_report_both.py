@@ -17,17 +17,19 @@ from rich.console import Console
 
 from tams_app.cli import _main
 from tams_app.config import load_config
-from tams_app.console.two_sided import _tell_where
+from tams_app.console.report import report_session
 from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
-from tams_app.records import EncodedFrame, ShownFrame
+from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.session.viewing import viewers_of
+from tams_app.summary.joined import ROBOT_FOLDER_FACT
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS
 from tests.test_summary_joined import HOUR_NS, pair
 
 pytestmark = pytest.mark.untimed
 
+ENDED_THERE = Outcome(True, None, None, None, "the robot's side: the trial is over")
 FIRST_GREY, LATER_GREY = 60, 200  # of what is shown as the phase begins, and after its first second
 
 
@@ -56,6 +58,7 @@ def pictures() -> Iterable[ShownFrame]:
 def sides(tmp_path: Path) -> tuple[Path, Path]:
     """The folders of the robot's side and of the operator's."""
     _, robot, operator = pair()
+    operator.facts[ROBOT_FOLDER_FACT] = "robot"
     frames = [
         EncodedFrame(
             one.view,
@@ -74,7 +77,7 @@ def sides(tmp_path: Path) -> tuple[Path, Path]:
         write(
             tmp_path / "operate",
             operator,
-            [*operator.states_heard, *operator.shown, *pictures()],
+            [*operator.states_heard, *operator.shown, *pictures(), ENDED_THERE],
         ),
     )
 
@@ -108,16 +111,48 @@ def test_the_page_shows_what_was_shown_at_the_operators_side(sides: tuple[Path, 
         assert abs(float(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).mean()) - FIRST_GREY) < 3
 
 
-def test_at_its_end_the_operators_side_says_how_the_two_logs_are_joined(
+def last_line(folder: Path) -> tuple[str, str]:
+    """All that is shown of a side's own log, and the command that its last line has."""
+    output = io.StringIO()
+    report_session(folder, Console(file=output, width=80))
+    shown = output.getvalue()
+    told, _, command = shown.splitlines()[-1].rpartition(": tams ")
+    assert told == "seen by the operator: needs both logs"
+    return shown, command
+
+
+def test_at_its_end_the_operators_side_has_its_table_and_the_command_that_joins_the_two_logs(
     sides: tuple[Path, Path],
 ) -> None:
     robot, operate = sides
-    output = io.StringIO()
-    _tell_where(operate, Console(file=output, width=80))
-    log, joined = output.getvalue().splitlines()
-    assert log == f"log: {operate}"
-    _, _, command = joined.partition(": run_tams.py ")
-    assert _main([str(robot) if one == "ROBOT_LOG" else one for one in command.split()]) == 0
+    shown, command = last_line(operate)
+    assert "messages of the robot's side" in " ".join(shown.split())
+    assert "Frames shown" in shown
+    assert "Control loop" not in shown
+    assert "the block is placed (the robot's side: the trial is over)" in " ".join(shown.split())
+    assert command.split() == ["report", str(robot), str(operate)]
+    assert _main(command.split()) == 0
+
+
+def test_at_its_end_the_robots_side_has_the_command_but_for_the_operators_folder(
+    sides: tuple[Path, Path],
+) -> None:
+    robot, operate = sides
+    _, command = last_line(robot)
+    assert command.split() == ["report", str(robot), "FOLDER_OF_OPERATE"]
+    assert _main(command.replace("FOLDER_OF_OPERATE", str(operate)).split()) == 0
+
+
+def test_the_operators_session_is_listed_with_how_it_ended(
+    sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    _, operate = sides
+    report_session(operate, Console(file=io.StringIO()))
+    assert _main(["log", "list", str(operate.parent), "--json"]) == 0
+    (listed,) = (
+        one for one in json.loads(capsys.readouterr().out) if one["session"] == operate.name
+    )
+    assert listed["outcome"] == "the robot's side: the trial is over"
 
 
 def test_the_page_tells_of_the_link(

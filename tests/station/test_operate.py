@@ -23,7 +23,7 @@ from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
-from tams_app.records import SessionState, ShownFrame, SteeredBy
+from tams_app.records import Outcome, SessionState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.operate import operate
 from tams_app.session.session import Session
@@ -160,6 +160,20 @@ class Watched:
             lambda _level, text: self.told.append(text),
             self.ended.append,
         )
+
+
+@pytest.mark.parametrize(
+    ("simulated_robot", "placed", "completed"),
+    [(True, True, True), (True, False, False), (False, True, None)],
+)
+def test_at_the_end_it_is_known_of_a_rig_whether_the_block_was_placed(
+    simulated_robot: bool, placed: bool, completed: bool | None
+) -> None:
+    state = SimpleNamespace(state=SimpleNamespace(placed=placed))
+    watched = Watched(simulated(), 350.0, state=state)
+    watched.watch._welcome = decode(welcome(simulated=simulated_robot), Welcome)
+    outcome = watched.watch.outcome("over")
+    assert outcome == Outcome(completed, None, None, None, "over")
 
 
 def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm() -> None:

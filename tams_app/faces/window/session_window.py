@@ -17,7 +17,7 @@ from tams_app.faces.session_face import (
 from tams_app.records import SessionState
 from tams_app.units import NS_PER_S
 
-_ENDING = ("The session is over", ("The arm has stopped; what was recorded is being written.",))
+_ENDING = ("The session is over", ("What was recorded is being written …",))
 _NOT_BEFORE_NS = NS_PER_S  # a key that was meant for the session ends nothing
 
 _HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}

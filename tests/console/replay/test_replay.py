@@ -34,6 +34,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.viewing import viewers_of
+from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.golden_logs import golden_log
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
@@ -194,6 +195,32 @@ def test_it_goes_where_the_bar_is_clicked_and_says_what_was_said_last_there(
         assert all(abs(grey - GREYS[int(t_s)]) < 3 for grey in replayed.put.values())
         assert session.sentences.take() == ([] if note is None else [note])
     assert session.facts().jumps == 4
+
+
+def test_after_a_seek_the_rates_of_the_minute_before_are_those_of_the_log(
+    log_path: Path, tmp_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    replayed.passes(0.3)
+    assert replayed.session.facts().past == ()
+    replayed.session.seek(3.6)
+    replayed.passes(0.05)
+    past = replayed.session.facts().past
+    assert [state.t_s for state in past] == [0.0, 1.0, 2.0, 3.0]
+    moments = Moments(read_log(log_path))
+    for state in past:
+        there = moments.at(START_NS + round(state.t_s * NS_PER_S))
+        assert {name: view.sent_kbps for name, view in state.views.items()} == {
+            name: view.sent_kbps for name, view in there.views.items()
+        }
+        assert state.estimate_kbps == there.estimate_kbps
+
+
+def test_the_block_is_placed_from_when_that_was_said(log_path: Path) -> None:
+    log = read_log(log_path)
+    log.notes.append(Note(START_NS + 2 * NS_PER_S, "info", f"{PLACED}: go on"))
+    placed = [Moments(log).at(START_NS + t_s * NS_PER_S).placed for t_s in (1, 2, 3)]
+    assert placed == [False, True, True]
 
 
 def test_no_picture_of_another_moment_stays_where_there_was_none(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,8 @@ from tams_app.config import ClutchConfig
 from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import TrialFacts
+from tams_app.faces.messages import Ended, TrialFacts
+from tams_app.faces.registry import Shown, ShowsEnd
 from tams_app.faces.session_face import SILENT_NS, facts_of
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
@@ -74,6 +75,51 @@ def test_a_confirmation_that_a_session_takes_in_too_late_is_none(
     show(session)
     assert session.reason == "ended by the operator"
     assert session.done == ["estop", "arm stopped, window open"]
+
+
+def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
+    screen: Screen, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: session.end("the trial is over")
+    found = []
+
+    def conclude(faces: Sequence[Shown]) -> None:
+        (face,) = faces
+        assert isinstance(face, ShowsEnd)
+        assert face.is_there
+        face.show_end(Ended("Completed", ("Report: here",), "Q: close"))
+        screen.focus("TAMS")
+        screen.xdotool("key", "space")  # that was meant for the session
+        time.sleep(0.5)
+        found.append(face.answer)
+        time.sleep(1.0)
+        screen.xdotool("key", "Return")
+        assert wait_for(lambda: face.answer is Command.CONFIRM)
+        screen.xdotool("mousemove", "1210", "43", "click", "1")
+        assert wait_for(lambda: face.answer is Command.QUIT)
+
+    app.show_session(session, Console(quiet=True), conclude=conclude)
+    assert found == [None]
+    assert session.done == ["arm stopped, window open"]
+    assert session.failure == ""
+    assert window_processes() == []
+
+
+def test_a_window_that_the_operator_has_closed_shows_no_end(screen: Screen, tmp_path: Path) -> None:
+    session = PlayedSession(tmp_path / "session")
+    session.folder.mkdir()
+    session.do = lambda: screen.ask_to_close("TAMS")
+    found = []
+
+    def conclude(faces: Sequence[Shown]) -> None:
+        (face,) = faces
+        assert isinstance(face, ShowsEnd)
+        found.append((face.is_there, window_processes()))
+
+    app.show_session(session, Console(quiet=True), conclude=conclude)
+    assert found == [(False, [])]
 
 
 class CountedTrial:
@@ -271,8 +317,14 @@ def test_without_a_display_there_is_no_window(
     assert session.reason == "0 windows"
 
 
-def test_the_size_is_remembered(screen: Screen, tmp_path: Path) -> None:
-    sizes = []
+def test_the_size_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with virtual_screen(tmp_path, monkeypatch, 1920, 1080) as screen:
+        assert sizes_of_two_sessions(screen, tmp_path) == [(1000, 600)]
+
+
+def sizes_of_two_sessions(screen: Screen, tmp_path: Path) -> list[tuple[int, int] | None]:
+    """The window's size in the second, after it was resized in the first."""
+    sizes: list[tuple[int, int] | None] = []
 
     def resize() -> None:
         window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
@@ -298,7 +350,7 @@ def test_the_size_is_remembered(screen: Screen, tmp_path: Path) -> None:
         session.folder.mkdir()
         session.do = do
         show(session)
-    assert sizes == [(1000, 600)]
+    return sizes
 
 
 def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:

@@ -15,7 +15,14 @@ from tams_app.faces.messages import Keys
 from tams_app.records import EpisodesState, EpisodeState, Image
 from tests.faces.window.conftest import ShownWindow
 from tests.faces.window.facts import FACTS, changed
-from tests.faces.window.photographs import SAME, banner_is, difference, place_of, width_of
+from tests.faces.window.photographs import (
+    SAME,
+    banner_is,
+    difference,
+    is_colour,
+    place_of,
+    width_of,
+)
 from tests.faces.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
@@ -64,6 +71,42 @@ def test_the_primary_view_gets_the_large_place_with_its_own_picture(
             width_of(photograph, view) < 400 for view in FACTS.state.views if view != primary
         )
         assert wait_for(lambda: all_are_shown(window, pictures))
+
+
+def test_a_pinned_view_is_large_whatever_is_primary_until_its_key_comes_again(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    time.sleep(1.0)  # after the focus
+    window.put(pictures)
+    window.show(changed(FACTS, primary_view="eih", t_s=time.monotonic()))
+    assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
+    window.screen.xdotool("key", "2")
+    assert wait_for(lambda: width_of(window.screen.photograph(), "gt") > 600)
+    assert wait_for(lambda: all_are_shown(window, pictures))
+    time.sleep(1.0)  # by when the primary view would have taken the large place
+    assert width_of(window.screen.photograph(), "gt") > 600
+    window.screen.xdotool("key", "Tab")
+    assert wait_for(lambda: width_of(window.screen.photograph(), "gt") < 400)
+    window.screen.xdotool("key", "Tab")
+    assert wait_for(lambda: width_of(window.screen.photograph(), "gt") > 600)
+    window.screen.xdotool("key", "2")
+    assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
+
+
+def test_that_the_block_is_placed_is_written_over_the_primary_view(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    window.put(pictures)
+
+    def green(placed: bool) -> int:
+        window.show(changed(FACTS, arming="ready", placed=placed, t_s=time.monotonic()))
+        time.sleep(1.0)
+        place = place_of(window.screen.photograph(), "eih")
+        assert place is not None
+        return int(is_colour(window.screen.photograph()[place], "#1B8A3A").sum())
+
+    assert green(placed=False) < 500
+    assert green(placed=True) > 5000
 
 
 def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
