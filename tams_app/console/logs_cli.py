@@ -208,7 +208,7 @@ def _sessions(directory: Path) -> Iterator[dict[str, Any]]:
     for folder in folders:
         summary = _summary(folder)
         arm, outcome = _part(summary, "arm"), _part(summary, "outcome")
-        stops = arm.get("stops")
+        stops = None if "seen" in summary else arm.get("stops")  # the robot's side knows them
         yield {
             "session": folder.name,
             "duration_s": summary.get("duration_s"),

@@ -107,7 +107,7 @@ def join_command(log: SessionLog, folder: Path) -> str:
     if OPERATOR_FACT in facts:
         name = Path(facts.get(ROBOT_FOLDER_FACT, "")).name or "FOLDER_OF_ROBOT"
         robot, operator = str(folder.parent / name), str(folder)
-    return shlex.join(["tams", "report", robot, operator])
+    return shlex.join(["run_tams.py", "report", robot, operator])
 
 
 def write_summary(folder: Path) -> dict[str, Any]:

@@ -69,14 +69,20 @@ class LinkedState:
         return _fitting(self._last)
 
     def farewell(self, reason: str, failed: bool) -> bytes | None:
-        """The last state, with the end of the session and the last sentences; None: none yet."""
+        """The last state, with the end of the session and the last sentences; None: none yet.
+
+        A block that is placed ends a simulated operator's session at once: that is told here.
+        """
         if self._last is None:
             return None
         noted, notes = self._notes
+        now_ns = self._clock.now_ns()
+        placed = self._state_at(now_ns).placed
         return _fitting(
             msgspec.structs.replace(
                 self._last,
-                sent_ns=self._clock.now_ns(),
+                sent_ns=now_ns,
+                state=msgspec.structs.replace(self._last.state, placed=placed),
                 noted=noted,
                 notes=notes,
                 ended=cut(reason or "the session is over"),

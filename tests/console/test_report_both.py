@@ -116,7 +116,7 @@ def last_line(folder: Path) -> tuple[str, str]:
     output = io.StringIO()
     report_session(folder, Console(file=output, width=80))
     shown = output.getvalue()
-    told, _, command = shown.splitlines()[-1].rpartition(": tams ")
+    told, _, command = shown.splitlines()[-1].rpartition(": run_tams.py ")
     assert told == "seen by the operator: needs both logs"
     return shown, command
 
@@ -153,6 +153,7 @@ def test_the_operators_session_is_listed_with_how_it_ended(
         one for one in json.loads(capsys.readouterr().out) if one["session"] == operate.name
     )
     assert listed["outcome"] == "the robot's side: the trial is over"
+    assert listed["stops"] is None
 
 
 def test_the_page_tells_of_the_link(
