@@ -97,9 +97,9 @@ class Application(Listener):
         self.gate = ArmGate(
             self.arm,
             session_boundary(config.arm, config.limits),
-            _say_nothing,
+            _ignore,
         )
-        self.guarding = Guarding(config.arm, config.limits, folder, self.signals, _say_nothing)
+        self.guarding = Guarding(config.arm, config.limits, folder, self.signals, _ignore)
 
     def start(self) -> list[Worker]:
         """Connect and run; the threads, last started first."""
@@ -169,7 +169,7 @@ class Application(Listener):
         self.arming = output.arming
 
 
-def _say_nothing(*_: object) -> None:
+def _ignore(*_: object) -> None:
     """Not listened to."""
 
 

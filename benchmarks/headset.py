@@ -27,7 +27,7 @@ from benchmarks.window import DOCS, SETTLING_S, picture_of, play, processor_s
 from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
 from tams_app.faces.client import FaceClient
 from tams_app.faces.headset.layout import OTHERS_SHARE
-from tams_app.faces.messages import Beat, Event, Said
+from tams_app.faces.messages import Beat, Event, Notice
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.teleop.advice import what_to_do
@@ -111,7 +111,7 @@ def picture(path: Path) -> None:
         arming="holding",
         reason="stale video",
         advice=what_to_do("stale video", "stale video", HANDS["openvr"]),
-        said=(Said(12.4, "stopped: stale video"),),
+        notices=(Notice(12.4, "stopped: stale video"),),
     )
     with (
         pytest.MonkeyPatch.context() as patch,

@@ -70,7 +70,7 @@ def frame(options: FrameOptions) -> int:
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
-    """The thresholds by which Algorithm 1 tells the phases, from trials whose phases are known."""
+    """The thresholds by which Algorithm 1 infers the phases, from trials whose phases are known."""
     from calibration.phases.wizard import PhaseWizard
     from calibration.ui import WizardUI
 

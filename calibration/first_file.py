@@ -77,8 +77,8 @@ def write_first_file(
     arm_kind(model)
     write_file(path, filled(TEMPLATE.read_text(encoding="utf-8"), values))
     left = "; ".join(f"{key} (line {line})" for key, line in unset_keys(path).items())
-    ui.say(f"{path}: written. Still to be set there, each explained beside it: {left}.")
-    ui.say(f"Next: run_tams.py doctor --config {shlex.quote(str(path))}")
+    ui.print(f"{path}: written. Still to be set there, each explained beside it: {left}.")
+    ui.print(f"Next: run_tams.py doctor --config {shlex.quote(str(path))}")
 
 
 def _given_cameras(given: Sequence[str], ours: Config) -> dict[str, str]:
@@ -123,20 +123,20 @@ def _ask_host(ui: WizardUI, ours: Config, model: str) -> str:
         host = ui.line(question) or ours.arm.host
         found = kind.find(ours.arm.model_copy(update={"model": model, "host": host}))
         if not found.problem:
-            ui.say(found.description)
+            ui.print(found.description)
             return host
-        ui.say(found.problem)
+        ui.print(found.problem)
         if ui.yes("Write this address all the same? (y/n)"):
             return host
 
 
 def _ask_hand(ui: WizardUI, ours: Config) -> str:
-    """A device, after telling which of them are here."""
+    """A device, after showing which of them are here."""
     for device in DEVICES:
         settings = ours.controller.model_copy(update={"device": device})
         findings = list(controller(ours.model_copy(update={"controller": settings})))
         missing = [one.fix for one in findings if not one.ok]
-        ui.say(f"  {device}: {missing[0] if missing else 'here'}")
+        ui.print(f"  {device}: {missing[0] if missing else 'here'}")
     return ui.choice("What does the operator hold?", {device: device for device in DEVICES})
 
 
@@ -150,10 +150,10 @@ def _ask_cameras(
     wanted = [view for view in ours.video.views if view not in given]
     found = look() if wanted else []
     if wanted and not found:
-        ui.say("No camera is plugged in: the cameras are left for later.")
+        ui.print("No camera is plugged in: the cameras are left for later.")
         return dict.fromkeys(wanted, LATER)
     for number, info in enumerate(found, start=1):
-        ui.say(f"  {number}: {info}")
+        ui.print(f"  {number}: {info}")
     numbers = {str(number): stable_name(info, found) for number, info in enumerate(found, start=1)}
     options = {**numbers, LATER: "later"}
     chosen = {view: ui.choice(f"Camera of the view {view}?", options) for view in wanted}

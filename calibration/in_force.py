@@ -14,9 +14,9 @@ def show_in_force(config_path: Path | None, ui: WizardUI | None = None) -> None:
     """Print each kind's file with its origin and figures; ConfigError if there is no set."""
     ui, store = ui or WizardUI(), _set_of(config_path)
     in_force = {one.kind: one for one in store.all_in_force()}
-    ui.say(f"In force from {store.folder}:")
+    ui.print(f"In force from {store.folder}:")
     for kind in KEYS_BY_KIND:
-        ui.say(
+        ui.print(
             f"\n{_described(in_force[kind])}" if kind in in_force else f"\n{kind}: not calibrated"
         )
 
@@ -27,7 +27,7 @@ def undo_last(config_path: Path | None, ui: WizardUI | None = None) -> None:
     undone = store.undo()
     now = store.in_force(undone.kind)
     instead = f"{now.name} counts again" if now else f"no {undone.kind} calibration counts any more"
-    ui.say(
+    ui.print(
         f"Taken back: {undone.path.name}, which is kept; {instead}.\n"
         f"To use it after all, write `{undone.kind}: {undone.path.name}` into "
         f"{store.index}."

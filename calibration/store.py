@@ -182,10 +182,14 @@ class CalibrationSet:
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
-        ui.say(f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}")
-        ui.say(f"It would replace {before.name}, which is kept." if before else "It is the first.")
+        ui.print(
+            f"\nThe new {calibration.kind} calibration:\n{_dump(calibration.changes).rstrip()}"
+        )
+        ui.print(
+            f"It would replace {before.name}, which is kept." if before else "It is the first."
+        )
         if not yes and not ui.attended:
-            ui.say("Nothing is written, for there is no terminal to ask at; --yes writes it.")
+            ui.print("Nothing is written, for there is no terminal to ask at; --yes writes it.")
             return None
         unfounded = "" if accept_unfounded else calibration.unfounded
         if yes and unfounded:
@@ -200,10 +204,10 @@ class CalibrationSet:
             self.keep(ui, calibration, draw)
             raise
         if not wanted:
-            ui.say("Nothing is written.")
+            ui.print("Nothing is written.")
             return None
         path = self.write(calibration, draw)
-        ui.say(
+        ui.print(
             f"Written: {path}\nEvery command with --config {self._config_path} uses it now; "
             "`calibrate undo` takes it back."
         )
@@ -212,7 +216,7 @@ class CalibrationSet:
     def keep(self, ui: WizardUI, calibration: Calibration, draw: Draw | None = None) -> None:
         """Write it without letting it count, and say how it can be made to."""
         path = self._new(calibration, draw)
-        ui.say(
+        ui.print(
             f"\nKept, but not in force: {path}\n"
             f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
         )

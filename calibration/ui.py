@@ -52,7 +52,7 @@ class WizardUI:
         # a process may be started without any standard input
         return sys.stdin is not None and sys.stdin.isatty() and self.console.is_terminal
 
-    def say(self, text: str) -> None:
+    def print(self, text: str) -> None:
         """Print one or more sentences."""
         # as Text nothing in it is markup
         self.console.print(Text(text), soft_wrap=True)
@@ -75,7 +75,7 @@ class WizardUI:
     def text(self, question: str) -> str:
         """Ask until there is an answer."""
         while not (answer := self.line(question)):
-            self.say("Please say something: it is kept with the data.")
+            self.print("Please say something: it is kept with the data.")
         return answer
 
     def line(self, question: str) -> str:
@@ -114,7 +114,7 @@ class WizardUI:
         try:
             answer: T = prompt.ask(Text(question), console=self.console, **how)
         except KeyboardInterrupt:
-            # interrupted in the middle of printing, rich would hold back all that is said after it
+            # interrupted in the middle of printing, rich would hold back all later output
             self.console._buffer_index = 0
             raise
         except EOFError as error:

@@ -59,7 +59,7 @@ class Wizard(ABC, Generic[Options]):
             found = self._measured()
             if options.figure is not None:
                 self.draw(options.figure)
-                self.ui.say(f"Drawn: {options.figure}")
+                self.ui.print(f"Drawn: {options.figure}")
             if found is None:
                 return 0
             attended = self.ui.attended
@@ -80,7 +80,7 @@ class Wizard(ABC, Generic[Options]):
         """Draw what was found; TamsError if it cannot be written."""
 
     def prepare(self) -> None:
-        """ConfigError for what does not go with the configuration; nothing was said yet."""
+        """ConfigError for what does not go with the configuration; nothing was printed yet."""
 
     def partial(self) -> Calibration | None:
         """What is worth keeping when `measure` is interrupted."""
@@ -118,7 +118,7 @@ class Wizard(ABC, Generic[Options]):
             return self.measure()
         except (KeyboardInterrupt, TamsError) as error:
             if (self.ui.attended or self.options.yes) and (part := self.partial()) is not None:
-                self.ui.say(f"\nEnded early: {str(error) or 'Ctrl-C'}")
+                self.ui.print(f"\nEnded early: {str(error) or 'Ctrl-C'}")
                 self.store.keep(self.ui, part)
             raise
 

@@ -34,7 +34,7 @@ class Camera(ABC):
             The frame, or None if none came in time. `image` is BGR uint8, shape (height, width,
             3), and belongs to the caller. `capture_ns` is when it was taken (CLOCK_MONOTONIC).
             `index` is its place on the camera's time grid, `fps` places a second from its first
-            frame on, or as many as the camera was told to give since: a frame that the camera
+            frame on, or as many as the camera was commanded to give since: a frame that the camera
             missed leaves a gap, and no index comes twice.
 
         Raises:

@@ -198,7 +198,7 @@ def _library() -> ctypes.CDLL:
 def add_probe(
     pad: Any, kinds: Any, probe: Callable[[Any, Any], Any], fail: Callable[[str], None]
 ) -> None:
-    """Have `probe` see what passes `pad`; `fail` is told of its error, and what it saw passes.
+    """Have `probe` see what passes `pad`; `fail` receives its error, and what it saw passes.
 
     One that raised would be taken to say that everything is dropped.
     """
@@ -206,7 +206,7 @@ def add_probe(
     def guarded(pad: Any, info: Any) -> Any:
         try:
             return probe(pad, info)
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
             fail(repr(error))
             return load().Gst.PadProbeReturn.OK
 

@@ -38,7 +38,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
     """
     _refuse_link(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.new")
-    with _told(path):
+    with _reported(path):
         partial.unlink(missing_ok=True)
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC | os.O_NOFOLLOW
         descriptor = os.open(partial, flags, 0o666)
@@ -56,7 +56,7 @@ def new_file(path: Path) -> Iterator[IO[bytes]]:
 
 def made_folder(folder: Path) -> Path:
     """`folder`, made if need be; LogError if the disk refuses."""
-    with _told(folder):
+    with _reported(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -84,7 +84,7 @@ def inner_folder(folder: Path, *names: str) -> Path:
 def open_lock(path: Path) -> int:
     """The descriptor of a lock file, made if need be; errors as of `new_file`."""
     _refuse_link(path)
-    with _told(path):
+    with _reported(path):
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
 
 
@@ -104,7 +104,7 @@ def _keep_names(folder: Path) -> None:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[Any]:
+def _reported(path: Path) -> Iterator[Any]:
     try:
         yield
     except OSError as error:

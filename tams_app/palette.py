@@ -1,7 +1,8 @@
 """The colours of views and of the uplink: the same on the screen and in every figure.
 
-Okabe and Ito's palette, told apart also with deficient colour vision. Names or markers stand beside
-colours wherever they mean something: colour alone tells nothing.
+Okabe and Ito's palette, distinguished also with deficient colour vision. Names or markers stand
+beside
+colours wherever they mean something: colour alone carries nothing.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ YELLOW = "#F0E442"
 VIEW_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 
 # Of the uplink as a whole: greys, as no view has one, seen on white and on the window's ground.
-# They are close together: strokes tell one curve from another.
+# They are close together: strokes distinguish the curves.
 UPLINK_SENT = "#8C949B"
 UPLINK_BUDGET = "#6A7178"
 CAPACITY_ESTIMATE = "#7B838A"

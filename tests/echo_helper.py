@@ -23,9 +23,9 @@ def main() -> None:
     else:
         side.ready(number=side.specification["number"])
     if behaviour == "listen":
-        while not side.told and not side.stop_requested.wait(0.005):
+        while not side.received and not side.stop_requested.wait(0.005):
             pass
-        side.ready(**side.told)
+        side.ready(**side.received)
     side.stop_requested.wait()
     if behaviour == "stubborn":
         signal.pause()

@@ -140,22 +140,22 @@ class Relay:
         """What the operator's side must call."""
         return int(self._entrance.getsockname()[1])
 
-    def follow(self, told: Mapping[str, Any]) -> None:
+    def follow(self, received: Mapping[str, Any]) -> None:
         """How it is from now on."""
         now_ns = time.monotonic_ns()
         for way, name in zip(self._ways, ("there", "back"), strict=True):
-            way.becomes(Conditions(**told[name]), now_ns)
-        if told["moves"] > self._moves:
-            self._moves = told["moves"]
+            way.becomes(Conditions(**received[name]), now_ns)
+        if received["moves"] > self._moves:
+            self._moves = received["moves"]
             self._selector.unregister(self._exit)
             self._exit.close()
             self._exit = self._new_exit()
-        if told["replays"] > self._replays:
-            self._replays = told["replays"]
+        if received["replays"] > self._replays:
+            self._replays = received["replays"]
             for datagram in self._kept:
                 _send(self._elsewhere, datagram, self._robot)
-        if told["hostile_hz"] != self._hostile_hz:
-            self._hostile_hz = told["hostile_hz"]
+        if received["hostile_hz"] != self._hostile_hz:
+            self._hostile_hz = received["hostile_hz"]
             self._hostile_since_ns, self._hostile_now = now_ns, 0
 
     def step(self) -> None:
@@ -306,11 +306,11 @@ def main() -> None:
     relay = Relay((str(asked["robot"][0]), int(asked["robot"][1])), *ways)
     use_fifo(RELAY_PRIORITY)
     side.ready(port=relay.port)
-    told = side.told
+    received = side.received
     while not side.stop_requested.is_set():
-        if side.told is not told:
-            told = side.told
-            relay.follow(told)
+        if side.received is not received:
+            received = side.received
+            relay.follow(received)
             side.ready(t_ns=time.monotonic_ns(), hostile=relay.hostile)
         relay.step()
     relay.close()

@@ -47,7 +47,7 @@ def pair(
         return int(random.integers(0, jitter_ns + 1))
 
     robot = replace(whole, shown=[], facts={SESSION_FACT: "a"})
-    robot.hands_heard = [
+    robot.hands_received = [
         HandHeard(
             t_ns + UP_NS + late(), there(t_ns), there(t_ns) - NS_PER_MS, t_ns - DOWN_NS, "", 7
         )
@@ -56,7 +56,7 @@ def pair(
     operator = SessionLog(
         header(), there(whole.ended_ns), facts={SESSION_FACT: "a", OPERATOR_FACT: "7"}
     )
-    operator.states_heard = [
+    operator.states_received = [
         StateHeard(there(t_ns + DOWN_NS + late()), t_ns, there(t_ns - UP_NS))
         for t_ns in range(START_NS, whole.ended_ns, NS_PER_S // 60)
     ]
@@ -115,13 +115,13 @@ def test_a_drift_of_a_long_session_is_followed():
 
 def test_what_the_link_did_is_told():
     _, robot, operator = pair()
-    robot.hands_heard[10] = replace(robot.hands_heard[10], refusal="too old")
+    robot.hands_received[10] = replace(robot.hands_received[10], refusal="too old")
     robot.uplink = [
         UplinkSummary(START_NS + NS_PER_S, 9000, 200, 3, 8000, None, None, {}, {}),
     ]
     robot.link_health = [LinkHealth(START_NS, True, 0, 0, 0, {}, {"not authentic": 7})]
     link = summarise_both(robot, operator)["link"]
-    heard = len(robot.hands_heard)
+    heard = len(robot.hands_received)
     assert link["samples"] == {"heard": heard, "counted": heard - 1, "refused": {"too old": 1}}
     assert link["round_trip_ms"]["p50"] == pytest.approx(44.0)
     assert link["sample_age_ms"]["p50"] == pytest.approx(21.0, abs=2.01)
@@ -133,8 +133,8 @@ def test_what_the_link_did_is_told():
 def test_samples_of_a_controller_that_has_told_no_pose_yet_have_no_age():
     _, robot, operator = pair(2.0, -HOUR_NS)
     usual = summarise_both(robot, operator)["link"]
-    before = robot.hands_heard[: len(robot.hands_heard) // 10]
-    robot.hands_heard[: len(before)] = [replace(one, pose_ns=0) for one in before]
+    before = robot.hands_received[: len(robot.hands_received) // 10]
+    robot.hands_received[: len(before)] = [replace(one, pose_ns=0) for one in before]
     link = summarise_both(robot, operator)["link"]
     assert link["samples"] == usual["samples"]
     for figure in ("sample_age_ms", "command_latency_ms"):
@@ -170,7 +170,7 @@ def test_a_session_of_one_computer_is_no_half_of_one():
 def test_sides_that_never_heard_of_each_other_cannot_be_joined():
     _, robot, operator = pair()
     with pytest.raises(LogError, match="nothing to join"):
-        clock_offsets(replace(robot, hands_heard=[]), operator)
+        clock_offsets(replace(robot, hands_received=[]), operator)
 
 
 def test_of_two_operators_in_one_session_each_is_joined_with_their_own_samples():
@@ -178,9 +178,11 @@ def test_of_two_operators_in_one_session_each_is_joined_with_their_own_samples()
     alone = summarise_both(robot, operator)
     another = [
         replace(one, sent_ns=one.sent_ns + HOUR_NS, pose_ns=one.pose_ns + HOUR_NS, operator=8)
-        for one in robot.hands_heard
+        for one in robot.hands_received
     ]
-    both = summarise_both(replace(robot, hands_heard=[*another, *robot.hands_heard]), operator)
+    both = summarise_both(
+        replace(robot, hands_received=[*another, *robot.hands_received]), operator
+    )
     assert both["link"] == alone["link"]
 
 

@@ -28,8 +28,8 @@ from tams_app import gst
 from tams_app.config import Config, Network, load_config
 from tams_app.records import EncodedFrame, Frame, PacketKind, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import media_ssrc
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule, repair_rule
 from tams_app.video.live.networks import network_capacity
 from tams_app.video.live.view_decoder import ViewDecoder
@@ -57,7 +57,7 @@ ROWS = (
     "keyframes_forced",
     "frames_shown",
     "receiver_reports_bytes",
-    "packets_told_of",
+    "packets_reported",
     "told_of_as_lost",
     "told_after_us",  # after sending; the mean of each run
 )
@@ -129,34 +129,34 @@ def run(kind: str, name: str, seed: int, options: argparse.Namespace) -> dict[st
         patience_ms = round(2.4 * network.latency_ms + 2 * network.jitter_ms + 20)
         rule = RepairRule(True, patience_ms, rule.pli_interval_ms)
     runs = {"model": run_model, "rtpsession": run_rtpsession}
-    heard = {}
+    received = {}
     if options.arrivals:
-        heard = {
+        received = {
             view: NotingFeedback(view, media_ssrc(config.video, view))
             for view in config.video.views
         }
-    counts = runs[kind](config, network, rule, seed, options.seconds, heard)
-    for one in heard.values():
+    counts = runs[kind](config, network, rule, seed, options.seconds, received)
+    for one in received.values():
         counts.update(one.counts)
-    if heard:
-        counts["told_after_us"] //= counts["packets_told_of"]
+    if received:
+        counts["told_after_us"] //= counts["packets_reported"]
     return dict(counts)
 
 
-class NotingFeedback(HeardFeedback):
+class NotingFeedback(ReceivedFeedback):
     """Counts what is told at once."""
 
     def __init__(self, view: str, ssrc: int) -> None:
         super().__init__(view, ssrc)
         self.counts: Counter[str] = Counter()
 
-    def told(
+    def report(
         self, now_ns: int, packets: Iterable[tuple[int, int, int]], arrived_ns: Mapping[int, int]
     ) -> None:
-        super().told(now_ns, packets, arrived_ns)
+        super().report(now_ns, packets, arrived_ns)
         for arrival in self.take_arrivals():
             self.counts.update(
-                packets_told_of=1,
+                packets_reported=1,
                 told_of_as_lost=arrival.arrived_ns is None,
                 told_after_us=(now_ns - arrival.sent_ns) // 1000,
             )
@@ -168,7 +168,7 @@ def run_model(
     rule: RepairRule,
     seed: int,
     seconds: int,
-    heard: Mapping[str, NotingFeedback],
+    received: Mapping[str, NotingFeedback],
 ) -> Counter[str]:
     """The feedback model, as a trial in virtual time uses it."""
     counts: Counter[str] = Counter()
@@ -204,8 +204,8 @@ def run_model(
         config.policy.allocation.source_drop_below_kbps,
         VideoRecords(note_encoded, _ignore, note_shown, note, note_feedback),
         ProcessingTimes(0, 0),
-        heard,
-        bool(heard),
+        received,
+        bool(received),
     )
     with closing(video):
         _drive(config, seconds, video.push, video.advance_to)
@@ -221,7 +221,7 @@ def run_rtpsession(
     rule: RepairRule,
     seed: int,
     seconds: int,
-    heard: Mapping[str, NotingFeedback],
+    received: Mapping[str, NotingFeedback],
 ) -> Counter[str]:
     """The real sessions on the same link."""
     gst.load().GLib.random_set_seed(seed)
@@ -234,7 +234,7 @@ def run_rtpsession(
     targets = _targets(config, network)
     views = {
         view: RtpSessionView(
-            view, config.video, rule, targets[view], link, events, clock, heard.get(view)
+            view, config.video, rule, targets[view], link, events, clock, received.get(view)
         )
         for view in config.video.views
     }

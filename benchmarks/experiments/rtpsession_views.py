@@ -23,9 +23,9 @@ from tams_app.records import (
     ShownFrame,
 )
 from tams_app.video.core import pipelines
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.link import Link
 from tams_app.video.core.packets import identify, media_ssrc
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.session_feedback import PacketFeedback
 from tams_app.video.live.view_decoder import ViewDecoder, caps_of_payload_type
@@ -49,7 +49,7 @@ class RtpSessionView:
         link: Link,
         events: EventQueue,
         clock: SteppedClock,
-        heard: HeardFeedback | None = None,
+        heard: ReceivedFeedback | None = None,
     ) -> None:
         """`heard` gets what the receiver tells of each packet; None: it does not."""
         self.view = view

@@ -47,10 +47,12 @@ def ages(folder: Path, seconds: float) -> dict[str, Any]:
     with namespaces(network.rate_kbps) as (here, there):
         robot, operator, summary = _two_sides(folder, here, there, seconds)
     reference, late_of_one = _one_computer(folder, seconds)
-    counted = [one for one in robot.hands_heard if not one.refusal and one.echo_ns]
-    refused = Counter(one.refusal for one in robot.hands_heard if one.refusal)
+    counted = [one for one in robot.hands_received if not one.refusal and one.echo_ns]
+    refused = Counter(one.refusal for one in robot.hands_received if one.refusal)
     first_ns = counted[0].t_ns
-    later = Counter(one.refusal for one in robot.hands_heard if one.refusal and one.t_ns > first_ns)
+    later = Counter(
+        one.refusal for one in robot.hands_received if one.refusal and one.t_ns > first_ns
+    )
     sent_ms = [(one.t_ns - one.sent_ns) / NS_PER_MS - latency_ms for one in counted]
     pose_ms = [(one.t_ns - one.pose_ns) / NS_PER_MS - latency_ms for one in counted if one.pose_ns]
     two_ms, one_ms = _latency_ms(robot, operator), _latency_ms(reference, reference)
@@ -145,7 +147,7 @@ def _relay(space: str, relay: ImpairedLink) -> Iterator[int]:
 
 def _at_use_ms(log: SessionLog, latency_ms: float) -> list[float]:
     """At each tick while the operator is there, the age of the newest sample that counted."""
-    counted = [(one.t_ns, one.sent_ns) for one in log.hands_heard if not one.refusal]
+    counted = [(one.t_ns, one.sent_ns) for one in log.hands_received if not one.refusal]
     heard_ns, sent_ns = np.array(counted).T
     started_ns = np.array([tick.started_ns for tick in log.ticks])
     started_ns = started_ns[(started_ns > heard_ns[0]) & (started_ns < heard_ns[-1])]

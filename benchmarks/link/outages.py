@@ -66,7 +66,7 @@ def bursts(folder: Path, times: int) -> dict[str, Any]:
         travelled.append(travelled_mm(log, end_ns))
         burst = [
             one
-            for one in log.hands_heard
+            for one in log.hands_received
             if end_ns <= one.t_ns and start_ns < one.sent_ns < end_ns - 10 * NS_PER_MS
         ]
         refused.append(sum(one.refusal != "" for one in burst))

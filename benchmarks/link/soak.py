@@ -76,7 +76,7 @@ def soak(folder: Path, seconds: float) -> dict[str, Any]:
         "memory_mb": {name: round(rows[-1][1]) for name, rows in memory.items()},
         "late_fraction_by_third": _late_by_third(recorded),
         "logs_complete": operator_log.complete,
-        "states_heard": len(operator_log.states_heard),
+        "states_received": len(operator_log.states_received),
         "frames_shown": len(operator_log.shown),
     }
 

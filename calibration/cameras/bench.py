@@ -27,7 +27,7 @@ class Shot:
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What a camera is set to, None where it is automatic or does not tell."""
+    """What a camera is set to, None where it is automatic or not reported."""
 
     exposure_us: float | None = None
     white_balance_k: int | None = None
@@ -36,7 +36,7 @@ class Settings:
 class Bench(Protocol):
     """All cameras of the machine, open; close it in the end.
 
-    `attended`: a person does what is prompted, and is asked; else `done` tells when a simulated
+    `attended`: a person does what is prompted, and is asked; else `done` shows when a simulated
     one has finished.
     """
 
@@ -70,7 +70,7 @@ class Bench(Protocol):
         """The frames of some cameras as they come for so long; each `every`-th only."""
 
     def chosen_settings(self, camera: str) -> Settings:
-        """What its automatic has chosen, as far as the camera tells."""
+        """What its automatic has chosen, as far as the camera reports it."""
 
     def use_settings(self, camera: str, settings: Settings) -> None:
         """Open it anew with these; DeviceError if it refuses."""

@@ -1,4 +1,4 @@
-"""Which camera is which view: the person waves before each, and the frames that change tell."""
+"""Which camera is which view: the person waves before each, and the frames that change show it."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ class MotionMeter:
 
 @dataclass(frozen=True, slots=True)
 class Attribution:
-    """The camera something moved in front of, or "" and why it cannot be told."""
+    """The camera something moved in front of, or "" and why it cannot be determined."""
 
     camera: str
     reason: str
@@ -118,18 +118,18 @@ def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) ->
 def bind_views(ui: WizardUI, bench: Bench, views: Sequence[str]) -> dict[str, str]:
     """Camera by view; DeviceError if there are too few cameras or the person gives up."""
     for sentence in bench.refused:
-        ui.say(f"Left out: {sentence}")
+        ui.print(f"Left out: {sentence}")
     if len(bench.cameras) < len(views):
         found = ", ".join(bench.cameras) or "none"
         raise DeviceError(
             f"{len(views)} views need as many cameras; those that can be used: {found}"
         )
-    ui.say(f"{len(bench.cameras)} cameras: {', '.join(bench.cameras)}.")
+    ui.print(f"{len(bench.cameras)} cameras: {', '.join(bench.cameras)}.")
     meters = _at_rest(ui, bench)
     taken: dict[str, str] = {}
     for view in views:
         camera = _wait_for_wave(ui, bench, meters, view, taken)
-        ui.say(f"{view.upper()} is {camera}.")
+        ui.print(f"{view.upper()} is {camera}.")
         taken[camera] = view
     return {view: camera for camera, view in taken.items()}
 
@@ -137,10 +137,10 @@ def bind_views(ui: WizardUI, bench: Bench, views: Sequence[str]) -> dict[str, st
 def _at_rest(ui: WizardUI, bench: Bench) -> dict[str, MotionMeter]:
     bench.prompt(Task.REST, "")
     if bench.attended:
-        ui.say(f"Step out of all images within {_STEP_BACK_S:g} s; Enter if you are out.")
+        ui.print(f"Step out of all images within {_STEP_BACK_S:g} s; Enter if you are out.")
         for _ in until_done(ui, bench, bench.cameras, _STEP_BACK_S):
             pass  # what moves now is not at rest yet
-    ui.say(f"Keep out and let everything rest for {_REST_S:g} s.")
+    ui.print(f"Keep out and let everything rest for {_REST_S:g} s.")
     meters = {camera: MotionMeter() for camera in bench.cameras}
     for shot in bench.shots(bench.cameras, _REST_S):
         meters[shot.camera].rest(shot.frame.image)
@@ -152,12 +152,12 @@ def _wait_for_wave(
 ) -> str:
     """The camera that was waved before; asks again until it is clear or not wanted."""
     while True:
-        ui.say(f"Wave a hand close before the camera {NAMES.get(view, view)}, and only there.")
+        ui.print(f"Wave a hand close before the camera {NAMES.get(view, view)}, and only there.")
         bench.prompt(Task.WAVE, view)
         found = _watch(ui, bench, meters, taken)
         if found.camera:
             return found.camera
-        ui.say(f"Not clear: {found.reason}.")
+        ui.print(f"Not clear: {found.reason}.")
         if not agreed(ui, bench, "Try again?"):
             raise DeviceError(f"which camera is {view.upper()} was not found out: {found.reason}")
 

@@ -112,7 +112,7 @@ CANNOT = (
 
 
 def findings_of_log(ui: WizardUI, folder: Path) -> list[Findings]:
-    """Frame rate and, with `--record-reference`, focus and exposure; all is said.
+    """Frame rate and, with `--record-reference`, focus and exposure; all is printed.
 
     LogError if the folder holds no session.
     """
@@ -125,13 +125,13 @@ def findings_of_log(ui: WizardUI, folder: Path) -> list[Findings]:
     for each in found:
         words = "; ".join(each.advice) if each.advice else "nothing wrong with it"
         rate = f"{each.rate.rate_hz:.2f} Hz, {each.rate.missed} missed, " if each.rate else ""
-        ui.say(f"{each.view.upper()}: {rate}{words}.")
+        ui.print(f"{each.view.upper()}: {rate}{words}.")
     if not references:
-        ui.say(
+        ui.print(
             f"{folder}: has no {REFERENCE_NAME}, so focus and exposure cannot be told: record a "
             "session with --record-reference."
         )
-    ui.say(CANNOT)
+    ui.print(CANNOT)
     return found
 
 

@@ -1,8 +1,8 @@
 """A camera's latency from a screen that flashes: light to time stamp.
 
 The screen turns white and black at known times, in random intervals so that neither keeps in step
-with the camera. The mean brightness of each frame tells, by interpolation, when the camera's time
-stamps say that it happened. One flash tells the delay to a frame interval; their mean is better by
+with the camera. The mean brightness of each frame gives, by interpolation, when the camera's time
+stamps say that it happened. One flash gives the delay to a frame interval; their mean is better by
 the square root of their number. Turning white and turning black are averaged apart: whatever a
 camera's gamma does to a half-exposed frame does the opposite in both, and cancels.
 """

@@ -39,7 +39,7 @@ def sharpness(image: Image) -> Sharpness:
     """Measure one BGR image.
 
     A step edge washed out by σ and smoothed by s has gradient energy ∝ 1/√(σ²+s²), so two
-    smoothings tell σ, and neither contrast nor the number of edges matters. White noise adds
+    smoothings give σ, and neither contrast nor the number of edges matters. White noise adds
     σn²/(4π s⁴) to that energy, which is taken off (the gradient of a Gaussian, squared and
     integrated); σn by Immerkær's mask (Computer Vision and Image Understanding 64, 1996).
     """
@@ -55,7 +55,7 @@ def sharpness(image: Image) -> Sharpness:
 
 
 def blur_words(measured: Sharpness) -> str:
-    """How wide the edges are; below half a pixel there is nothing to tell."""
+    """How wide the edges are; below half a pixel nothing can be determined."""
     if not measured.measurable:
         return "no edges"
     if measured.blur_px <= _FINEST_PX:
@@ -143,7 +143,7 @@ def smear_px(exposure_us: float, width_px: int) -> float:
 def exposure_advice(
     seen: Exposure, exposure_us: float | None, fps: int, width_px: int
 ) -> list[str]:
-    """What to do, one sentence each; `exposure_us` None where the camera does not tell."""
+    """What to do, one sentence each; `exposure_us` None where the camera does not report it."""
     advice = []
     if seen.too_bright > _CLIPPED or seen.mean_grey > _BRIGHT:
         advice.append(

@@ -36,7 +36,7 @@ _SAME_LIGHT = 0.15  # of the mean grey level
 def focus(ui: WizardUI, bench: Bench, found: Findings) -> None:
     """Show how sharp it is until the person is content."""
     view = found.view.upper()
-    ui.say(
+    ui.print(
         f"{view}: point it at its scene and turn the focus ring until the bar is highest; "
         "then press Enter. A camera without a ring: just Enter."
     )
@@ -51,7 +51,7 @@ def focus(ui: WizardUI, bench: Bench, found: Findings) -> None:
 def look(ui: WizardUI, bench: Bench, found: Findings, want: Sequence[str]) -> None:
     """Measure with a scene at rest and say what is wrong; `want`: of focus, exposure, rate."""
     view = found.view.upper()
-    ui.say(f"{view}: keep still for {_LOOK_S:g} s.")
+    ui.print(f"{view}: keep still for {_LOOK_S:g} s.")
     bench.prompt(Task.REST, "")
     shots = list(bench.shots([found.camera], _LOOK_S))
     if len(shots) < FEWEST_FRAMES:
@@ -70,13 +70,13 @@ def look(ui: WizardUI, bench: Bench, found: Findings, want: Sequence[str]) -> No
     if RATE in want:
         advice += _rate(found, shots, bench.fps)
     found.advice += advice
-    ui.say(f"{view}: " + ("; ".join(advice) if advice else "sees well") + ".")
+    ui.print(f"{view}: " + ("; ".join(advice) if advice else "sees well") + ".")
 
 
 def offer_settings(ui: WizardUI, bench: Bench, found: Findings) -> None:
     """Fix what the automatic has chosen, if the image then stays as it was and the person wants.
 
-    Cameras may report another exposure than their automatic uses: the image tells.
+    Cameras may report another exposure than their automatic uses: the image shows it.
     """
     chosen = bench.chosen_settings(found.camera)
     if chosen == Settings() or found.exposure is None:
@@ -95,7 +95,7 @@ def offer_settings(ui: WizardUI, bench: Bench, found: Findings) -> None:
     before = found.exposure.mean_grey
     if abs(fixed.mean_grey - before) > _SAME_LIGHT * max(before, 1.0):
         bench.use_settings(found.camera, Settings())
-        ui.say(
+        ui.print(
             f"At {words} the image is another (mean grey {fixed.mean_grey:.0f}, it was "
             f"{before:.0f}): this camera does not tell what its automatic uses. It stays automatic."
         )
@@ -106,14 +106,14 @@ def offer_settings(ui: WizardUI, bench: Bench, found: Findings) -> None:
 def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> None:
     """Light to time stamp of each view; a view that does not see the flashes is left out."""
     with bench.screen() as flashes:
-        ui.say("A window flashes black and white.")
+        ui.print("A window flashes black and white.")
         for found in views:
             view = found.view.upper()
-            ui.say(f"{view}: point it at the window, so that it fills most of the image; Enter.")
+            ui.print(f"{view}: point it at the window, so that it fills most of the image; Enter.")
             bench.prompt(Task.SHOW_SCREEN, found.view)
             for _ in until_done(ui, bench, [found.camera], _POINTING_S):
                 pass  # not pointed at it yet
-            ui.say(f"{view}: keep still for {_FLASHING_S:g} s.")
+            ui.print(f"{view}: keep still for {_FLASHING_S:g} s.")
             shots = list(bench.shots([found.camera], _FLASHING_S))
             levels = [float(shot.frame.image[::4, ::4].mean()) for shot in shots]
             try:
@@ -121,9 +121,9 @@ def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> No
                     levels, [shot.frame.capture_ns for shot in shots], flashes
                 )
             except ValueError as error:
-                ui.say(f"{view}: no latency: {error}: nearer, and no other light on the screen.")
+                ui.print(f"{view}: no latency: {error}: nearer, and no other light on the screen.")
                 continue
-            ui.say(
+            ui.print(
                 f"{view}: light to time stamp {found.latency.ms:.0f} ± {found.latency.error_ms:.0f}"
                 f" ms, the display's own delay included ({found.latency.flashes} flashes)."
             )

@@ -72,7 +72,7 @@ class CameraWizard(Wizard[CameraOptions]):
             if bench.attended:
                 self.require_person()
             else:
-                self.ui.say("A simulated person does what is asked for here.")
+                self.ui.print("A simulated person does what is asked for here.")
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)
                 if WHICH in self._steps
@@ -112,7 +112,7 @@ class CameraWizard(Wizard[CameraOptions]):
             try:
                 image_steps.measure_latency(ui, bench, self._found)
             except SetupError as error:
-                ui.say(f"Left out: {error}.")
+                ui.print(f"Left out: {error}.")
 
     def _bound(self, bench: Bench) -> dict[str, str]:
         """The cameras that the configuration names; ConfigError if one is not there."""

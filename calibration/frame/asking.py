@@ -46,7 +46,7 @@ Show = Callable[[Held | None, ControllerSample], None]
 def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> Stroke:
     """One good stroke along the robot's axis."""
     move = Move(axis)
-    ui.say(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
+    ui.print(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
 
     def show(held: Held | None, sample: ControllerSample) -> None:
         ui.show(_stroke_table(axis, held, sample))
@@ -72,7 +72,7 @@ def ask_touches(
 
 def _ask_touch(ui: WizardUI, source: HandSource, config: Config, point: Reach) -> Touch:
     place = ", ".join(f"{1000 * value:.0f}" for value in point.robot)
-    ui.say(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
+    ui.print(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
 
     def show(held: Held | None, sample: ControllerSample) -> None:
         ui.show(_touch_table(point.number, held, sample))
@@ -123,7 +123,7 @@ def ask_again(ui: WizardUI, once: Callable[[], Result]) -> Result:
         once,
         ATTEMPTS,
         lambda reason: reason not in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON),
-        lambda error: ui.say(str(error)),
+        lambda error: ui.print(str(error)),
     )
 
 
@@ -141,7 +141,7 @@ def fit_touched(
 
 def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Fit]) -> Fit:
     def again(error: RefusedError) -> None:
-        ui.say(f"{error}\nFrom the beginning, then.")
+        ui.print(f"{error}\nFrom the beginning, then.")
         while source.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
             pass  # until the new frame is steady
 
@@ -152,14 +152,14 @@ def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -
     present = np.array(config.hand.rotation)
     strokes: list[Stroke] = []
     for number in range(1, max(rounds, MOST_ROUNDS) + 1):
-        ui.say(f"Round {number}.")
+        ui.print(f"Round {number}.")
         strokes += [ask_stroke(ui, source, config, axis) for axis in range(len(AXES))]
         if number < rounds:
             continue
         fit = fit_strokes(strokes, present)
         if fit.error_bound_deg <= GOOD_DEG or number >= MOST_ROUNDS:
             return fit
-        ui.say(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
+        ui.print(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
     raise AssertionError("the last round returns or raises")
 
 
@@ -202,7 +202,7 @@ def try_six_directions(
     """Whether each direction lit up when it was asked for; those that Enter skipped are missing."""
     right: dict[Move, bool] = {}
     for wanted in SIX_DIRECTIONS:
-        ui.say(f"Hold the trigger, move along {wanted.name} ({wanted.meaning}), let go.")
+        ui.print(f"Hold the trigger, move along {wanted.name} ({wanted.meaning}), let go.")
         for left in reversed(range(TRIES)):
             wrong = _try_direction(ui, source, config, hand, wanted, right)
             if wrong is None:
@@ -211,8 +211,8 @@ def try_six_directions(
             right[wanted] = not wrong
             if not wrong:
                 break
-            ui.say(wrong + (" Once more." if left else ""))
-    ui.say(as_text(_compass_table(None, None, right)))
+            ui.print(wrong + (" Once more." if left else ""))
+    ui.print(as_text(_compass_table(None, None, right)))
     return right
 
 

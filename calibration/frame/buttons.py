@@ -118,7 +118,7 @@ def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFin
         lambda: _press_all(ui, source, config),
         ATTEMPTS,
         lambda reason: reason is Reason.WRONG_BUTTON,
-        lambda error: ui.say(f"{error} All the buttons once more."),
+        lambda error: ui.print(f"{error} All the buttons once more."),
     )
 
 
@@ -141,7 +141,7 @@ def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFind
         return path
 
     for role in ROLES:
-        ui.say(f"Press and let go {PARTS[role]}.")
+        ui.print(f"Press and let go {PARTS[role]}.")
         found[role] = ask_again(ui, partial(once, role))
     hand = config.controller.hand
     mapped = configured_role_map(kind, hand, config.controller)

@@ -122,7 +122,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     """Each stretch with the trigger held is the next stroke, if the hand went somewhere.
 
     Refused for a session in which the arm was driven. There the arm follows the hand by the
-    rotation in force, so the pairs of their travels tell that rotation and nothing of how the
+    rotation in force, so the pairs of their travels give that rotation and nothing of how the
     frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
     """
     capture, found = Capture(config), list[Held]()

@@ -204,7 +204,7 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
     A mirrored triple does not say which of its strokes was wrong: any one reversed, or any two
     taken for one another, gives the same. What decides is the rotation in force, where one of these
     mistakes explains the difference from it, and else that robots mostly stand upright; where
-    neither decides, all that is possible is said.
+    neither decides, all that is possible is named.
     """
     pairs = list(combinations(range(3), 2))
     cosines = [
@@ -243,14 +243,14 @@ def stands_upright(rotation: Matrix) -> bool:
 def _mirrored(directions: Matrix, present: Matrix | None) -> str:
     mistakes = _mistakes(directions)
     near = present is not None and [
-        said for said, rotation in mistakes if turn_deg(rotation, present) < _NEAR_DEG
+        name for name, rotation in mistakes if turn_deg(rotation, present) < _NEAR_DEG
     ]
-    upright = [said for said, rotation in mistakes if stands_upright(rotation)]
-    likely = near or upright or [said for said, _ in mistakes]
-    said = " or ".join(likely)
+    upright = [name for name, rotation in mistakes if stands_upright(rotation)]
+    likely = near or upright or [name for name, _ in mistakes]
+    name = " or ".join(likely)
     if len(likely) == 1:
-        return f"The strokes make a mirrored frame: most likely {said}; make it again."
-    return f"The strokes make a mirrored frame: {said}; make them all again, each as prompted."
+        return f"The strokes make a mirrored frame: most likely {name}; make it again."
+    return f"The strokes make a mirrored frame: {name}; make them all again, each as prompted."
 
 
 def _mistakes(directions: Matrix) -> list[tuple[str, Matrix]]:

@@ -92,25 +92,25 @@ def result_table(fit: FrameFit | TouchFit) -> Table:
 def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
     """What a person should know of the result, one sentence each."""
     off = turn_deg(frame.rotation, np.array(config.hand.rotation))
-    said = [
+    lines = [
         f"The frame is right within {frame.error_bound_deg:.1f}° (95 %, as far as the "
         "measurements' disagreement tells); the rotation in force differs from it by "
         f"{off:.1f}°.",
         f"Residual {frame.residual_mm:.1f} mm, condition {frame.condition:.2f} (1 is best).",
     ]
     if isinstance(frame, FrameFit):
-        said += [f"Note: {remark}." for remark in frame.left_out]
+        lines += [f"Note: {remark}." for remark in frame.left_out]
     else:
-        said.append(f"The robot travels {frame.scale:.3f} times as far as the hand.")
-        said += [f"Note: touch {n + 1} does not fit and is left out." for n in frame.left_out]
+        lines.append(f"The robot travels {frame.scale:.3f} times as far as the hand.")
+        lines += [f"Note: touch {n + 1} does not fit and is left out." for n in frame.left_out]
         if frame.is_flat:
-            said.append("The points lie in one plane: a mirrored list of them would not show.")
+            lines.append("The points lie in one plane: a mirrored list of them would not show.")
     if not stands_upright(frame.rotation):
-        said.append(
+        lines.append(
             "With this frame the robot's z axis does not point up: right for an arm that hangs or "
             "leans, else two strokes were reversed or axes were taken for one another."
         )
-    return said
+    return lines
 
 
 def doubt(frame: FrameFit | TouchFit) -> str:

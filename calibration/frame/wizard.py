@@ -72,7 +72,7 @@ class FrameWizard(Wizard[FrameOptions]):
         assert self._outcome is not None
         doubt = result.doubt(self._outcome.frame)
         if doubt and not self._is_kept(doubt):
-            self.ui.say("Nothing is written.")
+            self.ui.print("Nothing is written.")
             return None
         return self.partial()
 
@@ -93,8 +93,8 @@ class FrameWizard(Wizard[FrameOptions]):
         frame = fit_strokes(strokes, np.array(self.config.hand.rotation))
         source = "strokes recorded in " + ", ".join(str(log) for log in logs)
         self._outcome = Outcome(frame, source)
-        self._tell(frame)
-        self.ui.say("A recording cannot be tried out: watch the directions in `run --dry-run`.")
+        self._show(frame)
+        self.ui.print("A recording cannot be tried out: watch the directions in `run --dry-run`.")
 
     def _setup(self) -> LiveSetup | SimulatedSetup:
         if self.options.sim:
@@ -105,19 +105,19 @@ class FrameWizard(Wizard[FrameOptions]):
                 "hardware"
             )
         self.require_person()
-        return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.say(text))
+        return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.print(text))
 
     def _measure(self, setup: LiveSetup | SimulatedSetup, stack: ExitStack) -> None:
         options, points = self.options, self._points
         tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
-        self.ui.say(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
+        self.ui.print(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
         if options.sim:
-            self.ui.say("A simulated person does all this now.")
+            self.ui.print("A simulated person does all this now.")
         buttons = None
         if options.buttons:
             with setup.buttons() as components:
                 buttons = ask_buttons(self.ui, components, self.config)
-            self.ui.say(as_text(finding_table(buttons)))
+            self.ui.print(as_text(finding_table(buttons)))
         config = result.mapped(self.config, buttons)
         source = stack.enter_context(setup.hand(config.controller))
         frame: FrameFit | TouchFit
@@ -125,27 +125,29 @@ class FrameWizard(Wizard[FrameOptions]):
             frame = fit_touched(self.ui, source, config, points)
         else:
             frame = fit_moves(self.ui, source, config, options.rounds)
-        self._tell(frame)
+        self._show(frame)
         result.doubt(frame)  # what is no use needs no trying
         how = f"{'touches' if points else 'strokes'} by {setup.description}"
         self._outcome = Outcome(frame, how, buttons, None, setup.true_rotation)
         self._try(source, self._outcome)
 
-    def _tell(self, frame: FrameFit | TouchFit) -> None:
-        self.ui.say(as_text(result.result_table(frame)))
+    def _show(self, frame: FrameFit | TouchFit) -> None:
+        self.ui.print(as_text(result.result_table(frame)))
         for remark in result.remarks(self.config, frame):
-            self.ui.say(remark)
+            self.ui.print(remark)
 
     def _try(self, source: HandSource, outcome: Outcome) -> None:
         """Refused unless each direction that was tried lit up."""
-        self.ui.say(
+        self.ui.print(
             "Now try it: no arm is connected, the table shows where it would go. Move some 200 mm "
             "each time; Enter skips a direction."
         )
         config = result.mapped(self.config, outcome.buttons)
         hand = result.hand_with(config.hand, outcome.frame, self.options.keep_scale)
         lit = try_six_directions(self.ui, source, config, hand)
-        self.ui.say(f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for.")
+        self.ui.print(
+            f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for."
+        )
         self._outcome = replace(outcome, lit=lit)
         if wrong := [one.name for one, is_right in lit.items() if not is_right]:
             self._outcome = None
@@ -157,7 +159,7 @@ class FrameWizard(Wizard[FrameOptions]):
 
     def _is_kept(self, doubt: str) -> bool:
         """Only a person can accept a doubtful result; --yes does not."""
-        self.ui.say(doubt)
+        self.ui.print(doubt)
         if not self.ui.attended:
             self._outcome = None
             raise RefusedError(

@@ -28,7 +28,7 @@ _VZ_MIN = (8, 20, 40, 60, 88, 128)
 _DWELLS = (1, 4, 8, 12, 18, 26, 36)
 _STARTS = 3  # local searches, from the best points of the grid
 _STRIDES = ((8, 8, 4), (4, 4, 2), (2, 2, 1), (1, 1, 1))  # of v_ε, v_z^min and the dwell times
-_DWELL_WINDOW = (-1, 0, 1)  # strides; recovers what it is not told as surely as a wider one
+_DWELL_WINDOW = (-1, 0, 1)  # strides; recovers what it is not given as surely as a wider one
 _OPEN = np.array([CODE[phase] for phase in (Phase.REACH, Phase.ALIGN, Phase.RELEASE)], np.int8)
 
 
@@ -66,7 +66,7 @@ class Search:
 
     Algorithm 1 itself is run, never a copy of it. What makes that affordable: with the gripper open
     it knows T_align only and with it closed T_pre only, and a gripper edge decides by itself; so
-    one run with both dwell times set to T tells the hits of the open stretches for T_align = T and
+    one run with both dwell times set to T gives the hits of the open stretches for T_align = T and
     of the closed ones for T_pre = T, and hits add up
     (`tests/calibration/test_phases_search.py` holds it).
     """
@@ -87,7 +87,7 @@ class Search:
         """The point with the most hits over `chosen`; of equals the nearest to the defaults.
 
         A coarse grid, then from its best points downhill with shrinking strides. Nothing of the
-        trials that are not chosen is looked at. `progress` is told the part of the grid done.
+        trials that are not chosen is looked at. `progress` receives the part of the grid done.
         """
         starts = sorted(self._grid(chosen, progress))[:_STARTS]
         return min(self._descend(start, chosen) for start in starts)[2]
@@ -191,7 +191,7 @@ def fit_thresholds(
     """Search over all trials, then once more without each of them.
 
     `smoothing_ms`: the time constant that made the trials' speeds. TamsError if the trials are too
-    few or their labels cannot tell the phases apart.
+    few or their labels cannot distinguish the phases.
     """
     check_trials(trials)
     search = Search(trials)

@@ -1,4 +1,4 @@
-"""The six phases as geometry: where tool, block and container are, and what the gripper was told.
+"""The six phases as geometry: where tool, block and container are, and the gripper's command.
 
 Independent of Algorithm 1: no speed and no dwell time occurs in it, and it looks ahead (what was
 reaching and what was aligning shows when the gripper closes). docs/calibration/phases.md has the
@@ -142,7 +142,7 @@ def true_labels(
     """The phase of every tick by geometry, shape (n,); what precedes the trial is not counted.
 
     The trial's clock starts at the first engagement, as its rules say. LogError if there was none,
-    or nothing tells where things were.
+    or nothing shows where things were.
     """
     labels = np.full(len(ticks), NOT_COUNTED, np.int8)
     start = _first_engaged(ticks)
@@ -171,7 +171,7 @@ def _first_engaged(ticks: Sequence[Tick]) -> int | None:
 
 
 def _geometry(ticks: Sequence[Tick], scene: Sequence[SceneTruth], sizes: TaskGeometry) -> Geometry:
-    """All at the times of the ticks; an arm that says nothing stays where it was."""
+    """All at the times of the ticks; an arm that reports nothing stays where it was."""
     t_ns = np.array([tick.started_ns for tick in ticks])
     scene_ns = np.array([truth.t_ns for truth in scene])
     block = _at(t_ns, scene_ns, np.array([truth.block.position for truth in scene]))
@@ -183,9 +183,9 @@ def _geometry(ticks: Sequence[Tick], scene: Sequence[SceneTruth], sizes: TaskGeo
     for tick in ticks:
         arm = tick.arm
         tool.append(arm.tcp.position if arm is not None else tool[-1])
-        said = arm.gripper_closed if arm is not None else None
+        reported = arm.gripper_closed if arm is not None else None
         before = closed[-1] if closed else False  # unknown counts as open, as in Algorithm 1
-        closed.append(before if said is None else said)
+        closed.append(before if reported is None else reported)
     return Geometry(np.array(tool), block, over, np.array(closed), sizes.block_rest_height)
 
 

@@ -95,22 +95,22 @@ def unfounded(found: PhaseFit) -> str:
 
 def remarks(found: PhaseFit) -> list[str]:
     """What to know before the thresholds are taken over."""
-    said = []
+    lines = []
     if no_better := unfounded(found):
-        said.append(f"{no_better}: keep the defaults, or give more trials.")
+        lines.append(f"{no_better}: keep the defaults, or give more trials.")
     for phase in PHASES:
         recall = found.left_out.recall(phase)
         if recall is not None and recall < POOR_RECALL:
-            said.append(
+            lines.append(
                 f"{phase.value} is recognised in only {recall:.0%} of its time: the best overall "
                 "accuracy gives this phase up; look whether you want that."
             )
     for name in found.at_the_edge:
         value = getattr(found.thresholds, name)
-        said.append(
+        lines.append(
             f"{name} ended at {value:g}, an end of what is searched: no optimum in between."
         )
-    return said
+    return lines
 
 
 def quality(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> dict[str, Any]:

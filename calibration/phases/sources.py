@@ -51,8 +51,8 @@ def logged_trials(
     for (one, a), (other, b) in combinations(zip(folders, trials, strict=True), 2):
         if a.motion.inputs == b.motion.inputs:
             raise ConfigError(f"{other}: is a copy of {one}: a trial left out must be unseen")
-    said = "" if all(name.endswith(_MARKED) for name in names) else _in_words(rules)
-    return Material(trials, [], f"recorded trials: {', '.join(names)}{said}", simulated)
+    remark = "" if all(name.endswith(_MARKED) for name in names) else _in_words(rules)
+    return Material(trials, [], f"recorded trials: {', '.join(names)}{remark}", simulated)
 
 
 def marking_of(folder: Path, smoothing_ms: float, log: SessionLog) -> Marking:
@@ -89,7 +89,7 @@ def virtual_trials(
 
 
 def _in_words(rules: LabelRules) -> str:
-    """What is to be said of labels by geometry."""
+    """Remarks on labels by geometry."""
     if rules.goal_height == math.inf:
         return ""
     return f"; align and pre-release only below {1000 * rules.goal_height:g} mm"

@@ -89,7 +89,7 @@ class PhaseWizard(Wizard[PhaseOptions]):
         if self.options.mark:
             self._mark()
             return None
-        self.ui.say(_INTRODUCTION)
+        self.ui.print(_INTRODUCTION)
         self._material = self._trials()
         self.store.check_before(self.ui, self.options.yes, self._material.simulated)
         trials, smoothing_ms = self._material.trials, self.config.policy.phases.smoothing_ms
@@ -97,7 +97,7 @@ class PhaseWizard(Wizard[PhaseOptions]):
         if unseen := self._material.held_out:
             self._held_out = evaluate(unseen, found.thresholds), evaluate(unseen, PhasesConfig())
         self._found = found
-        self._tell(found)
+        self._show(found)
         self._curves = sensitivity(trials, found.thresholds, self._progress)
         return self.partial()
 
@@ -130,10 +130,10 @@ class PhaseWizard(Wizard[PhaseOptions]):
         """Marks for each log in turn, in its replay."""
         smoothing_ms = self.config.policy.phases.smoothing_ms
         for folder in self.options.logs:
-            self.ui.say(f"\n{folder}: mark its phases in the window; Q when it is done.")
+            self.ui.print(f"\n{folder}: mark its phases in the window; Q when it is done.")
             run_replay(folder, marking_of=partial(marking_of, folder, smoothing_ms))
-            self.ui.say(f"Its marks are kept in {folder / FILE_NAME}.")
-        self.ui.say(
+            self.ui.print(f"Its marks are kept in {folder / FILE_NAME}.")
+        self.ui.print(
             f"Once at least {LEAST_TRIALS} trials are marked, give them all without --mark."
         )
 
@@ -146,13 +146,13 @@ class PhaseWizard(Wizard[PhaseOptions]):
         count = self._learn_from
         unseen = count if options.held_out is None else options.held_out
         seeds = range(options.seed, options.seed + count + unseen)
-        self.ui.say(
+        self.ui.print(
             f"{count} simulated trials to learn from, {unseen} held out; a few seconds each."
         )
         return virtual_trials(self.config, seeds, unseen, rules, self._progress)
 
-    def _tell(self, found: PhaseFit) -> None:
-        self.ui.say(
+    def _show(self, found: PhaseFit) -> None:
+        self.ui.print(
             as_text(
                 "",
                 report.thresholds_table(found),
@@ -167,7 +167,7 @@ class PhaseWizard(Wizard[PhaseOptions]):
             )
         )
         for remark in report.remarks(found):
-            self.ui.say(f"\nNote: {remark}")
+            self.ui.print(f"\nNote: {remark}")
 
     def _progress(self, doing: str, part: float) -> None:
         """Show it in the live area."""

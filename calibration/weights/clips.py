@@ -137,7 +137,7 @@ class ClipFolder:
                 self.file(phase, name).unlink(missing_ok=True)
 
 
-_QUANTISER = 18  # of x264: hardly to be told from the original
+_QUANTISER = 18  # of x264: hardly distinguishable from the original
 _WRITING = ("appsrc", "videoconvert", "x264enc", "h264parse", "mp4mux", "filesink")
 _PLAYING = ("filesrc", "qtdemux", "h264parse", "avdec_h264", "videoconvert", "autovideosink")
 _FLUSH_NS = 60 * NS_PER_S
@@ -211,12 +211,12 @@ def play(path: Path) -> None:
     wanted = Gst.MessageType.EOS | Gst.MessageType.ERROR
     try:
         gst.set_playing(pipeline, f"showing {path.name}")
-        # in short waits, so that Ctrl-C is heard between them
+        # in short waits, so that Ctrl-C is handled between them
         while (message := pipeline.get_bus().timed_pop_filtered(_POLL_NS, wanted)) is None:
             pass
         if message.type == Gst.MessageType.ERROR:
             error, _ = message.parse_error()
-            # what every sink says of a window that was closed; a file that is gone is told before
+            # what every sink says of a window that was closed; a file that is gone is found before
             if not error.matches(Gst.ResourceError.quark(), Gst.ResourceError.NOT_FOUND):
                 raise SetupError(
                     f"{path}: cannot be shown: {error.message}; if the file is broken, delete it "

@@ -13,7 +13,7 @@ are the extremes of its Table I. With V views:
    in its order. Each is cut off to whole hundredths; the dominant view gets the odd ones.
 
 The dominant view is the most often named; if several are, the most necessary of them; if that
-does not tell either, the one with the most in the present row, then the first of the
+does not decide either, the one with the most in the present row, then the first of the
 configuration. Every such decision, and every disagreement, is among the `remarks`.
 """
 

@@ -86,13 +86,13 @@ def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: in
         raise ConfigError(f"--panel: {panel!r} is none of {', '.join(PANELS)}")
     if unknown := set(PANELS[panel].values()) - set(views):
         raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
-    would_say = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}
+    expected = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}
     for known in folder.sheets():
         if not known.simulated:
             raise ConfigError(
                 f"{folder.path}: holds ratings of people: give another --folder with --sim"
             )
-        sheet = would_say.get(known.rater)
+        sheet = expected.get(known.rater)
         if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
             raise ConfigError(
                 f"{folder.path}: holds ratings of another simulated panel: give another --folder"

@@ -56,7 +56,7 @@ class Answer(_Kept):
 
 
 class Sheet(_Kept):
-    """All that one rater has said so far, at most one answer a phase."""
+    """All that one rater has answered so far, at most one answer a phase."""
 
     rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
     simulated: bool
@@ -75,12 +75,12 @@ class Sheet(_Kept):
 
 
 def answers_on(sheets: Sequence[Sheet], phase: Phase) -> list[Answer]:
-    """What was said about one phase, in the order of `sheets`."""
+    """The answers about one phase, in the order of `sheets`."""
     return [answer for sheet in sheets if (answer := sheet.on(phase)) is not None]
 
 
 def necessity_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.float64]:
-    """Necessity, shape (raters, phases, views), NaN where nothing was said."""
+    """Necessity, shape (raters, phases, views), NaN where nothing was answered."""
     table = np.full((len(sheets), len(Phase), len(views)), np.nan)
     for row, sheet in enumerate(sheets):
         for answer in sheet.answers:
@@ -113,11 +113,11 @@ class RatingFolder:
         self._views = tuple(views)
 
     def sheets(self) -> list[Sheet]:
-        """What all raters have said; ConfigError if a file is not as it must be."""
+        """What all raters have answered; ConfigError if a file is not as it must be."""
         return [self._read(file) for file in sorted(self.path.glob(f"*{_SUFFIX}"))]
 
     def open(self, rater: str, simulated: bool = False) -> Sheet:
-        """What `rater` has said so far; a file is made if there is none yet.
+        """What `rater` has answered so far; a file is made if there is none yet.
 
         ConfigError if the name cannot be one, or is another kind of rater's.
         """
@@ -214,12 +214,12 @@ def rate(
     order = viewing_order(clips, rater, seed)
     left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
     if not left:
-        ui.say(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
+        ui.print(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
         return
     if sheet.answers:
         before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
-        ui.say(f"{rater} has rated {before} before and goes on from there.")
-    ui.say(
+        ui.print(f"{rater} has rated {before} before and goes on from there.")
+    ui.print(
         "\nYou will see the robot's work phase by phase, in no particular order, each time through "
         f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
         "necessary each view is to do that phase well, and which single one you would keep sharp "
@@ -227,16 +227,16 @@ def rate(
         "question with Ctrl-C and go on later under the same name."
     )
     for number, (phase, shown) in enumerate(left, 1):
-        ui.say(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
+        ui.print(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
         _watch(ui, shown, show)
         folder.add(rater, _ask(ui, phase, views))
-    ui.say(f"\nThat was all. Thank you, {rater}.")
+    ui.print(f"\nThat was all. Thank you, {rater}.")
 
 
 def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
     while True:
         for number, clip in enumerate(clips, 1):
-            ui.say(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
+            ui.print(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
             show(clip.path)
         options = {"r": "rate it", "w": "watch again"}
         if ui.choice("Seen?", options) == "r":
@@ -251,8 +251,8 @@ def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
     while True:
         necessity: dict[str, int | None] = {}
         for view in views:
-            said = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
-            necessity[view] = None if said == _NO_ANSWER else int(said)
+            answer = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
+            necessity[view] = None if answer == _NO_ANSWER else int(answer)
         options = {key: view.upper() for key, view in names.items()} | {_NO_ANSWER: "cannot say"}
         named = ui.choice("Only one view can stay sharp. Which one?", options)
         critical = names.get(named)

@@ -70,7 +70,7 @@ _GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out
 
 @dataclass(frozen=True, slots=True)
 class RecordedSession:
-    """One session folder; its name tells it from others."""
+    """One session folder; its name distinguishes it from others."""
 
     folder: Path
     log: SessionLog

@@ -67,7 +67,7 @@ class WeightWizard(Wizard[WeightOptions]):
         try:
             return self._measure()
         except KeyboardInterrupt:
-            self.ui.say(f"\nEverything so far is kept in {self.folder}.")
+            self.ui.print(f"\nEverything so far is kept in {self.folder}.")
             raise
 
     def draw(self, path: Path) -> None:
@@ -86,7 +86,7 @@ class WeightWizard(Wizard[WeightOptions]):
                 self._ratings, options.panel, self.config.video.views, phases, options.seed
             )
         elif options.ratings is None and not self._collect():
-            self.ui.say(f"Everything is kept in {self.folder}.")
+            self.ui.print(f"Everything is kept in {self.folder}.")
             return None
         return self._build()
 
@@ -95,7 +95,7 @@ class WeightWizard(Wizard[WeightOptions]):
     def _record(self) -> None:
         """Simulated sessions until every phase has a clip, but no more than SESSIONS of them."""
         for number in range(SESSIONS):
-            self.ui.say("\nA session on the simulated rig, at full quality, to cut clips from:")
+            self.ui.print("\nA session on the simulated rig, at full quality, to cut clips from:")
             seed = self.options.seed + number
             log = record_session(self.options.config, self.folder, seed)
             self._cut(open_session(log, self.config.video.views))
@@ -103,12 +103,12 @@ class WeightWizard(Wizard[WeightOptions]):
                 return
 
     def _cut(self, session: RecordedSession) -> None:
-        self.ui.say(f"Cutting {session.name} into clips, one per phase ({session.shows}).")
+        self.ui.print(f"Cutting {session.name} into clips, one per phase ({session.shows}).")
         cut = cut_session(session, self._clips, self._show_progress, self.options.context_s)
         self.ui.show(Text(""))
-        self.ui.say(describe_cut(cut))
+        self.ui.print(describe_cut(cut))
         if cut.constrained:
-            self.ui.say(
+            self.ui.print(
                 "These frames suffered from the network. The paper's raters saw full quality: "
                 "record with `run --network none`, or with --record-reference."
             )
@@ -127,7 +127,9 @@ class WeightWizard(Wizard[WeightOptions]):
                 "with --from LOG"
             )
         if lacking := [phase.value for phase in Phase if all(c.phase is not phase for c in clips)]:
-            self.ui.say(f"There is no clip of {', '.join(lacking)}: W keeps its present row there.")
+            self.ui.print(
+                f"There is no clip of {', '.join(lacking)}: W keeps its present row there."
+            )
         show = self._screen()
         while True:
             raters = len(self._answered())
@@ -146,17 +148,17 @@ class WeightWizard(Wizard[WeightOptions]):
             except ConfigError as error:
                 if not self.ui.attended:
                     raise
-                self.ui.say(f"{error}.")
+                self.ui.print(f"{error}.")
 
     def _screen(self) -> Show:
         """A window if there is a display; else the clips' paths."""
         try:
             require_display()
         except SetupError:
-            self.ui.say(
+            self.ui.print(
                 "There is no display here: open each clip in a player when its path is shown."
             )
-            return lambda path: self.ui.say(f"Please watch {path}")
+            return lambda path: self.ui.print(f"Please watch {path}")
         return play
 
     # --- the matrix -------------------------------------------------------------------------
@@ -176,10 +178,10 @@ class WeightWizard(Wizard[WeightOptions]):
             self.config.policy.weights.matrix,
             evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled),
         )
-        self.ui.say("\n" + describe(assessment, views))
+        self.ui.print("\n" + describe(assessment, views))
         self._built = assessment, sheets
         self.draw(self.folder / _FIGURE)
-        self.ui.say(f"As a figure: {self.folder / _FIGURE}")
+        self.ui.print(f"As a figure: {self.folder / _FIGURE}")
         return calibration_of(assessment, sheets, sessions, self._panel)
 
     def _chosen_folder(self) -> Path:

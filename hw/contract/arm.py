@@ -248,8 +248,8 @@ def a_twist_that_no_arm_may_follow_is_refused_until_enabled_again(bench: ArmBenc
             Twist((0.0, 0.0, 0.0), (0.0, 0.0, turning)),
         ):
             arm.send_twist(impossible)
-            is_told = bench.until(lambda: arm.link().fault is LinkFault.REFUSED)
-            require(is_told, f"{impossible} is not refused, the fault is {arm.link().fault}")
+            is_reported = bench.until(lambda: arm.link().fault is LinkFault.REFUSED)
+            require(is_reported, f"{impossible} is not refused, the fault is {arm.link().fault}")
             bench.stream(arm, SIDEWAYS, 0.1)
             _stands(bench, arm, before)
             arm.enable()

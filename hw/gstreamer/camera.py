@@ -148,7 +148,7 @@ class GstCamera(Camera):
         try:
             return self._open()
         except (TamsError, OSError) as error:  # OSError: it was unplugged meanwhile
-            self._tell("is away", str(error))
+            self._report("is away", str(error))
             return None
 
     def _shut(self) -> None:
@@ -163,10 +163,10 @@ class GstCamera(Camera):
         status = self._watch.frame(now_ns, raw.pixels.data)
         if status is FrameStatus.FROZEN:
             self._shut()
-            self._tell(status, "it is opened again until that ends")
+            self._report(status, "it is opened again until that ends")
         if status is not FrameStatus.NEW:
             return None
-        self._tell_recovery(now_ns)
+        self._report_recovery(now_ns)
         index = self._grid.index(raw.capture_ns)
         if index is None:
             return None
@@ -178,16 +178,16 @@ class GstCamera(Camera):
             failure = capture.failure
             self._shut()
             if failure or self._source.endless or not self._delivered:
-                self._tell("failed", failure or "its frames ended")
+                self._report("failed", failure or "its frames ended")
             else:
                 self._reopen_ns = 0
         elif self._clock.now_ns() >= self._watch.silent_from_ns():
             self._shut()
-            self._tell(FrameStatus.SILENT, "it is opened again until they come")
+            self._report(FrameStatus.SILENT, "it is opened again until they come")
 
-    # --- telling ------------------------------------------------------------------------------
+    # --- reporting ----------------------------------------------------------------------------
 
-    def _tell(self, trouble: str, detail: str) -> None:
+    def _report(self, trouble: str, detail: str) -> None:
         """Note `trouble` unless it is the one there was before."""
         if trouble == self.trouble:
             return
@@ -196,7 +196,7 @@ class GstCamera(Camera):
         self.trouble = trouble
         self._warn(f"{trouble}: {detail}")
 
-    def _tell_recovery(self, now_ns: int) -> None:
+    def _report_recovery(self, now_ns: int) -> None:
         if not self._delivered:
             self._delivered = True
             for complaint in self._source.complaints():

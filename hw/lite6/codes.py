@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from enum import IntEnum
 
-AXES, LITE6_TYPE = 6, 9  # as the version register and the reports tell them
+AXES, LITE6_TYPE = 6, 9  # as the version register and the reports give them
 
 
 class Register(IntEnum):
@@ -88,7 +88,7 @@ class ErrorCode(IntEnum):
 
 
 class Code(IntEnum):
-    """Return codes of SDK calls that are told apart here."""
+    """Return codes of SDK calls that are distinguished here."""
 
     DISCONNECTED = -1
     OK = 0

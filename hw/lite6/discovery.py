@@ -34,7 +34,7 @@ def find_arm(config: ArmConfig, timeout_s: float = PROBE_TIMEOUT_S) -> FoundArm:
 
 
 def _ask(config: ArmConfig, timeout_s: float) -> tuple[str, str]:
-    """The problem and what the arm is, in one line; DeviceError if that cannot be told."""
+    """The problem and what the arm is, in one line; DeviceError if that cannot be determined."""
     host, control_port = config.host, config.control_port
     client = UxbusClient(host, control_port)
     client.connect(timeout_s)

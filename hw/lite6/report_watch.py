@@ -27,7 +27,7 @@ class ReportWatch:
         self._family = socket.AF_INET
         self._socket: socket.socket | None = None
         self._frames = FrameBuffer(REAL_BYTES)
-        self._heard_ns: int | None = None  # or connected
+        self._received_ns: int | None = None  # or connected
 
     def start(self) -> None:
         """Connect; DeviceError if there is nothing to connect to."""
@@ -45,13 +45,13 @@ class ReportWatch:
 
     def newest(self, now_ns: int) -> ArmReport | None:
         """The newest report that has come since the last call."""
-        if self._heard_ns is None:
-            self._heard_ns = now_ns
+        if self._received_ns is None:
+            self._received_ns = now_ns
         report = self._read()
         if report is not None:
-            self._heard_ns = now_ns
-        elif now_ns - self._heard_ns > _SILENT_NS:
-            self._heard_ns = now_ns
+            self._received_ns = now_ns
+        elif now_ns - self._received_ns > _SILENT_NS:
+            self._received_ns = now_ns
             self._connect_anew()
         return report
 
@@ -73,7 +73,7 @@ class ReportWatch:
         except BlockingIOError:
             pass  # that was all, or it is not connected yet
         except OSError:
-            self.close()  # made anew, and until then the guard is blind, which it tells
+            self.close()  # made anew, and until then the guard is blind, which it reports
         return report
 
     def _connect_anew(self) -> None:

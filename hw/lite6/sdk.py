@@ -106,7 +106,7 @@ def break_off(api: Any) -> None:
 
 
 def note_mode(api: Any, mode: Mode) -> None:
-    """Tell the SDK the mode it would learn from its report thread; otherwise it warns per call."""
+    """Give the SDK the mode it would learn from its report thread; otherwise it warns per call."""
     api._arm._mode = int(mode)
 
 

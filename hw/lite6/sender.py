@@ -1,7 +1,7 @@
 """The one thread that talks to the Lite 6 while it is being moved.
 
 The control loop leaves its newest command in the outbox and never waits; this thread hands it to
-the SDK, waits for the reply, times it and says in `link` what became of it.
+the SDK, waits for the reply, times it and reports in `link` what became of it.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class CommandSender:
     """Sends what is in the outbox; the arm's `link` is what it saw.
 
     A failure shuts the outbox, so that nothing moves until the arm is enabled again. `on_error` is
-    told the controller's error and warning codes as soon as a reply hints at them.
+    notified of the controller's error and warning codes as soon as a reply hints at them.
 
     A lost link is broken off as well. What was sent and not acknowledged still lies in the kernel,
     which would deliver it once the network is back, and the controller would drive it: after the
@@ -245,12 +245,13 @@ class CommandSender:
     def _lose(self, sentence: str) -> None:
         """Nothing gets through: nothing may get through later either.
 
-        Told last: when the control loop stops the arm for it, what was sent is taken back already.
+        Notified last: when the control loop stops the arm for it, what was sent is taken back
+        already.
         """
         self._outbox.shut()
         try:
             break_off(self._api)
-        finally:  # the loop hears of it however this ends
+        finally:  # the loop is notified however this ends
             if self._failure is _NO_FAILURE:
                 self._failure = (sentence, LinkFault.LOST)
 

@@ -30,7 +30,7 @@ class Lite6Settings:
         self.load_is_set = False
 
     def set_boundary(self) -> None:
-        """Also in an error, which the reply tells and which is judged elsewhere; or DeviceError.
+        """Also in an error, which the reply reports and which is judged elsewhere; or DeviceError.
 
         Set first: outside of an older boundary the controller may not let go of its error.
         """
@@ -61,7 +61,7 @@ class Lite6Settings:
         self.load_is_set = True
 
     def check_boundary(self) -> None:
-        """DeviceError unless the controller holds the boundary, which no report of ours tells."""
+        """DeviceError unless the controller holds the boundary, which no report contains."""
         if self._boundary is None:
             return
         code, states = self._api.get_reduced_states()

@@ -27,7 +27,7 @@ from tams_app.runtime.realtime import copy_scheduling
 SETUP_REPLY_TIMEOUT_S = 1.0
 REPORT_TIMEOUT_S = 2.0  # ten periods of the normal report
 STOP_TIMEOUT_S = 0.5
-ERROR_GONE_TIMEOUT_S = 1.0  # five periods of the report that tells
+ERROR_GONE_TIMEOUT_S = 1.0  # five periods of the report that shows it
 READY_ACCELERATION_RAD_S2 = 1.0
 
 
@@ -200,7 +200,7 @@ class Lite6Connection:
         """Clear the controller's error and the link's failure; DeviceError if it persists."""
         self.outbox.shut()
         with self.with_setup_timeout():
-            # the reply to these still tells of the error: whether it went is seen in the reports
+            # the reply to these still reports the error: whether it went is seen in the reports
             accept(self.api.clean_error(), "clearing the error", but=Code.ERROR)
             accept(self.api.clean_warn(), "clearing the warning", but=Code.ERROR)
             accept(self.api.set_state(StateCommand.STOP), "a stop")

@@ -111,7 +111,7 @@ class StopChannel:
             if not self._client.connected:
                 self._client.connect(next(self._reconnect_timeouts_s))
             status, _ = self._client.request(register, payload, timeout_s)
-        except (OSError, DeviceError):  # the caller repeats, and `failure` tells meanwhile
+        except (OSError, DeviceError):  # the caller repeats, and `failure` is set meanwhile
             return False
         return not status & ReplyBit.INVALID
 

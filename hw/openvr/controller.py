@@ -39,8 +39,8 @@ _NOTHING = ControllerSample(
 class OpenVrController(Controller):
     """The controller of the configured hand; one per process.
 
-    `note` is called with level and text for every change, in the polling thread. `failure` tells in
-    one sentence why that thread has ended; "" if it has not, or was told to.
+    `note` is called with level and text for every change, in the polling thread. `failure` states
+    in one sentence why that thread has ended; "" if it has not, or was requested to.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Vibrations in the operator's hand: one pattern for each pulse, told apart blind."""
+"""Vibrations in the operator's hand: one pattern for each pulse, distinguished blind."""
 
 from __future__ import annotations
 

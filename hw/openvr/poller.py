@@ -109,7 +109,7 @@ class OpenVrPoller:
         if self._runtime is None and now_ns >= self._retry_ns:
             self._retry(now_ns)
         view = self._look(now_ns)
-        self._announcer.tell(view.status, view.why, now_ns)
+        self._announcer.notify(view.status, view.why, now_ns)
         buttons = view.buttons
         return ControllerSample(
             view.status,
@@ -154,7 +154,7 @@ class OpenVrPoller:
         try:
             self.connect()
         except TamsError as error:
-            self._announcer.tell_failure(str(error))
+            self._announcer.notify_failure(str(error))
             return
         self._announcer.forget_failure()
         self._note("info", "SteamVR is back")
@@ -223,7 +223,7 @@ class OpenVrPoller:
         self._take(read, now_ns)
         if pose is None:
             return _View(ControllerStatus.TRACKING_LOST, problem, buttons=self._buttons)
-        self._announcer.tell_unread(source.unread, now_ns)
+        self._announcer.notify_unread(source.unread, now_ns)
         return _View(ControllerStatus.OK, "", pose, self._buttons)
 
     def _mistrusted(
@@ -259,5 +259,5 @@ class OpenVrPoller:
         if self._identity is None or index != self._device:
             self._device, self._identity = index, identify(runtime, index)
             if self._identity.controller_type not in COMPONENTS:
-                self._announcer.tell_unknown_type(self._identity.controller_type)
+                self._announcer.notify_unknown_type(self._identity.controller_type)
         return self._identity

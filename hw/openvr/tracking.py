@@ -177,7 +177,7 @@ def _is_same(a: NDArray[np.float64], b: NDArray[np.float64]) -> bool:
     return bool(moved_m <= _SAME_WITHIN_M and turned_rad <= _SAME_WITHIN_RAD)
 
 
-QUIET_NS = 200 * NS_PER_MS  # what flickers faster than this is told as it ends up
+QUIET_NS = 200 * NS_PER_MS  # what flickers faster than this is reported as it ends up
 UNREAD_AFTER_NS = 2 * NS_PER_S
 
 
@@ -186,24 +186,24 @@ class Announcer:
 
     def __init__(self, note: Callable[[str, str], None]) -> None:
         self._note = note
-        self._told: tuple[ControllerStatus, str] | None = None
-        self._told_ns = 0
+        self._notified: tuple[ControllerStatus, str] | None = None
+        self._notified_ns = 0
         self._failure = ""
         self._unread: tuple[str, ...] = ()
         self._unread_since_ns: int | None = None
         self._unknown: set[str] = set()
 
-    def tell(self, status: ControllerStatus, why: str, now_ns: int) -> None:
+    def notify(self, status: ControllerStatus, why: str, now_ns: int) -> None:
         """Note the status if it is new."""
-        if (status, why) == self._told:
+        if (status, why) == self._notified:
             return
-        if self._told is not None and now_ns - self._told_ns < QUIET_NS:
+        if self._notified is not None and now_ns - self._notified_ns < QUIET_NS:
             return
-        self._told, self._told_ns = (status, why), now_ns
+        self._notified, self._notified_ns = (status, why), now_ns
         level = "info" if status is ControllerStatus.OK else "warning"
         self._note(level, f"controller: {status.value}" + (f", {why}" if why else ""))
 
-    def tell_failure(self, sentence: str) -> None:
+    def notify_failure(self, sentence: str) -> None:
         """Note why the runtime cannot be reached, if that is new."""
         if sentence != self._failure:
             self._failure = sentence
@@ -213,7 +213,7 @@ class Announcer:
         """The runtime was reached."""
         self._failure = ""
 
-    def tell_unread(self, unread: tuple[str, ...], now_ns: int) -> None:
+    def notify_unread(self, unread: tuple[str, ...], now_ns: int) -> None:
         """Note what a tracked controller has not delivered for UNREAD_AFTER_NS: not bound."""
         if not unread:
             self._unread, self._unread_since_ns = (), None
@@ -227,7 +227,7 @@ class Announcer:
                 "are bound under SteamVR's Settings, Controllers, Manage Controller Bindings",
             )
 
-    def tell_unknown_type(self, controller_type: str) -> None:
+    def notify_unknown_type(self, controller_type: str) -> None:
         """Note a type of controller whose buttons TAMS can only guess."""
         if controller_type not in self._unknown:
             self._unknown.add(controller_type)

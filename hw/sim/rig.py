@@ -64,7 +64,7 @@ def main() -> None:
 
 
 def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | None:
-    """Run until told to stop; what ended a thread of the server, if anything did."""
+    """Run until stop is requested; what ended a thread of the server, if anything did."""
     name = str(specification["memory_name"])
     start_joints = np.radians(np.array(specification["start_joints_deg"], float))
     clock = MonotonicClock()

@@ -131,7 +131,7 @@ class CameraConfig(Section):
     """From the light to the frame's time stamp: added to the age of what the operator sees."""
 
     @model_validator(mode="after")
-    def _says_which(self) -> Self:
+    def _names_one(self) -> Self:
         if self.source == "v4l2" and not (self.name or self.serial or self.path):
             raise ValueError("a v4l2 camera needs its name, serial or path")
         if self.source == "file" and not self.file:
@@ -139,7 +139,7 @@ class CameraConfig(Section):
         return self
 
     @model_validator(mode="after")
-    def _says_nothing_that_would_not_count(self) -> Self:
+    def _sets_nothing_without_effect(self) -> Self:
         foreign = {"v4l2": ("file",), "file": _V4L2_ONLY, "pattern": (*_V4L2_ONLY, "file")}
         for key in foreign.get(self.source, ()):
             field = type(self).model_fields[key]

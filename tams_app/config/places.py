@@ -10,7 +10,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 def find_config_directory(package: Path) -> Path:
     """`config/` of the checkout that the folder `package` is in, else the installed package data.
 
-    A folder `config` beside an installed package may be of another program: run_tams.py tells.
+    A folder `config` beside an installed package may be of another program: run_tams.py knows.
     """
     checkout = package.parent
     if (checkout / "run_tams.py").is_file() and (checkout / "config").is_dir():

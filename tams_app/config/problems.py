@@ -14,7 +14,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 _LONGEST_VALUE = 60
-_MOST_TOLD = 50
+_MOST_REPORTED = 50
 # What a configuration of one's own usually includes.
 _INCLUDED = {
     "networks": "networks.yaml",
@@ -40,7 +40,7 @@ def find_problems(error: ValidationError, model: type[BaseModel] | None = None) 
     `model`: whose keys an unknown one is compared with, for what may have been meant.
     """
     details = sorted(error.errors(), key=lambda one: one["type"] != "extra_forbidden")
-    problems = [Problem(_key(one), _reason(one, model)) for one in details[:_MOST_TOLD]]
+    problems = [Problem(_key(one), _reason(one, model)) for one in details[:_MOST_REPORTED]]
     more = len(details) - len(problems)
     return [*problems, Problem("", f"and {more} more")] if more else problems
 

@@ -56,7 +56,7 @@ def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrate
     """Merge the calibration in force; the keys that each file has set."""
     name = content.get("calibration")
     if not isinstance(name, str):
-        return []  # none, or not a name, which the model tells
+        return []  # none, or not a name, which the model reports
     files = files_in_force(set_folder(path, name), read_yaml)
     calibrated = [read_calibrated(file, kind, read_yaml) for kind, file in sorted(files.items())]
     for one in calibrated:

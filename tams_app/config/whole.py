@@ -34,7 +34,7 @@ class OperatorConfig(Section):
     """The simulated rig's operator."""
 
     kind: OperatorKind = "auto"
-    """Who works in a live session: `seeing`, from the images alone; `scripted`, who is told where
+    """Who works in a live session: `seeing`, from the images alone; `scripted`, who knows where
     things are; `auto`: seeing where this computer is fast enough. Studies: always seeing."""
     reach_speed_m_s: Positive = 0.20
     """Scripted: speed of the hand on long ways."""

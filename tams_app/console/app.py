@@ -143,10 +143,10 @@ def show_session(
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
-    `interrupted` is told of a signal that ends it, by the signal's handler. `limit_s`: from when
-    it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing else
-    may be told of its session. `replay`: the session, where it is one. `conclude`: called once it
-    is closed, with the faces, of which those that show an end are still there.
+    `interrupted` is notified of a signal that ends it, by the signal's handler. `limit_s`: from
+    when it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing
+    else may be notified of its session. `replay`: the session, where it is one. `conclude`: called
+    once it is closed, with the faces, of which those that show an end are still there.
     """
     over = threading.Event()
 
@@ -191,7 +191,7 @@ def _watch(
             stack.callback(face.end if shows_end and isinstance(face, ShowsEnd) else face.close)
             face.open()
         if not session.config.operator_is_simulated:
-            _tell_how_to_begin(session, has_keys, session.displays.heard_ns() is not None)
+            _show_how_to_begin(session, has_keys, session.displays.heard_ns() is not None)
         line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):
@@ -199,15 +199,15 @@ def _watch(
             if end_s is not None and session.elapsed_s() >= end_s:
                 session.end(f"ended after {limit_s:g} s")
             for note in session.sentences.take():
-                line.say(note, session.elapsed_s())
+                line.notify(note, session.elapsed_s())
                 for face in faces:
-                    face.say(note)
+                    face.notify(note)
             for face in faces:
                 face.refresh()
             if line.is_due(session.elapsed_s()):
                 line.update(session.state())
         for note in session.sentences.take():
-            line.say(note, session.elapsed_s())
+            line.notify(note, session.elapsed_s())
 
 
 def _launch_faces(
@@ -230,7 +230,7 @@ def _launch_faces(
     return faces
 
 
-def _tell_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
+def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) -> None:
     """Print what a person has to know before the arm may move."""
     hand = words_of_hand(hand_of(session.config))
     if session.config.controller.device == "keyboard":

@@ -82,9 +82,9 @@ def _rosbag2(
         bag = log.parent / "rosbag2" if out is None else out / log.parent.resolve().name
         counts = write_bag(log, bag, scene_of_header)
         topics = sum(count > 0 for count in counts.values())
-        _tell(console, f"{bag}: {sum(counts.values())} messages on {topics} topics")
+        _print(console, f"{bag}: {sum(counts.values())} messages on {topics} topics")
         if damage := damage_of(log):
-            _tell(console, f"{bag}: {damage}")
+            _print(console, f"{bag}: {damage}")
 
 
 def _lerobot(
@@ -104,10 +104,10 @@ def _lerobot(
     number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"
     skipped = len(logs) - len({episode.path for episode in episodes})
     left_out = f"; skipped: {skipped} of {len(logs)} sessions" if skipped else ""
-    _tell(console, f"{folder}: {number}, {rows} frames of {views}{left_out}")
+    _print(console, f"{folder}: {number}, {rows} frames of {views}{left_out}")
 
 
-def _tell(console: Console, text: str) -> None:
+def _print(console: Console, text: str) -> None:
     console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 

@@ -23,7 +23,7 @@ class ExportProgress(Progress):
         )
         self._frames = self.add_task("frames", total=None)  # while the logs are read
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         self.console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def begin(self, frames: int) -> None:

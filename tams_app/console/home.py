@@ -61,7 +61,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         dialogue = Dialogue(keys, console or Console(), go_on)
         stack.callback(dialogue.close)
         dialogue.start()
-        awake = KeptAwake(dialogue.say)
+        awake = KeptAwake(dialogue.notify)
         stack.callback(awake.close)
         awake.start()
         boundary = reach_boundary(config.arm, config.limits)
@@ -72,10 +72,10 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
             config.limits,
             None,
             signals,
-            lambda _level, text: dialogue.say(text),
+            lambda _level, text: dialogue.notify(text),
             math.radians(config.arm.ready_speed_deg_s),
         )
-        dialogue.say(f"Connecting to the arm at {config.arm.host} ...")
+        dialogue.notify(f"Connecting to the arm at {config.arm.host} ...")
         guard.join(arm, stack, lambda: connect_with_consent(arm, dialogue.confirms))
         go_on()
         run = HomeRun(
@@ -85,12 +85,12 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
             guard,
             signals,
             dialogue.read_keys,
-            dialogue.say,
+            dialogue.notify,
             dialogue.all_shown,
         )
 
         def failed(name: str, failure: BaseException) -> None:
-            dialogue.say(f"{name}: {failure!r}")
+            dialogue.notify(f"{name}: {failure!r}")
             signals.fail()
 
         gate = Worker("arm-gate", run.gate.run, failed)
@@ -104,7 +104,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
 
 
 class Dialogue:
-    """Says things without waiting and reads keys; for one thread, between `start` and `close`.
+    """Shows sentences without waiting and reads keys; for one thread, between `start` and `close`.
 
     Printing may block for any time (a terminal that is not read, a stalled remote shell):
     it is done in a thread of its own, so that reading the deadman key goes on.
@@ -116,7 +116,7 @@ class Dialogue:
         """`check` is called before each reading and may raise to end it."""
         self._keys, self._console, self._check = keys, console, check
         self._texts: BoundedQueue[str] = BoundedQueue(_CAPACITY)
-        self._said = 0
+        self._notified = 0
         self._printed = 0
         self._printer = Worker("printer", self._print, lambda _name, _failure: None)
 
@@ -128,14 +128,14 @@ class Dialogue:
         self._printer.request_stop()
         self._printer.join(_LAST_WORDS_S)
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """Have `text` printed; does not wait."""
-        self._said += 1
+        self._notified += 1
         self._texts.put(text)
 
     def all_shown(self) -> bool:
         """True if every text is on the screen; never again if one was dropped."""
-        return self._printed == self._said
+        return self._printed == self._notified
 
     def read_keys(self, timeout_s: float) -> bytes:
         """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
@@ -150,7 +150,7 @@ class Dialogue:
 
     def confirms(self, question: str) -> bool:
         """Ask once the question can be read; True if Enter, and nothing else, answers it."""
-        self.say(question)
+        self.notify(question)
         while not self.all_shown():
             if self.read_keys(_POLL_S).strip(_ENTER):
                 return False

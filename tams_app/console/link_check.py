@@ -49,7 +49,7 @@ class LinkMeasured:
     """The measured network between the two computers.
 
     lost_fraction: of the echoes. down, up: capacity from and to the robot's side [kbit/s], None if
-    too little came to tell, and the loss in a train of packets. latency_ms, jitter_ms: for the
+    too little came to decide, and the loss in a train of packets. latency_ms, jitter_ms: for the
     section `link` of the configuration of the robot's side.
     """
 
@@ -166,7 +166,7 @@ class _Prober:
                 raise HelperError(f"{NO_ANSWER}; is `robot` running there?")
             for call in self._end.step(self._clock.now_ns()):
                 self._socket.sendto(*call)
-            list(self._heard(NS_PER_S // 20))
+            list(self._received(NS_PER_S // 20))
 
     def round_trips_ms(self) -> list[float]:
         """Of each echo that came back [ms]."""
@@ -176,7 +176,7 @@ class _Prober:
             sent_ns[number] = self._clock.now_ns()
             self._send(ping(number))
             wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
-            for now_ns, message in self._heard(wait_ns):
+            for now_ns, message in self._received(wait_ns):
                 if (numbers := numbers_of(message, PONG)) and numbers[0] in sent_ns:
                     trips_ms.append((now_ns - sent_ns.pop(numbers[0])) / NS_PER_MS)
         return trips_ms
@@ -185,7 +185,7 @@ class _Prober:
         """A train from the robot's side; video that comes meanwhile takes its share."""
         receiver = TrainReceiver(1, _TRAIN_PARTS)
         self._send(ask(1, _TRAIN_PARTS))
-        for now_ns, message in self._heard(_TRAIN_NS):
+        for now_ns, message in self._received(_TRAIN_NS):
             if numbers_of(message, PART):
                 size_bytes = sealed_bytes(len(message)) + IP_UDP_HEADER_BYTES
                 receiver.part(now_ns, size_bytes)
@@ -194,11 +194,11 @@ class _Prober:
         return receiver.report()
 
     def train_up(self) -> TrainReport:
-        """A train to the robot's side, as that side tells of it."""
+        """A train to the robot's side, as that side reports it."""
         for message in train_of(2, _TRAIN_PARTS):
             self._send(message)
         report = TrainReport(2, 0, 0, 0)
-        for _, message in self._heard(_TRAIN_NS):
+        for _, message in self._received(_TRAIN_NS):
             report = report_of(message) or report
             if report.packets == _TRAIN_PARTS:
                 break
@@ -211,7 +211,7 @@ class _Prober:
             except BlockingIOError:
                 return  # a full buffer loses it, as a network does
 
-    def _heard(self, wait_ns: int) -> Iterator[tuple[int, bytes]]:
+    def _received(self, wait_ns: int) -> Iterator[tuple[int, bytes]]:
         """The messages that come within `wait_ns`, each with its time."""
         deadline_ns = self._clock.now_ns() + wait_ns
         while (left_ns := deadline_ns - self._clock.now_ns()) > 0:

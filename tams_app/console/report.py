@@ -37,7 +37,7 @@ def report_session(
 ) -> dict[str, Any]:
     """Write summary, figure and page from the log in `folder`; show the summary, return it.
 
-    `folder` may name the log itself. `progress`: where it is told that this takes its time, in
+    `folder` may name the log itself. `progress`: where it is reported that this takes its time, in
     place of `console`. UnreadableLogError if there is no log, or none of ours; LogError if the
     folder cannot be written.
     """

@@ -132,8 +132,8 @@ def _episodes(episodes: Sequence[Mapping[str, Any]]) -> str | Table:
     table.add_column(justify="right")
     for one in episodes:
         episode = EpisodeState(one["number"], one["length_s"], one["kept"], one["success"])
-        told = f"at {one['t_s']:.1f} s, {one['length_s']:.1f} s long: {verdict(episode)}"
-        table.add_row(str(one["number"]), told)
+        outcome = f"at {one['t_s']:.1f} s, {one['length_s']:.1f} s long: {verdict(episode)}"
+        table.add_row(str(one["number"]), outcome)
     return table
 
 

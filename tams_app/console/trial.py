@@ -41,7 +41,7 @@ BEGINNING = (
 class LiveTrialRunner:
     """Runs whole sessions for a study (its `TrialRunner`); the experimenter ends each by key.
 
-    Neither live line nor window nor a table tell strategy, network, targets, weights, or what
+    Neither live line nor window nor a table show strategy, network, targets, weights, or what
     follows from them: rates, ages and quality.
     """
 

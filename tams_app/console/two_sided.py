@@ -40,11 +40,11 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     check_faces(config)
     console = Console()
 
-    def say(sentence: str) -> None:
+    def notify(sentence: str) -> None:
         console.print(sentence, markup=False, highlight=False, soft_wrap=True)
 
     def make(folder: Path) -> Session:
-        return operate(config, MonotonicClock(), folder, endpoint, say)
+        return operate(config, MonotonicClock(), folder, endpoint, notify)
 
     return run_and_report(config, make)
 
@@ -72,7 +72,7 @@ def endpoint_of(
         )
     if key is None:
         return Endpoint(str(address), int(port), None)  # what was judged, not what it is later
-    # what is wrong with it is told before anything is started
+    # what is wrong with it is reported before anything is started
     if accepts_several:
         accepted_keys(key)
     else:

@@ -78,7 +78,7 @@ def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None])
         newest_ns = max(newest_ns, t_ns)
         for sent in conversion.of(record):
             write(sent)
-        meter.hear(record)
+        meter.receive(record)
         if (rates := meter.take(newest_ns)) is not None:
             for sent in conversion.of(rates):
                 write(sent)

@@ -1,4 +1,4 @@
-"""A face's side of its application: what it is opened with, and telling what happens."""
+"""A face's side of its application: what it is opened with, and reporting what happens."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import msgspec
 
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
-from tams_app.faces.messages import LONGEST, Asked, Event, Opening
+from tams_app.faces.messages import LONGEST, CommandRequest, Event, Opening
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
@@ -36,7 +36,7 @@ class Application:
         """`side`: its specification names the socket's descriptor."""
         self._side = side
         self._socket = socket.socket(fileno=int(side.specification["socket"]))
-        self._untold: dict[Command, Asked] = {}
+        self._unsent: dict[Command, CommandRequest] = {}
 
     def await_opening(self) -> Opened | None:
         """Wait for what is to be shown; None to end before."""
@@ -49,18 +49,18 @@ class Application:
                 return _opened(msgspec.msgpack.decode(content, type=Opening), *descriptors)
         return None
 
-    def tell(self, event: Event) -> None:
+    def report(self, event: Event) -> None:
         """Send it, if the application takes anything; what stops the arm is sent with a later one.
 
         Of all else the next event has what counts, but for a confirmation: that is not to be late.
         """
         # it takes nothing for a moment, or has ended
         with contextlib.suppress(BlockingIOError, ConnectionError):
-            if is_kept := isinstance(event, Asked) and event.command in _KEPT:
-                self._untold[event.command] = event
-            for command, asked in tuple(self._untold.items()):
+            if is_kept := isinstance(event, CommandRequest) and event.command in _KEPT:
+                self._unsent[event.command] = event
+            for command, asked in tuple(self._unsent.items()):
                 self._send(asked)
-                del self._untold[command]
+                del self._unsent[command]
             if not is_kept:
                 self._send(event)
 
@@ -68,7 +68,7 @@ class Application:
         self._socket.send(msgspec.msgpack.encode(event))
 
     def close(self) -> None:
-        """Nothing is told any more."""
+        """Nothing is reported any more."""
         self._socket.close()
 
 

@@ -122,14 +122,14 @@ def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWo
     state = facts.state
     look = look_of(state.arming)
     if state.arming == "holding":
-        return Banner(look, _told(facts), words.told("{release} · Space: emergency stop"))
+        return Banner(look, _sentence(facts), words.told("{release} · Space: emergency stop"))
     if state.arming == "fault":
         key = words.told("Enter, with {deadman} released: first clears, then arms")
-        return Banner(look, _told(facts), key)
+        return Banner(look, _sentence(facts), key)
     sentence, key = map(words.told, quiet.get(state.arming, _STARTING))
     if state.arming in ("ready", "engaged", "disarmed"):
         if state.reason:  # nothing has stopped: it is in the way of going on
-            sentence = f"{sentence} {_told(facts)}"
+            sentence = f"{sentence} {_sentence(facts)}"
         elif state.last_stop:
             sentence = f"{sentence} Last stop: {state.last_stop}."
     elif facts.silent_s is not None:
@@ -137,7 +137,7 @@ def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWo
     return Banner(look, sentence, key)
 
 
-def _told(facts: Facts) -> str:
+def _sentence(facts: Facts) -> str:
     reason = facts.state.reason
     reason = reason[:1].upper() + reason[1:]
     if reason and not reason.endswith("."):

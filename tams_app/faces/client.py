@@ -1,4 +1,4 @@
-"""The application's side of a face: starts its process, hands over facts, hears events."""
+"""The application's side of a face: starts its process, hands over facts, receives events."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class FaceClient:
         self._process: HelperProcess | None = None
         self._facts: FactsWriter | None = None
         self._socket: socket.socket | None = None
-        self.keys: Keys | None = None  # as they were told last
+        self.keys: Keys | None = None  # as they were sent last
         self.heard_ns: int | None = None  # when anything was
 
     def launch(self, log_directory: Path | None, **specification: Any) -> None:
@@ -109,15 +109,15 @@ class FaceClient:
     def show(self, facts: Facts) -> None:
         """These facts from now on."""
         if self._facts is not None:
-            self._facts.put(msgspec.structs.replace(facts, told_ns=self._clock.now_ns()))
+            self._facts.put(msgspec.structs.replace(facts, reported_ns=self._clock.now_ns()))
 
     def body(self, on_event: Callable[[Event], None]) -> Callable[[threading.Event], None]:
-        """A worker's body that hands on every event, until it is told to stop or none can come."""
+        """A worker's body that hands on every event, until stop is requested or none can come."""
 
         def run(stop: threading.Event) -> None:
             while not stop.is_set() and (content := self._read()) != b"":
                 if content is not None:
-                    self._hear(msgspec.msgpack.decode(content, type=Event), on_event)
+                    self._receive(msgspec.msgpack.decode(content, type=Event), on_event)
 
         return run
 
@@ -140,7 +140,7 @@ class FaceClient:
         except ConnectionError:
             return b""
 
-    def _hear(self, event: Event, on_event: Callable[[Event], None]) -> None:
+    def _receive(self, event: Event, on_event: Callable[[Event], None]) -> None:
         self.heard_ns = self._clock.now_ns()
         if isinstance(event, Keys):
             self.keys = event

@@ -45,7 +45,7 @@ class Signals(Protocol):
     def episode(self, request: EpisodeRequest) -> None: ...
 
 
-class AskedSession(Protocol):
+class CommandedSession(Protocol):
     """A session of which something is asked."""
 
     @property
@@ -67,7 +67,7 @@ _NONE: Mapping[Command, Action] = MappingProxyType({})
 
 
 def actions_of(
-    session: AskedSession, more: Mapping[Command, Action] = _NONE
+    session: CommandedSession, more: Mapping[Command, Action] = _NONE
 ) -> Mapping[Command, Action]:
     """The action of each command but a confirmation, for any thread; `more`: in a trial."""
     return {
@@ -83,7 +83,7 @@ def actions_of(
 
 
 def carry_out(
-    session: AskedSession,
+    session: CommandedSession,
     actions: Mapping[Command, Action],
     command: Command,
     asked_ns: int,

@@ -13,7 +13,7 @@ import msgspec
 from tams_app.faces.commands import Command
 from tams_app.records import SessionState
 
-BEAT_S = 0.02  # a face tells of itself at least so often
+BEAT_S = 0.02  # a face reports at least so often
 LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
 
 
@@ -46,7 +46,7 @@ class Opening(msgspec.Struct, frozen=True):
     """The facts that a face is opened with: fixed as long as it is open.
 
     The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
-    may be shown that tells the strategy or the network of a trial, or the phases of one that a
+    may be shown that reveals the strategy or the network of a trial, or the phases of one that a
     person marks. hand: of `HANDS`. replay: the
     log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
     which a frame is called old. has_episodes: there are keys for them. strategy, network: "" where
@@ -102,17 +102,17 @@ class Ended(msgspec.Struct, frozen=True):
     key: str = ""
 
 
-class Said(msgspec.Struct, frozen=True):
-    """A sentence for the operator, and when it was said."""
+class Notice(msgspec.Struct, frozen=True):
+    """A sentence for the operator, and when it was shown."""
 
     t_s: float
     text: str
 
 
 class Facts(msgspec.Struct, frozen=True):
-    """The session's state at one moment as a face shows it, and what was said last.
+    """The session's state at one moment as a face shows it, and the notices last.
 
-    advice: what to do about `state.reason` now. told_ns: when they were put (`FaceClient`).
+    advice: what to do about `state.reason` now. reported_ns: when they were put (`FaceClient`).
     silent_s: for how long nothing has been received, None while that is short; only a face knows it
     (`faces.silence`). recorded_mb: size of the log so far, None where it is not told. end: of a
     session that is over.
@@ -122,21 +122,21 @@ class Facts(msgspec.Struct, frozen=True):
     advice: str = ""
     trial: TrialFacts | None = None
     replay: ReplayFacts | None = None
-    said: tuple[Said, ...] = ()
-    told_ns: int = 0
+    notices: tuple[Notice, ...] = ()
+    reported_ns: int = 0
     silent_s: float | None = None
     recorded_mb: float | None = None
     end: Ended | None = None
 
 
-class Asked(msgspec.Struct, frozen=True, tag="asked"):
+class CommandRequest(msgspec.Struct, frozen=True, tag="asked"):
     """The operator asks for something; once for each press, however long the key is held."""
 
     t_ns: int
     command: Command
 
 
-class Sought(msgspec.Struct, frozen=True, tag="sought"):
+class Seek(msgspec.Struct, frozen=True, tag="sought"):
     """The moment of the log [s] that was clicked or dragged to in a replay."""
 
     t_ns: int
@@ -167,11 +167,11 @@ class Beat(msgspec.Struct, frozen=True, tag="beat"):
     drawings: int
 
 
-class Gone(msgspec.Struct, frozen=True, tag="gone"):
+class FaceClosed(msgspec.Struct, frozen=True, tag="gone"):
     """A face shows nothing any more; `why` in a few words."""
 
     t_ns: int
     why: str
 
 
-Event: TypeAlias = Asked | Sought | Keys | Beat | Gone
+Event: TypeAlias = CommandRequest | Seek | Keys | Beat | FaceClosed

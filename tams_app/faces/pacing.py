@@ -11,7 +11,7 @@ _JUDGED_NS = NS_PER_S // 2
 
 
 class Pacer:
-    """Tells when to draw; what is drawn then is always the newest, so a slow one is never late.
+    """Decides when to draw; what is drawn then is always the newest, so a slow one is never late.
 
     The cost of a drawing is what the whole process used of the processor since the last judgement,
     by the drawings since: software rendering works in threads of its own, after the drawing.

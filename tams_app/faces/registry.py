@@ -29,7 +29,7 @@ class Shown(Protocol):
         A face that the operator steers by adds itself to `FacedSession.displays`.
         """
 
-    def say(self, note: str) -> None:
+    def notify(self, note: str) -> None:
         """Show a sentence.
 
         Args:

@@ -13,15 +13,15 @@ from msgspec.structs import replace
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.faces.client import Face, FaceClient
-from tams_app.faces.commands import Action, AskedSession, Command
+from tams_app.faces.commands import Action, Command, CommandedSession
 from tams_app.faces.messages import (
     Event,
+    FaceClosed,
     Facts,
-    Gone,
     Keys,
+    Notice,
     Outline,
     ReplayFacts,
-    Said,
     TrialFacts,
 )
 from tams_app.recording import LOG_NAME
@@ -35,12 +35,12 @@ from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import FrameBlock
 
 EVERY_NS = NS_PER_S // 10  # facts for the face
-SILENT_NS = 2 * NS_PER_S  # of a face that tells of itself 50 times a second
-OPENING_NS = 10 * NS_PER_S  # until it tells the first time
-_SAID, _LONGEST_SENTENCE = 3, 500
+SILENT_NS = 2 * NS_PER_S  # of a face that reports 50 times a second
+OPENING_NS = 10 * NS_PER_S  # until it reports the first time
+_NOTICES, _LONGEST_SENTENCE = 3, 500
 
 
-class FacedSession(AskedSession, Protocol):
+class FacedSession(CommandedSession, Protocol):
     """The session as a face sees it."""
 
     config: Config
@@ -112,7 +112,7 @@ class ShownReplay(Protocol):
 
     @property
     def blind(self) -> bool:
-        """Whether nothing may be shown that tells the phases of its log."""
+        """Whether nothing may be shown that infers the phases of its log."""
 
     def on_keys(self, keys: Keys) -> None:
         """Take in the keys pressed; called in a thread of the window.
@@ -148,7 +148,7 @@ class SessionFace:
         self._clock = MonotonicClock()
         self._client = FaceClient(self._clock, face)
         self._name = face.name
-        self._said: deque[Said] = deque(maxlen=_SAID)
+        self._notices: deque[Notice] = deque(maxlen=_NOTICES)
         self._stack = ExitStack()
         self._next_ns = 0
         self._opened_ns = 0
@@ -184,9 +184,9 @@ class SessionFace:
         """Of its process."""
         return self._client.pid
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """A sentence for the operator."""
-        self._said.append(Said(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
+        self._notices.append(Notice(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
 
     def refresh(self) -> None:
         """Send it the newest facts, if it is time to, and watch its process."""
@@ -244,12 +244,12 @@ class SessionFace:
     def _facts(self, state: SessionState) -> Facts:
         trial = None if self._trial is None else self._trial.facts_of(state)
         replay = None if self._replay is None else self._replay.facts()
-        facts = facts_of(state, tuple(self._said), trial, replay)
+        facts = facts_of(state, tuple(self._notices), trial, replay)
         return replace(facts, recorded_mb=self._recorded_mb())
 
     def _on_event(self, event: Event) -> None:
         """In a thread of the face's own."""
-        if isinstance(event, Gone):
+        if isinstance(event, FaceClosed):
             self._session.fail(
                 f"the {self._name} shows nothing any more, so the operator sees nothing: "
                 f"{event.why}"
@@ -261,15 +261,15 @@ class SessionFace:
 
 def facts_of(
     state: SessionState,
-    said: tuple[Said, ...],
+    notices: tuple[Notice, ...],
     trial: TrialFacts | None = None,
     replay: ReplayFacts | None = None,
 ) -> Facts:
-    """The state as a face gets it; in a trial without all that tells what is compared."""
+    """The state as a face gets it; in a trial without all that reveals what is compared."""
     return Facts(
         state=state if trial is None else without_figures(state),
         advice=what_to_do(state.reason, state.lasting, words_of_hand(state.hand)),
         trial=trial,
         replay=replay,
-        said=said,
+        notices=notices,
     )

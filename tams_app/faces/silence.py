@@ -32,17 +32,17 @@ def silence_of(state: SessionState) -> float | None:
 def as_known(facts: Facts, now_ns: int) -> Facts:
     """The facts as they may be shown at `now_ns`: where they are not live, that and their age.
 
-    The application that is silent itself tells nothing of the link either; one that is not may
-    tell that it is lost.
+    The application that is silent itself reports nothing of the link either; one that is not may
+    report that it is lost.
     """
     state = facts.state
     if facts.replay is not None or facts.end is not None:
         return facts
-    silence_s = silent_s(min(facts.told_ns, state.heard_ns or facts.told_ns), now_ns)
+    silence_s = silent_s(min(facts.reported_ns, state.heard_ns or facts.reported_ns), now_ns)
     if silence_s is None:
         return facts
-    passed_ms = (now_ns - facts.told_ns) / NS_PER_MS
-    knows_why = state.arming == LINK_LOST and silent_s(facts.told_ns, now_ns) is None
+    passed_ms = (now_ns - facts.reported_ns) / NS_PER_MS
+    knows_why = state.arming == LINK_LOST and silent_s(facts.reported_ns, now_ns) is None
     old = msgspec.structs.replace(
         state,
         arming=state.arming if knows_why else NOT_LIVE,

@@ -2,5 +2,5 @@
 
 `keys` and `handshake` agree on who is there, `sealing` protects what is sent, `ends` decides what
 becomes of each datagram (pure: time and addresses are arguments), `gateway` has the sockets.
-`messages` and `age` are what the two applications tell each other, and how old it is at most.
+`messages` and `age` are what the two applications send each other, and how old it is at most.
 """

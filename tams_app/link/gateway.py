@@ -5,7 +5,7 @@ the other computer, and hands over what comes from there and is authentic. Messa
 socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
 
 Specification: side (robot or operator), key (path, on the robot's side also of a folder, or null),
-host and port (to listen on, or to call), welcome (base64: what the robot's side tells an operator
+host and port (to listen on, or to call), welcome (base64: what the robot's side sends an operator
 when the link begins), channel (descriptor).
 """
 
@@ -38,7 +38,7 @@ from tams_app.units import NS_PER_MS
 
 # the first byte of what goes through the channel
 MESSAGE, EVENT, BYE, ROUTES = b"m", b"e", b"b", b"r"
-HEARD = struct.Struct("<qq")  # before a message of the other side: when it was heard [ns], session
+RECEIVED = struct.Struct("<qq")  # before a message: when it was received [ns], session
 LOOPBACK = "127.0.0.1"
 LARGEST_BYTES = 65_536
 _BUFFER_BYTES = 4_000_000
@@ -62,7 +62,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
     sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
     key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
     let go because their key is accepted no longer. counts: datagrams that changed nothing, by
-    reason. welcome: what the robot's side says.
+    reason. welcome: what the robot's side sends.
     """
 
     connected: bool
@@ -136,8 +136,8 @@ class Carrier:
         self._sessions = 0
         self._left = self._revoked = False
         self._address: Address = ("", 0)
-        self._told: LinkEvent | None = None
-        self._told_ns = self._looked_ns = self._keys_looked_ns = 0
+        self._reported: LinkEvent | None = None
+        self._reported_ns = self._looked_ns = self._keys_looked_ns = 0
         self._changed = False  # more than counts may have
         self._selector = selectors.DefaultSelector()
         self._selector.register(outer, selectors.EVENT_READ, self._from_outside)
@@ -185,11 +185,11 @@ class Carrier:
     def _report(self, now_ns: int) -> None:
         self._changed, self._looked_ns = False, now_ns
         event = self._event()
-        if event == self._told:
+        if event == self._reported:
             return
-        due = now_ns - self._told_ns >= _EVENT_NS or _without_counts(event, self._told)
-        if due and self._tell(EVENT + msgspec.msgpack.encode(event)):
-            self._told, self._told_ns = event, now_ns
+        due = now_ns - self._reported_ns >= _EVENT_NS or _without_counts(event, self._reported)
+        if due and self._hand_over(EVENT + msgspec.msgpack.encode(event)):
+            self._reported, self._reported_ns = event, now_ns
 
     def _event(self) -> LinkEvent:
         end = self._end
@@ -235,7 +235,7 @@ class Carrier:
             for answer in self._answering.answers(heard.message, now_ns, size_bytes):
                 self._send(self._end.message(answer, now_ns))
         elif heard.message is not None:
-            self._tell(MESSAGE + HEARD.pack(now_ns, self._sessions) + heard.message)
+            self._hand_over(MESSAGE + RECEIVED.pack(now_ns, self._sessions) + heard.message)
         if heard.media is not None and not self._streams.hand_over(heard.media):
             self._end.counts["of no stream"] += 1
 
@@ -276,7 +276,7 @@ class Carrier:
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
                 self._outer.sendto(*addressed)
 
-    def _tell(self, content: bytes) -> bool:
+    def _hand_over(self, content: bytes) -> bool:
         """Hand something to the application; whether it can be. Full: it stalls, newer follow."""
         try:
             self._channel.send(content)
@@ -285,9 +285,9 @@ class Carrier:
         return True
 
 
-def _without_counts(event: LinkEvent, told: LinkEvent | None) -> bool:
+def _without_counts(event: LinkEvent, reported: LinkEvent | None) -> bool:
     """True if more has changed than the counts."""
-    return told is None or msgspec.structs.replace(event, counts=told.counts) != told
+    return reported is None or msgspec.structs.replace(event, counts=reported.counts) != reported
 
 
 def _udp(family: int, host: str, port: int) -> socket.socket:

@@ -13,9 +13,9 @@ import msgspec
 from tams_app.link.gateway import (
     BYE,
     EVENT,
-    HEARD,
     LARGEST_BYTES,
     MESSAGE,
+    RECEIVED,
     ROUTES,
     LinkEvent,
     Routes,
@@ -23,7 +23,7 @@ from tams_app.link.gateway import (
 from tams_app.runtime.process import HelperProcess
 
 _CHANNEL_BUFFER_BYTES = 1_000_000
-# A robot's side is silent to whom it does not know, so that these cannot be told apart:
+# A robot's side is silent to whom it does not know, so that these cannot be distinguished:
 NO_ANSWER = (
     "no answer: a wrong address, no network, another version of TAMS there, or a key that the "
     "robot's side does not accept"
@@ -46,7 +46,7 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Received:
-    """A message of the other side: when it was heard [ns], and in which session of the link."""
+    """A message of the other side: when it was received [ns], and in which session of the link."""
 
     heard_ns: int
     session: int
@@ -70,7 +70,7 @@ NO_EVENT = LinkEvent(
 class Gateway:
     """One gateway process. `launch`, `wait_ready`; `receive` and `send` from one thread; `close`.
 
-    `event`: how the link stood when it was told last.
+    `event`: how the link stood when it was reported last.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Gateway:
         welcome: bytes,
         log_directory: Path | None,
     ) -> None:
-        """`welcome`: of the robot's side, what an operator is told when the link begins."""
+        """`welcome`: of the robot's side, what an operator receives when the link begins."""
         self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
@@ -133,12 +133,12 @@ class Gateway:
             if content[:1] == EVENT:
                 self.event = msgspec.msgpack.decode(content[1:], type=LinkEvent)
             else:
-                heard_ns, session = HEARD.unpack_from(content, 1)
-                messages.append(Received(heard_ns, session, content[1 + HEARD.size :]))
+                heard_ns, session = RECEIVED.unpack_from(content, 1)
+                messages.append(Received(heard_ns, session, content[1 + RECEIVED.size :]))
         return messages
 
-    def say_goodbye(self) -> None:
-        """Tell the other side that this one leaves."""
+    def send_goodbye(self) -> None:
+        """Notify the other side that this one leaves."""
         self._put(BYE)
 
     def close(self) -> None:

@@ -12,12 +12,12 @@ import struct
 from dataclasses import dataclass, field
 from typing import Final
 
-PREFIX = b"\0"  # of all that the gateways tell each other; applications' messages begin otherwise
+PREFIX = b"\0"  # of all that the gateways send each other; applications' messages begin otherwise
 PING, PONG, ASK, PART, REPORT = b"\0ping", b"\0pong", b"\0ask", b"\0part", b"\0told"
 PART_BYTES = 1150  # below the link's MTU of 1200 with what seals it
 LONGEST_TRAIN = 400
 _NUMBERS = struct.Struct("!II")  # train, and: packets asked for, or number of this one
-_TOLD = struct.Struct("!IIIq")  # train, packets, bytes of the second half, and how long it took
+_SUMS = struct.Struct("!IIIq")  # train, packets, bytes of the second half, and how long it took
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,9 +81,9 @@ def numbers_of(message: bytes, kind: bytes) -> tuple[int, int] | None:
 
 def report_of(message: bytes) -> TrainReport | None:
     """The report that a message carries; None if it is none."""
-    if not message.startswith(REPORT) or len(message) != len(REPORT) + _TOLD.size:
+    if not message.startswith(REPORT) or len(message) != len(REPORT) + _SUMS.size:
         return None
-    return TrainReport(*_TOLD.unpack_from(message, len(REPORT)))
+    return TrainReport(*_SUMS.unpack_from(message, len(REPORT)))
 
 
 class Answering:
@@ -104,6 +104,6 @@ class Answering:
                 self._receiver.clear()  # one at a time
             receiver = self._receiver.setdefault(train, TrainReceiver(train, parts))
             receiver.part(now_ns, datagram_bytes)
-            told = receiver.report()
-            return [REPORT + _TOLD.pack(told.train, told.packets, told.half_bytes, told.half_ns)]
+            seen = receiver.report()
+            return [REPORT + _SUMS.pack(seen.train, seen.packets, seen.half_bytes, seen.half_ns)]
         return []

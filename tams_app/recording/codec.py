@@ -161,7 +161,7 @@ def _record(record_type: type) -> _Form:
     return _Form({"type": "object", "properties": properties}, read)
 
 
-# Up to 0.1 an arm's state was told in the numbers of the only controller there was.
+# Up to 0.1 an arm's state was given in the numbers of the only controller there was.
 _ACTIVITIES = {0: Activity.IDLE, 1: Activity.MOVING, 2: Activity.IDLE, 3: Activity.PAUSED}
 _SERVO_MODES = {1: ServoMode.POSE, 5: ServoMode.VELOCITY}
 

@@ -1,4 +1,4 @@
-"""What the parts of a session tell its log."""
+"""What the parts of a session record in its log."""
 
 from __future__ import annotations
 

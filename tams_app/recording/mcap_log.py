@@ -33,10 +33,10 @@ CHUNK_BYTES = 1024 * 1024  # the index of each, about 1 kB, stays in memory unti
 
 
 def _keep_sdk_quiet() -> None:
-    """Else its threads wait for the GIL to tell the operator's terminal of viewers that leave."""
+    """Else its threads wait for the GIL to notify the operator's terminal of viewers that leave."""
     root, nothing = logging.getLogger(), logging.NullHandler()
     root.addHandler(nothing)  # without one the SDK would add one of its own, for everything
-    set_log_level("CRITICAL")  # at which it tells nothing
+    set_log_level("CRITICAL")  # at which it reports nothing
     root.removeHandler(nothing)
 
 
@@ -96,7 +96,7 @@ class McapLog:
         if not isinstance(item, EncodedFrame | ShownFrame):  # the latter is for viewers alone
             self._write_record(item, TOPICS[type(item)].time_ns(item))
         if self._viewers is not None:
-            self._viewers.hear(item, now_ns)
+            self._viewers.receive(item, now_ns)
 
     def wants_pixels(self, shown: ShownFrame) -> bool:
         """Whether a frame shown is to be written with its pixels, too; each view in one thread."""

@@ -41,17 +41,17 @@ def damage_sentence(missing: Sequence[tuple[float | None, float | None]]) -> str
 
     missing: from when to when [s since the start], None where that is not known.
     """
-    said = []
+    sentences = []
     if lost := [
         f"{from_s or 0:.1f} to {to_s:.1f} s" for from_s, to_s in missing if to_s is not None
     ]:
-        said.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
+        sentences.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
     if cut := [from_s for from_s, to_s in missing if to_s is None]:
-        said.append(
+        sentences.append(
             f"The log ends early, at {cut[0] or 0:.1f} s (the session was killed, the disk was "
             "full, or the file was cut or damaged)."
         )
-    return " ".join(said)
+    return " ".join(sentences)
 
 
 class McapStream:
@@ -59,7 +59,7 @@ class McapStream:
 
     A chunk whose bytes have changed is left out: the index at the end of the file leads to the
     next one. Without that index the messages end where the file is cut off or damaged. Afterwards
-    `complete` tells whether the file had its proper end, `gaps` what could not be read, in
+    `complete`: whether the file had its proper end, `gaps` what could not be read, in
     nanoseconds since 1970.
     """
 

@@ -46,7 +46,7 @@ from tams_app.records import (
 from tams_app.units import NS_PER_S
 
 # Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
-# Up to schema 2 an RTP timestamp told the index: n · 90000 / fps.
+# Up to schema 2 an RTP timestamp gave the index: n · 90000 / fps.
 # Up to schema 3 `/cameras` was called `/rates`, which is a channel for viewers since.
 SCHEMA = 4
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
@@ -263,8 +263,8 @@ class SessionLog:
     glances: list[OperatorGlance] = records(
         "/operator/glance", OperatorGlance, lambda one: one.t_ns
     )
-    hands_heard: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
-    states_heard: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
+    hands_received: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
+    states_received: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
     episodes: list[Episode] = records("/episode", Episode, lambda one: one.t_ns)
     link_health: list[LinkHealth] = records("/link/health", LinkHealth, lambda one: one.t_ns)
 

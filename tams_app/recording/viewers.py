@@ -13,11 +13,11 @@ from tams_app.recording.topics import Header
 class Viewers(Protocol):
     """Channels beside the log's own, in the same file."""
 
-    def hear(self, record: Any, now_ns: int) -> None:
+    def receive(self, record: Any, now_ns: int) -> None:
         """A record that the log keeps, an encoded frame, or a frame shown that was wanted."""
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        """Whether a frame shown now is to be heard of with its pixels; each view in one thread."""
+        """Whether a frame shown now is wanted with its pixels; each view in one thread."""
 
     def close(self) -> None:
         """The log ends; may be called twice."""

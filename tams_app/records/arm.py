@@ -17,7 +17,7 @@ class ServoMode(StrEnum):
 
 
 class Activity(StrEnum):
-    """What the arm's controller says that the arm is doing."""
+    """What the arm's controller reports that the arm is doing."""
 
     MOVING = "moving"
     IDLE = "idle"  # stands, and takes motion commands

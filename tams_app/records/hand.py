@@ -1,4 +1,4 @@
-"""The operator's hand: what a tracked controller says, and the pulses they feel."""
+"""The operator's hand: what a tracked controller reports, and the pulses they feel."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tams_app.records.geometry import Pose
 
 
 class ControllerStatus(StrEnum):
-    """What the tracking runtime says of the controller; anything but OK reads as released."""
+    """What the tracking runtime reports of the controller; anything but OK reads as released."""
 
     OK = "ok"
     DISCONNECTED = "disconnected"

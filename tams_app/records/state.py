@@ -108,7 +108,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
 
 
 def without_figures(state: SessionState) -> SessionState:
-    """The state without all that tells what is compared: rates, ages and quality."""
+    """The state without all that reveals what is compared: rates, ages and quality."""
     return msgspec.structs.replace(
         state,
         views=dict.fromkeys(state.views, ViewState()),

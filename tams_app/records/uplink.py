@@ -1,4 +1,4 @@
-"""Packets on the uplink, and what receivers tell of them."""
+"""Packets on the uplink, and what receivers report of them."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PacketRecord(Record):
 
 @dataclass(frozen=True, slots=True)
 class PacketArrival:
-    """What a receiver told of one packet of the RTP flow."""
+    """What a receiver reported of one packet of the RTP flow."""
 
     view: str
     sent_ns: int  # entered the uplink, on the sender's clock
@@ -71,9 +71,9 @@ class UplinkReport:
     """What the senders know of the uplink at one instant.
 
     `arrivals` and `receptions` came since the report before; arrivals are those of all views in the
-    order of sending, each packet once. Each view's receiver tells when a frame has come: packets of
-    one view may be told after later ones of another, in the next report. What is told in feedback
-    that does not come is told no more.
+    order of sending, each packet once. Each view's receiver reports when a frame has come: packets
+    of one view may be reported after later ones of another, in the next report. What is reported in
+    feedback that does not come is reported no more.
     """
 
     now_ns: int
@@ -98,7 +98,7 @@ class PolicyInputs(Record):
 
     @staticmethod
     def of(report: UplinkReport) -> PolicyInputs:
-        """What `report` tells."""
+        """What `report` contains."""
         arrivals = report.arrivals
         return PolicyInputs(
             report.now_ns,

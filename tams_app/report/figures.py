@@ -113,9 +113,9 @@ class Rates:
     def draw(self, axis: Axes, place: int, view: str) -> None:
         """Target and measured rate of `view`, number `place` of all."""
         kbps = self.targets.kbps[view]
-        asked = np.append(kbps, kbps[-1]) / 1000
+        target = np.append(kbps, kbps[-1]) / 1000
         axis.step(
-            self.t_s, asked, where="post", color=plots.INK, lw=_TARGET_PT, zorder=3, label="target"
+            self.t_s, target, where="post", color=plots.INK, lw=_TARGET_PT, zorder=3, label="target"
         )
         if curve := self.curves.get(view):
             colour = view_colour(place)

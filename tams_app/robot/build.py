@@ -69,7 +69,7 @@ def check_hand(config: Config) -> None:
 
 def starts_at_capacity(config: Config) -> bool:
     """True if the budget knows the capacity from the start."""
-    return not BUDGETS[config.policy.budget.mode].hears_reports
+    return not BUDGETS[config.policy.budget.mode].receives_reports
 
 
 def check_ready_pose(config: Config) -> None:
@@ -131,7 +131,7 @@ def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
 
 
 def codecs(config: Config, note: Note, encodes: bool = True) -> Codecs:
-    """The configured encoder and decoder, or what works here in their place, which `note` tells.
+    """The configured encoder and decoder, or what works here in their place, which `note` reports.
 
     `encodes`: else only the decoder matters.
     """

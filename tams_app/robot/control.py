@@ -185,7 +185,7 @@ class ControlLoop:
             self._signals.trip(Reason.COMPUTER_SLEPT)
             for listener in self._listeners:
                 listener.on_wake(now_ns)
-        # heard first: that the guard stopped the arm is the reason, what the arm reports follows
+        # received first: that the guard stopped the arm is the reason, what the arm reports follows
         for listener in self._listeners:
             listener.before_tick(now_ns)
         sample = self._controller.sample(now_ns)

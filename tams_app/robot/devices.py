@@ -35,7 +35,7 @@ class Devices:
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None] | None:
-        """Tells where things really are; None where only a person can judge the task."""
+        """Knows where things really are; None where only a person can judge the task."""
         return None
 
     def start(self) -> None:

@@ -33,7 +33,7 @@ class DryRunArm(Arm):
     def __init__(
         self, real: Arm, config: ArmConfig, clock: Clock, boundary: TcpBoundary | None = None
     ) -> None:
-        """`boundary`: what the real arm's controller is told, for the model as well."""
+        """`boundary`: what the real arm's controller receives, for the model as well."""
         self._real = real
         self._config, self._clock, self._boundary = config, clock, boundary
         self._lock = threading.Lock()
@@ -91,15 +91,15 @@ class DryRunArm(Arm):
         return link
 
     def send_twist(self, twist: Twist) -> None:
-        self._tell(lambda model: model.send_twist(twist))
+        self._command(lambda model: model.send_twist(twist))
 
     def set_gripper(self, closed: bool) -> None:
-        self._tell(lambda model: model.set_gripper(closed))
+        self._command(lambda model: model.set_gripper(closed))
 
     def stop(self) -> None:
         """Stop the model, and the real arm too, whatever program may be moving it."""
         self._real.stop()
-        self._tell(lambda model: model.stop())
+        self._command(lambda model: model.stop())
 
     def clear_errors(self) -> None:
         """Clear the real arm's errors and the model's."""
@@ -119,7 +119,7 @@ class DryRunArm(Arm):
     def realtime_thread_ids(self) -> dict[str, int]:
         return self._real.realtime_thread_ids
 
-    def _tell(self, command: Callable[[SimulatedArm], None]) -> None:
+    def _command(self, command: Callable[[SimulatedArm], None]) -> None:
         """`command` to the model, if there is one."""
         with self._lock:
             if (model := self._caught_up()) is not None:

@@ -43,7 +43,7 @@ class Engine:
         arm_at_once: bool = False,
         placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`ended` is told that the trial is over; `listeners` hear everything after the others,
+        """`ended` is called when the trial is over; `listeners` get everything after the others,
         and `operator` last. `placed`: see `TrialObserver`.
         """
         listeners = (*listeners, operator)
@@ -75,7 +75,7 @@ class Engine:
             operator,
             video.delay_ns,
             signals,
-            # the guard first: its heartbeat before all else, armed and disarmed before it is told
+            # the guard first: its heartbeat before all else, armed and disarmed before any report
             (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
         )
 

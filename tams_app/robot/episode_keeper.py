@@ -14,7 +14,7 @@ _STATE_NS = NS_PER_S // 10
 
 
 class LongPress:
-    """Tells once that a button was held for a second, of which all counted."""
+    """Reports once that a button was held for a second, of which all counted."""
 
     def __init__(self) -> None:
         self._since_ns: int | None = None

@@ -16,7 +16,7 @@ from tams_app.units import NS_PER_S
 
 PERIOD_NS = NS_PER_S
 MEASURED = "the machine was measured to hold no more at the start"
-TOLD_AFTER = 5  # periods in a row with too few frames
+REPORTED_AFTER = 5  # periods in a row with too few frames
 BEHIND_PERIODS = 1.5  # all the time; one period while a frame is in the encoder
 
 
@@ -55,7 +55,7 @@ class _Totals:
 class FrameRates(Listener):
     """Counts frames and late ticks; once a second it logs them and moves the ladder.
 
-    Cameras without a ladder, all real ones among them, are never slowed, only told of. What
+    Cameras without a ladder, all real ones among them, are never slowed, only reported. What
     `through` gives runs in the capture threads, `poll` in one other.
     """
 
@@ -147,7 +147,7 @@ class FrameRates(Listener):
         self._before, self._least_behind_ns = after, None
         reason = ""
         if self._ladder is None:
-            self._tell(overrun_fps)
+            self._notify(overrun_fps)
         elif flowing:
             reason = self._climb(self._ladder, after.t_ns, seen)
         self._record(
@@ -167,11 +167,11 @@ class FrameRates(Listener):
             )
         return reason
 
-    def _tell(self, overrun_fps: Mapping[str, float]) -> None:
-        """Tell once of each time in which too few frames come."""
+    def _notify(self, overrun_fps: Mapping[str, float]) -> None:
+        """Report once each time in which too few frames come."""
         short = min(self.given_fps.values()) < ENOUGH * self._fps
         self._short_periods = self._short_periods + 1 if short else 0
-        if self._short_periods == TOLD_AFTER:
+        if self._short_periods == REPORTED_AFTER:
             self._note(
                 "warning", shortfall(self._fps, self.given_fps, overrun_fps, self._simulated)
             )

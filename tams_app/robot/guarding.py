@@ -98,7 +98,7 @@ class Guarding(Listener):
             link.disarm()
 
     def before_tick(self, now_ns: int) -> None:
-        """One heartbeat, and what the guard said becomes a fault of the tick that begins."""
+        """One heartbeat, and what the guard reported becomes a fault of the tick that begins."""
         link = self._link
         if link is None:
             return

@@ -27,7 +27,7 @@ PROGRESS_NS = NS_PER_S
 _DEADMAN = b"\r\n"
 _POSE = Pose(np.zeros(3), Rotation.identity())  # a key has none, and steers nothing
 
-_SAY = {
+_SENTENCES = {
     HomingState.WAITING: "The arm stands. Hold Enter to go on; space, Esc or any other key ends.",
     HomingState.STARTING: "Releasing the brakes ...",
     HomingState.MOVING: "Moving. Let go of Enter to stop.",
@@ -67,7 +67,7 @@ class HomeRun:
     """One motion to the ready pose: `Homing` in a session's control loop, for the main thread.
 
     `gate` is to be run in a thread: what waits for the arm's replies keeps neither key nor
-    heartbeat waiting. Nor can they wait for a screen: `say` must not block. `all_shown` tells when
+    heartbeat waiting. Nor can they wait for a screen: `notify` must not block. `all_shown`: when
     the operator can have read it. `read_keys(timeout_s)` returns what the terminal sent meanwhile.
     """
 
@@ -79,12 +79,12 @@ class HomeRun:
         guard: Guarding,
         signals: Signals,
         read_keys: Callable[[float], bytes],
-        say: Callable[[str], None],
+        notify: Callable[[str], None],
         all_shown: Callable[[], bool],
     ) -> None:
         """`arm` is connected, and `guard` ready: it knows `signals` and the speed on this way."""
         self._clock, self._arm, self._guard = clock, arm, guard
-        self._read_keys, self._say = read_keys, say
+        self._read_keys, self._notify = read_keys, notify
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
         state = arm.state()
         if state is None:
@@ -142,15 +142,15 @@ class HomeRun:
         path, state = self._shown
         self._shown = homing.path, homing.state
         if homing.path is not path:
-            self._say(describe_path(homing.path, self._speed_rad_s))
+            self._notify(describe_path(homing.path, self._speed_rad_s))
         if homing.state is not state or homing.path is not path:
-            if homing.state in _SAY:
-                self._say(_SAY[homing.state])
+            if homing.state in _SENTENCES:
+                self._notify(_SENTENCES[homing.state])
             self._progress_ns = now_ns
         elif state is HomingState.MOVING and now_ns - self._progress_ns >= PROGRESS_NS:
             self._progress_ns = now_ns
             if (arm := self._arm.state()) is not None:
-                self._say(f"{math.degrees(homing.path.left_rad(arm.joints)):.0f}° to go")
+                self._notify(f"{math.degrees(homing.path.left_rad(arm.joints)):.0f}° to go")
 
 
 def describe_path(path: HomingPath, speed_rad_s: float) -> str:

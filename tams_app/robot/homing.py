@@ -131,7 +131,7 @@ class HomingState(StrEnum):
     """How far the motion to the ready pose has come."""
 
     WAITING = "waiting"  # for the key
-    ARMING = "arming"  # until the guard has said that it watches
+    ARMING = "arming"  # until the guard has reported that it watches
     STARTING = "starting"
     MOVING = "moving"
     DONE = "done"

@@ -21,7 +21,7 @@ class LinkedHand:
     """The newest sample, the frames that count there, and each request once; for one thread.
 
     `controller`: the one in the operator's hand, which asks `receive` for what has come. `hand`:
-    what they drive with, of `HANDS`. `message`: the newest, whether it counted or not, heard at
+    what they drive with, of `HANDS`. `message`: the newest, whether it counted or not, received at
     `heard_ns`.
     """
 
@@ -50,7 +50,7 @@ class LinkedHand:
         self._episodes: tuple[int, ...] = ()
         self._awake_ns = 0  # since this computer was suspended last
         self._offset = OffsetEstimate()
-        self._told: set[str] = set()
+        self._notified: set[str] = set()
 
     def follow(self, sent: Mapping[str, SentFrames]) -> None:
         """Set the frames behind the RTP timestamps of shown ones, by view."""
@@ -88,7 +88,7 @@ class LinkedHand:
             message = decode(received.content, HandMessage)
         except MessageError as error:
             self.controller.refused["not understood"] += 1
-            self._tell_once(f"messages of the operator's side are left out: {error}")
+            self._notify_once(f"messages of the operator's side are left out: {error}")
             return
         if received.session != self._session:
             self._begin(received.session, key)
@@ -98,7 +98,7 @@ class LinkedHand:
             self._episodes = message.episodes  # what was asked of another session does not count
             self._menu_presses = Presses(*message.presses).menu
         if message.simulated and not self._config.rig.enabled:
-            self._tell_once("a simulated operator moves no real arm: its samples are left out")
+            self._notify_once("a simulated operator moves no real arm: its samples are left out")
             return
         self._sample(message, received.heard_ns)
         self._obey(message, received.heard_ns)
@@ -163,7 +163,7 @@ class LinkedHand:
         """Confirmations and stops that were taken in, of the operator who is there."""
         return self._confirms, self._stops
 
-    def _tell_once(self, sentence: str) -> None:
-        if sentence not in self._told:
-            self._told.add(sentence)
+    def _notify_once(self, sentence: str) -> None:
+        if sentence not in self._notified:
+            self._notified.add(sentence)
             self._log.note("warning", sentence)

@@ -47,7 +47,7 @@ class LinkedOperator(StreamedOperator):
         state_at: Callable[[int], SessionState],
         name: str,
     ) -> None:
-        """`make_gateway`: of what an operator is told when they connect.
+        """`make_gateway`: of what an operator receives when they connect.
 
         `state_at`: of this side at a time, asked for in the control thread. `name`: of the
         session's folder.
@@ -122,7 +122,7 @@ class LinkedOperator(StreamedOperator):
             for _ in range(_FAREWELLS):
                 gateway.send(over)
                 self._clock.sleep_until_ns(self._clock.now_ns() + 10 * NS_PER_MS)
-        gateway.say_goodbye()
+        gateway.send_goodbye()
 
     def close(self) -> None:
         if self._gateway is not None:
@@ -175,8 +175,8 @@ class LinkedOperator(StreamedOperator):
         if now_ns >= self._state_due_ns and self._gateway is not None:
             self._state_due_ns = now_ns + _STATE_NS
             first_ns = tuple(sent.first_ns for sent in self._sent.values())
-            told = self._state.datagram(hand.message, hand.heard_ns, hand.acknowledged, first_ns)
-            self._gateway.send(told)
+            answer = self._state.datagram(hand.message, hand.heard_ns, hand.acknowledged, first_ns)
+            self._gateway.send(answer)
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))

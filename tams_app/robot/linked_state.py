@@ -40,20 +40,20 @@ class LinkedState:
 
     def datagram(
         self,
-        heard: HandMessage | None,
+        newest: HandMessage | None,
         heard_ns: int,
         acknowledged: tuple[int, int],
         first_capture_ns: tuple[int | None, ...],
     ) -> bytes:
-        """The state now. `heard`: the newest sample, at `heard_ns`; the others are fields of it."""
+        """The state now. `newest`: sample, received at `heard_ns`; the others are fields of it."""
         sent_ns = self._clock.now_ns()
         noted, notes = self._notes
-        new = notes[-max(0, noted - heard.noted) :] if heard and heard.noted < noted else ()
+        new = notes[-max(0, noted - newest.noted) :] if newest and newest.noted < noted else ()
         state = self._state_at(sent_ns)
         confirms, stops = acknowledged
         self._last = StateMessage(
             sent_ns=sent_ns,
-            echo_ns=0 if heard is None else heard.sent_ns,
+            echo_ns=0 if newest is None else newest.sent_ns,
             echo_heard_ns=heard_ns,
             state=msgspec.structs.replace(state, reason=cut(state.reason)),
             first_capture_ns=first_capture_ns,

@@ -68,11 +68,11 @@ class Listener:
             stop: its reason and times [ns].
         """
 
-    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+    def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
         """Receivers have reported packets, for the next allocation.
 
         Args:
-            told: the packets, each once.
+            reported: the packets, each once.
             summary: all of the report in sums.
         """
 

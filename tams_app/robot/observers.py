@@ -29,7 +29,7 @@ _STOPPING = (ArmingState.HOLDING, ArmingState.FAULT)
 
 
 class ArmingObserver(Listener):
-    """Tells the operator of the arm's arming, and of confirmations that do not count.
+    """Notifies the operator of the arm's arming, and of confirmations that do not count.
 
     `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
     """
@@ -65,8 +65,8 @@ class ArmingObserver(Listener):
         if output.reason is None:
             self._note("info", output.arming.value)
         else:
-            told = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
-            self._note("warning", f"{output.arming.value}, {told}")
+            sentence = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
+            self._note("warning", f"{output.arming.value}, {sentence}")
 
 
 class StopWatch(Listener):
@@ -136,7 +136,7 @@ class TrialObserver(Listener):
         """
         self._limited = limited
         self._placed = placed
-        self._told_placed = False
+        self._placed_notified = False
         self._judge = TrialJudge(config, build.task_geometry())
         self._clock = clock
         self._arm = arm
@@ -170,8 +170,8 @@ class TrialObserver(Listener):
         closed = state.gripper_closed if state is not None else None
         if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
             return False
-        if self._judge.placed and not self._told_placed:
-            self._told_placed = True
+        if self._judge.placed and not self._placed_notified:
+            self._placed_notified = True
             self._placed()
         if self._limited():
             self._ended()

@@ -15,7 +15,7 @@ from tams_app.robot.uplink_meter import summary_of
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.reported_packets import ReportedPackets
 
 _PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
 _NEVER_NS = 1 << 62
@@ -32,21 +32,21 @@ class PolicyLoop(Listener):
         log: SessionRecords,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`listeners` hear what was told of the uplink, and of each allocation once the encoders
+        """`listeners` get what is known of the uplink, and of each allocation once the encoders
         have it.
         """
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
         self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
         budget = BUDGETS[config.policy.budget.mode]
-        self._keeps_inputs = budget.hears_reports
+        self._keeps_inputs = budget.receives_reports
         # when padding is due next
-        self._pad_ns = self._step_ns if budget.hears_packets else _NEVER_NS
+        self._pad_ns = self._step_ns if budget.receives_packets else _NEVER_NS
         self._clock = clock
         self._video = video
         self._log = log
         self._listeners = tuple(listeners)
-        self._told = ToldPackets()
+        self._reported = ReportedPackets()
         self._phase = Phase.REACH
         self._woken = threading.Event()
 
@@ -84,10 +84,10 @@ class PolicyLoop(Listener):
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         if report.arrivals or report.receptions:
-            told = self._told.step(report.arrivals)
-            summary = summary_of(report, told)
+            reported = self._reported.step(report.arrivals)
+            summary = summary_of(report, reported)
             for listener in self._listeners:
-                listener.on_uplink(told, summary)
+                listener.on_uplink(reported, summary)
         if self._keeps_inputs:
             self._log.record(PolicyInputs.of(report))
         allocation = self._policy.step(self._phase, report)

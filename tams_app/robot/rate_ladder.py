@@ -4,7 +4,7 @@ Pure: time and observations go in, the rate comes out. `frame_rates.FrameRates` 
 
 Down is quick, because every second on a rate too high costs the operator uneven frames and the
 control loop late ticks: two observations of trouble in a row, and where frames were missed straight
-to the rate that was reached in the better of them. Up is slow, because nothing but a trial tells
+to the rate that was reached in the better of them. Up is slow, because nothing but a trial shows
 whether the machine holds more (what it has left goes to the comparison of frames, so no core is
 ever idle), and a trial that fails costs up to three seconds of uneven frames. So it takes five calm
 seconds, twice as many after each time that the same rate failed, up to a minute: trials then take

@@ -81,7 +81,7 @@ class SimulatedRig(Devices):
         return [SimCamera(view, self.memory_name, self._clock) for view in self._config.video.views]
 
     def ask_fps(self, fps: float) -> None:
-        self.helpers["renderer"].tell(fps=fps)
+        self.helpers["renderer"].send(fps=fps)
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None]:

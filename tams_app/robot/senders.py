@@ -53,7 +53,7 @@ class Senders(Video):
         crossed = network if link is None else behind(network, link)
         super().__init__(config, crossed, clock, self._epoch_ns, log, on_captured, codecs)
         if link is not None:
-            self.delay_ns += round(link.latency_ms * NS_PER_MS)  # what is shown must be told
+            self.delay_ns += round(link.latency_ms * NS_PER_MS)  # what is shown must be reported
         self._config = config
         self._operator = operator
         self._senders: dict[str, VideoSender] = {}
@@ -122,7 +122,7 @@ class Senders(Video):
             self._source_drop_below_kbps,
             self._log.record,
             self._log.record,
-            self._heard.get(view),
+            self._received.get(view),
             self._feedback,
             self._parity.get(view),
             self.codecs.encoder,

@@ -22,7 +22,7 @@ from tams_app.runtime.clock import Clock
 
 
 class SessionRecords(Journal, Listener):
-    """The journal of a session, which hears its steps; live (`Recorders`) and in virtual time."""
+    """The journal of a session, which gets its steps; live (`Recorders`) and in virtual time."""
 
     def __init__(
         self,
@@ -67,5 +67,5 @@ class SessionRecords(Journal, Listener):
     def on_allocation(self, allocation: Allocation) -> None:
         self._log.record(allocation)
 
-    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+    def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
         self._log.record(summary)

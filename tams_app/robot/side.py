@@ -244,7 +244,7 @@ class RobotSide:
         gate.stop()
 
     def finish(self, reason: str, failed: bool) -> None:
-        """The arm has stopped: record the verdict, tell the operator why the session is over."""
+        """The arm has stopped: record the verdict, notify the operator why the session is over."""
         if self._episodes is not None:
             self._episodes.finish()
         try:

@@ -40,7 +40,7 @@ class StatusBoard(Listener):
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
         self._sample: ControllerSample | None = None
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
         self._last_stop = ""
         self.placed = False  # the block, as the judge saw it
         self._uplink = UplinkMeter(views)
@@ -50,7 +50,7 @@ class StatusBoard(Listener):
         self._phase = change.phase
 
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._output, self._arm, self._heard_ns = output, arm, now_ns
+        self._output, self._arm, self._received_ns = output, arm, now_ns
 
     def on_stop(self, stop: StopRecord) -> None:
         self._last_stop = stop.reason
@@ -67,8 +67,8 @@ class StatusBoard(Listener):
         """Newly decided packet fates."""
         self._uplink.packets(packets)
 
-    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self._uplink.told(told)
+    def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
+        self._uplink.report(reported)
 
     def state(
         self,
@@ -115,7 +115,7 @@ class StatusBoard(Listener):
             loss=figures.loss,
             asked_fps=self._asked_fps,
             now_ns=now_ns,
-            heard_ns=self._heard_ns,
+            heard_ns=self._received_ns,
             episodes=episodes,
             placed=self.placed,
         )

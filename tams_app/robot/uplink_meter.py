@@ -23,7 +23,7 @@ class UplinkMeter:
     """Figures of the last second; each method from any thread.
 
     An emulated network knows each packet's fate (`packets`), and then nothing else counts. Of a
-    real one there is only what receivers tell (`told`), half a round trip later.
+    real one there is only what receivers report (`reported`), half a round trip later.
     """
 
     def __init__(self, views: tuple[str, ...]) -> None:
@@ -40,7 +40,7 @@ class UplinkMeter:
                 self._packets.clear()
             self._add(packets)
 
-    def told(self, packets: Sequence[PacketRecord]) -> None:
+    def report(self, packets: Sequence[PacketRecord]) -> None:
         """Count the packets that receivers have reported."""
         with self._lock:
             if not self._emulated:
@@ -61,15 +61,15 @@ class UplinkMeter:
             self._packets.popleft()
 
 
-def summary_of(report: UplinkReport, told: Sequence[PacketRecord]) -> UplinkSummary:
-    """The sums of a report of the uplink; `told`: its arrivals (`ToldPackets`)."""
-    came = [one for one in told if one.fate is PacketFate.DELIVERED]
+def summary_of(report: UplinkReport, reported: Sequence[PacketRecord]) -> UplinkSummary:
+    """The sums of a report of the uplink; `reported`: its arrivals (`ReportedPackets`)."""
+    came = [one for one in reported if one.fate is PacketFate.DELIVERED]
     newest = came[-1] if came else None
     return UplinkSummary(
         t_ns=report.now_ns,
         sent_bytes=report.sent_bytes,
-        packets=len(told),
-        lost=len(told) - len(came),
+        packets=len(reported),
+        lost=len(reported) - len(came),
         arrived_bytes=sum(one.size_bytes for one in came),
         newest_sent_ns=None if newest is None else newest.entered_ns,
         queueing_ns=None if newest is None else newest.departed_ns - newest.entered_ns,

@@ -15,9 +15,9 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.flight import FlightBound
-from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.protection import Protection
+from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
 from tams_app.video.core.repair import RepairRule, repair_rule
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.networks import network_capacity
@@ -43,9 +43,11 @@ class Video(ABC):
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
         budget = BUDGETS[config.policy.budget.mode]
-        self._feedback = budget.hears_packets  # whether receivers tell of each packet
-        heard = video.views if budget.hears_reports else ()
-        self._heard = {view: HeardFeedback(view, media_ssrc(video, view)) for view in heard}
+        self._feedback = budget.receives_packets  # whether receivers report of each packet
+        received = video.views if budget.receives_reports else ()
+        self._received = {
+            view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received
+        }
         self._rule = repair_rule(
             network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms
         )
@@ -67,7 +69,7 @@ class Video(ABC):
         self._on_captured = on_captured
 
     def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
-        """Choose the parity of each view for what was told and for the targets that come now."""
+        """Choose the parity of each view for what was reported and the coming targets."""
         if not self._parity:
             return
         self._protection.observe(report)
@@ -107,7 +109,7 @@ class Video(ABC):
 
     def report(self, now_ns: int) -> UplinkReport:
         """The senders' knowledge of the uplink; each packet's arrival is in one report only."""
-        return uplink_report(now_ns, self._wire_bytes(), tuple(self._heard.values()))
+        return uplink_report(now_ns, self._wire_bytes(), tuple(self._received.values()))
 
     @abstractmethod
     def poll(self) -> str:
@@ -120,10 +122,10 @@ class Video(ABC):
     def _exceeds_flight(self, view: str) -> bool:
         if self._flight is None:
             return False
-        told_ns = max(heard.newest_sent_ns for heard in self._heard.values())
+        reported_ns = max(received.newest_sent_ns for received in self._received.values())
         sent_bytes = self._wire_bytes()
         with self._flight_lock:
-            return self._flight.exceeded(view, self._clock.now_ns(), sent_bytes, told_ns)
+            return self._flight.exceeded(view, self._clock.now_ns(), sent_bytes, reported_ns)
 
     @abstractmethod
     def _send(self, frame: Frame, left_out: bool) -> None: ...

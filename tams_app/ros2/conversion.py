@@ -69,7 +69,7 @@ class Conversion:
         self._reported_ns: int | None = None
         self._frames_pace = Pace(MOTION_HZ)
         self._diagnostics_pace = Pace(DIAGNOSTICS_HZ)
-        self._told: tuple[str, str, str | None] = ("", "", "")
+        self._published: tuple[str, str, str | None] = ("", "", "")
         self._hand = words_of({})
         self._on: dict[type, Callable[[Any], Iterator[Sent]]] = {
             Tick: self._on_tick,
@@ -109,10 +109,10 @@ class Conversion:
         if tick.arm is not None and tick.arm.received_ns != self._reported_ns:
             self._reported_ns = tick.arm.received_ns
             yield from self._on_arm(tick.arm)
-        told = (tick.arming, tick.reason, tick.lasting)
+        current = (tick.arming, tick.reason, tick.lasting)
         due = self._diagnostics_pace.is_due(tick.started_ns)
-        if due or told != self._told:
-            self._told = told
+        if due or current != self._published:
+            self._published = current
             yield self._diagnostics(wall_ns, arm_status(tick, self._hardware, self._hand))
 
     def _on_arm(self, arm: ArmState) -> Iterator[Sent]:

@@ -19,9 +19,9 @@ _GRIPPER = {None: "unknown", False: "open", True: "closed"}
 
 def arm_status(tick: Tick, hardware: str, hand: HandWords) -> DiagnosticStatus:
     """A hold is a warning, a fault an error; the message says what the operator does about it."""
-    told = tick.arming
+    message = tick.arming
     if tick.reason:
-        told += f", {advice(tick.reason, tick.lasting, hand)}"
+        message += f", {advice(tick.reason, tick.lasting, hand)}"
     gripper = None if tick.arm is None else tick.arm.gripper_closed
     values = {
         "arming": tick.arming,
@@ -33,7 +33,7 @@ def arm_status(tick: Tick, hardware: str, hand: HandWords) -> DiagnosticStatus:
         "gripper": _GRIPPER[gripper],
     }
     level = _ARMING_LEVELS.get(tick.arming, OK)
-    return DiagnosticStatus(level, ARM_NAME, told, hardware, _pairs(values))
+    return DiagnosticStatus(level, ARM_NAME, message, hardware, _pairs(values))
 
 
 def line_status(line: Line, hardware: str) -> DiagnosticStatus:

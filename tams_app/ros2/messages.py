@@ -1,4 +1,4 @@
-"""The messages of ROS 2 that we send and hear, as DDS types: fields, order and names are ROS's.
+"""The messages of ROS 2 that we send and receive, as DDS types: fields, order and names are ROS's.
 
 A field's unit and frame are what its ROS definition says: metres, radians, seconds. The names are
 those that ROS 2 gives its types on DDS. No `from __future__ import annotations`: cyclonedds reads

@@ -1,4 +1,4 @@
-"""DDS: what we publish, and the emergency stop that we hear. For a process of its own.
+"""DDS: what we publish, and the emergency stop that we receive. For a process of its own.
 
 Quality of service, names and types are as rmw_cyclonedds and rmw_fastrtps have them, so that nodes
 of ROS 2 match. The type's hash goes where they look for it: without it they match too, and warn.
@@ -71,7 +71,7 @@ class Participant:
         """Wait so long for an emergency stop; whether one came."""
         self._stop_set.wait(timeout_ns)
         taken = [one for reader in self._stops for one in reader.take(_TAKEN_AT_ONCE)]
-        return any(isinstance(one, Empty) for one in taken)  # others tell of a writer that left
+        return any(isinstance(one, Empty) for one in taken)  # others report a writer that left
 
     def _writer(self, topic: Topic) -> DataWriter[IdlStruct]:
         dds_topic = DdsTopic(self._participant, topic.dds_name, topic.type)

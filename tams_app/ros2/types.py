@@ -28,5 +28,5 @@ def typestore() -> Typestore:
 
 
 def type_hash(ros_name: str) -> str:
-    """RIHS01 (REP 2011), by which nodes since ROS 2 Iron tell versions of a type apart."""
+    """RIHS01 (REP 2011), by which nodes since ROS 2 Iron distinguish versions of a type."""
     return typestore().hash_rihs01(ros_name)

@@ -11,7 +11,7 @@ from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeG
 from tams_app.records import EncodedFrame, Note, PhaseChange, SceneTruth, StopRecord, Tick
 from tams_app.telemetry.rates import Rates
 
-EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we hear
+EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we receive
 LONGEST_BYTES = 1 << 20  # of a datagram; a socket's own limit may be lower
 STOP = b"stop"  # what comes back: somewhere in ROS the emergency stop was asked for
 
@@ -32,7 +32,7 @@ class _Datagram(msgspec.Struct, array_like=True):
 
 
 def encode(record: Any) -> bytes | None:
-    """None for a record of which ROS 2 is told nothing."""
+    """None for a record of which ROS 2 receives nothing."""
     data = None
     if isinstance(record, EncodedFrame):
         record, data = FrameSent.of(record), record.data

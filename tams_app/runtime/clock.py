@@ -47,7 +47,7 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """A clock that moves only when told to; sleeping moves it."""
+    """A clock that moves only on request; sleeping moves it."""
 
     def __init__(self, start_ns: int = NS_PER_S) -> None:
         self._now_ns = start_ns

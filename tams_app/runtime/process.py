@@ -1,7 +1,7 @@
 """Helper processes: started, watched and ended by the session; and the helper's own side of it.
 
 A helper prints one JSON line when it is ready. Its standard input is a pipe from the session, which
-may tell it something on the way, a JSON line each: when it closes, however the session died, the
+may send it something on the way, a JSON line each: when it closes, however the session died, the
 helper ends. Helpers live in a
 session of their own: what the terminal does to the application (Ctrl-C, Ctrl-Z, hanging up) does
 not reach them, the guard least of all.
@@ -91,8 +91,8 @@ class HelperProcess:
             raise HelperError(str(ready["error"]))
         return dict(ready)
 
-    def tell(self, **facts: Any) -> None:
-        """Hand `facts` to the helper, which knows only what it was told last; never waits."""
+    def send(self, **facts: Any) -> None:
+        """Hand `facts` to the helper, which knows only what it received last; never waits."""
         process = self._process
         if process is None or process.stdin is None or process.stdin.closed:
             return
@@ -135,21 +135,21 @@ class HelperSide:
 
     def __init__(self) -> None:
         self.specification: dict[str, Any] = json.loads(sys.argv[1])
-        self.told: dict[str, Any] = {}  # by the session, last
+        self.received: dict[str, Any] = {}  # by the session, last
         self.stop_requested = threading.Event()
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         signal.signal(signal.SIGTERM, lambda *_: self.stop_requested.set())
         threading.Thread(target=self._watch_parent, name="parent-watch", daemon=True).start()
 
     def ready(self, **facts: Any) -> None:
-        """Tell the session that this helper works, with what it needs to know (ports, names)."""
-        self._say(facts)
+        """Report to the session that this helper works, with what it needs (ports, names)."""
+        self._write(facts)
 
     def fail(self, sentence: str) -> None:
-        """Tell the session in one sentence why this helper cannot work; end after this."""
-        self._say({"error": sentence})
+        """Report to the session in one sentence why this helper cannot work; end after this."""
+        self._write({"error": sentence})
 
-    def _say(self, content: dict[str, Any]) -> None:
+    def _write(self, content: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(content) + "\n")
         sys.stdout.flush()
 
@@ -159,5 +159,5 @@ class HelperSide:
         while data := os.read(0, 4096):
             *lines, rest = (rest + data).split(b"\n")
             if lines:
-                self.told = json.loads(lines[-1])
+                self.received = json.loads(lines[-1])
         self.stop_requested.set()

@@ -26,10 +26,10 @@ _END_S = 2.0
 
 
 class KeptAwake:
-    """From `start` to `close`; `say` gets a sentence when the computer may sleep after all."""
+    """From `start` to `close`; `notify` gets a sentence if the computer may sleep after all."""
 
-    def __init__(self, say: Callable[[str], None], command: Sequence[str] = INHIBIT) -> None:
-        self._say, self._command = say, command
+    def __init__(self, notify: Callable[[str], None], command: Sequence[str] = INHIBIT) -> None:
+        self._notify, self._command = notify, command
         self._process: subprocess.Popen[bytes] | None = None
         self._worker = Worker("awake", self._watch)
         self._closing = False
@@ -47,10 +47,10 @@ class KeptAwake:
                 start_new_session=True,  # it must ask no password on our terminal
             )
         except OSError:
-            self._say(_not_kept("systemd-inhibit is not there"))
+            self._notify(_not_kept("systemd-inhibit is not there"))
             return
         if self._process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):  # it has ended already: reading tells
+            with contextlib.suppress(BrokenPipeError):  # it has ended already: reading shows it
                 self._process.stdin.write(b"\n")  # comes back from the child, once it has the lock
         self._worker.start()
 
@@ -79,7 +79,7 @@ class KeptAwake:
         while process.stdout.readline():
             pass
         if not self._closing:
-            self._say(_not_kept("the lock was lost" if self.held else "logind refuses the lock"))
+            self._notify(_not_kept("the lock was lost" if self.held else "logind refuses the lock"))
 
 
 def _not_kept(why: str) -> str:

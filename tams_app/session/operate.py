@@ -22,7 +22,7 @@ from tams_app.station.robot_watch import RobotWatch
 from tams_app.station.station import MakeHand, Station
 from tams_app.units import NS_PER_MS
 
-_STOP_TOLD_NS = 100 * NS_PER_MS
+_STOP_SENT_NS = 100 * NS_PER_MS
 
 
 def operate(
@@ -30,19 +30,19 @@ def operate(
     clock: Clock,
     folder: Path,
     endpoint: Endpoint,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     make_hand: MakeHand | None = None,
 ) -> Session:
     """A session of the operator's side; it commands nothing, all that stops the arm is there.
 
-    `say` shows a sentence at once, while the start waits for the robot's side. `make_hand` makes
+    `notify` shows a sentence at once, while the start waits for the robot's side. `make_hand` makes
     what the operator holds; None: the configured device.
     """
     requests = Requests(clock)
 
     def compose(session: Session) -> OperatorSide:
         parts = session.parts
-        call = call_robot(config, clock, endpoint, parts, session, say)
+        call = call_robot(config, clock, endpoint, parts, session, notify)
         ours, views = call.config, call.config.video.views
         log = session.open_log(ours, is_real=not call.welcome.simulated)
         call.record(log)
@@ -67,7 +67,7 @@ def operate(
             parts.use_control_priority()
             link.run(stop)
 
-        parts.run("hand", send)  # from now on the robot's side hears us
+        parts.run("hand", send)  # from now on the robot's side receives us
         station.launch()
         station.wait_ready()
         link.controller = station.take_controller()
@@ -101,11 +101,11 @@ class OperatorSide:
         return replace(state, views=self.station.views(state.views, state.now_ns, offset_ns))
 
     def stop_arm(self, failed: bool) -> None:
-        """Let go: the robot's side hears of a controller that is put down, and stops the arm."""
+        """Let go: the robot's side receives that the controller is put down, and stops."""
         if self.link.controller is not None:
             self.link.controller = None
             clock = self.session.clock
-            clock.sleep_until_ns(clock.now_ns() + _STOP_TOLD_NS)
+            clock.sleep_until_ns(clock.now_ns() + _STOP_SENT_NS)
 
     def finish(self, reason: str, failed: bool) -> None:
         """Record what is known here of the task; the gateway notifies the robot's side."""

@@ -45,7 +45,7 @@ class LiveQuality:
             screen,
             log_directory=logs,
             on_quality=self._keep,
-            on_failure=lambda _name, failure: self._tell(failure),
+            on_failure=lambda _name, failure: self._report(failure),
         )
 
     def start(self) -> None:
@@ -55,7 +55,7 @@ class LiveQuality:
         try:
             self._client.start()
         except (TamsError, OSError) as failure:
-            self._tell(failure)
+            self._report(failure)
         else:
             self._started = True
 
@@ -79,7 +79,7 @@ class LiveQuality:
         try:
             self._client.close()
         except (TamsError, OSError) as failure:
-            self._tell(failure)
+            self._report(failure)
 
     def _keep(self, quality: FrameQuality) -> None:
         self._record(quality)
@@ -88,5 +88,5 @@ class LiveQuality:
             before = self._recent.get(quality.view, ())[1 - RECENT_SCORES :]
             self._recent[quality.view] = (*before, (quality.capture_ns, quality.live))
 
-    def _tell(self, failure: BaseException) -> None:
+    def _report(self, failure: BaseException) -> None:
         self._note("warning", f"the frames' quality is not measured: {failure}")

@@ -1,8 +1,8 @@
-"""Feeds what a session was told through today's code, and compares what comes out with its log.
+"""Feeds what a session received through today's code, and compares what comes out with its log.
 
-Told are: hand, arm, command link, age of the video and signals of each tick; of each step of the
-policy the reports of the receivers, or with budget `oracle` the capacity. Padding is left out: no
-allocation follows from it.
+The inputs are: hand, arm, command link, age of the video and signals of each tick; of each step of
+the policy the reports of the receivers, or with budget `oracle` the capacity. Padding is left out:
+no allocation follows from it.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ class Recomputed:
 def recompute(log: SessionLog, config: Config) -> Recomputed:
     """Compare all ticks and allocations of `log`, whose configuration is `config`.
 
-    UnreadableLogError if it does not have what they were told.
+    UnreadableLogError if it does not have their inputs.
     """
     if not log.ticks:
         raise UnreadableLogError("this log has no ticks of a control loop; give one that has")
@@ -117,7 +117,7 @@ def recompute(log: SessionLog, config: Config) -> Recomputed:
         found.until_ns = whole[-1].started_ns
     ticks = zip(whole, _computed_ticks(whole, config, int(delay)), strict=True)
     found.comparisons += _compared(OF_TICKS, ((one.started_ns, one, now) for one, now in ticks))
-    if BUDGETS[config.policy.budget.mode].hears_reports:
+    if BUDGETS[config.policy.budget.mode].receives_reports:
         allocations = _estimated_anew(log, config)
     else:
         allocations = _shared_anew(log.allocations, config)
@@ -174,8 +174,8 @@ def _told(tick: Tick, inputs: TickInputs) -> TeleopInput:
 def _shared_anew(
     allocations: Sequence[Allocation], config: Config
 ) -> Iterator[tuple[Allocation, Allocation]]:
-    """Budget and targets from the capacity as it was told."""
-    budget = _ToldCapacity()
+    """Budget and targets from the capacity as it was reported."""
+    budget = _ReportedCapacity()
     policy = Policy(make_strategy(config.strategy, config.policy), budget, config.policy)
     for logged in allocations:
         budget.kbps = logged.capacity_kbps
@@ -183,7 +183,7 @@ def _shared_anew(
 
 
 def _estimated_anew(log: SessionLog, config: Config) -> Iterator[tuple[Allocation, Allocation]]:
-    """Capacity, budget and targets from what receivers told, as long as none of it is missing."""
+    """Capacity, budget and targets from receivers' reports, as long as none of it is missing."""
     policy = Policy.of(config, UnlimitedCapacity())
     for logged, inputs in zip(log.allocations, log.policy_inputs, strict=False):
         if logged.t_ns != inputs.t_ns:
@@ -191,8 +191,8 @@ def _estimated_anew(log: SessionLog, config: Config) -> Iterator[tuple[Allocatio
         yield logged, policy.step(logged.phase, inputs.report())
 
 
-class _ToldCapacity:
-    """A budget that is told the capacity."""
+class _ReportedCapacity:
+    """A budget that is given the capacity."""
 
     kbps = 0.0
 

@@ -1,4 +1,4 @@
-"""The application's side of the bridge to ROS 2: hands records over, hears the emergency stop.
+"""The application's side of the bridge to ROS 2: hands records over, receives the emergency stop.
 
 Nothing here waits for the bridge's process, and nothing that becomes of it ends a session.
 """
@@ -61,7 +61,7 @@ class Ros2Bridge:
                 raise SetupError(f"{error}; leave out --ros2 to go without") from error
             self._socket = ours
             self._stack = stack.pop_all()
-        self.hear(header, header.started_ns)
+        self.receive(header, header.started_ns)
 
     @property
     def pid(self) -> int | None:
@@ -77,8 +77,8 @@ class Ros2Bridge:
         self._listener = Worker("ros2", lambda stop: self._listen(estop, note, stop), fails)
         self._listener.start()
 
-    def hear(self, record: Any, now_ns: int) -> None:
-        """Hand over a record, if it is one of which ROS 2 is told; at once, or not at all."""
+    def receive(self, record: Any, now_ns: int) -> None:
+        """Hand over a record, if it is one that ROS 2 receives; at once, or not at all."""
         if self._gone or (content := encode(record)) is None:
             return
         try:
@@ -105,10 +105,10 @@ class Ros2Bridge:
         self._stack.close()
 
     def _listen(self, estop: Callable[[], None], note: Note, stop: threading.Event) -> None:
-        told_of_drops, next_note_ns = False, self._clock.now_ns()
+        drops_reported, next_note_ns = False, self._clock.now_ns()
         while not stop.is_set():
-            if self.dropped and not told_of_drops:
-                told_of_drops = True
+            if self.dropped and not drops_reported:
+                drops_reported = True
                 note("warning", "the ROS 2 bridge is too slow: records are missing in ROS 2")
             if not select.select([self._socket], [], [], _POLL_S)[0]:
                 continue

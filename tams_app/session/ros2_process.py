@@ -42,7 +42,7 @@ def main() -> None:
         application.setblocking(False)
         stops = Worker(
             "emergency-stop",
-            lambda stop: _hear_stops(participant, application, stop),
+            lambda stop: _receive_stops(participant, application, stop),
             lambda *_: side.stop_requested.set(),
         )
         stops.start()
@@ -55,7 +55,7 @@ def main() -> None:
         raise stops.failure
 
 
-def _hear_stops(
+def _receive_stops(
     participant: Participant, application: socket.socket, stop: threading.Event
 ) -> None:
     while not stop.is_set():

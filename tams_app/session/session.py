@@ -26,7 +26,7 @@ from tams_app.station.station import Station
 from tams_app.video.live.frame_ring import FrameBlock
 
 
-class AskedSignals(Protocol):
+class RequestedSignals(Protocol):
     """The operator's signals to arm and log, and that the arm must not move any more."""
 
     def confirm(self, asked_ns: int | None = None) -> None: ...
@@ -70,7 +70,7 @@ class Session(Ending):
         config: Config,
         clock: Clock,
         folder: Path,
-        signals: AskedSignals,
+        signals: RequestedSignals,
         compose: Callable[[Session], Side],
     ) -> None:
         """`compose` starts what runs here, as parts of the session; TamsError if that cannot be."""
@@ -141,7 +141,7 @@ class Session(Ending):
         self.go_on()
 
     def go_on(self) -> None:
-        """Between two stages of the start: TamsError if a part failed or we were told to end."""
+        """Between two stages of the start: TamsError if a part failed or our end was requested."""
         if self.failure or self.requested_end:
             raise TamsError(self.failure or f"{self.requested_end} before it had started")
 

@@ -72,7 +72,7 @@ def viewers_of(
 ) -> MakeViewers | None:
     """Makes the channels for viewers; None if there is no viewer. `live`: may be connected to.
 
-    `others`: who hears of the session besides.
+    `others`: who is notified of the session besides.
     """
     address = address_of(config) if live else None
     has_channels = config.recording.viewers or address is not None

@@ -50,8 +50,8 @@ _SLEPT = "this computer was suspended: what the controller told before is not se
 class LinkedRobot:
     """Uses a gateway that has been answered; `step` and `run` are for the hand's thread.
 
-    `run` is that thread's body; the others are from any. `state`: what the robot's side told last,
-    None before it. `sample`: what was sent last.
+    `run` is that thread's body; the others are from any. `state`: what the robot's side reported
+    last, None before it. `sample`: what was sent last.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class LinkedRobot:
         self.controller: Controller | None = None  # once it is started
         self.state: StateMessage | None = None
         self.sample = _AWAY
-        self.state_heard_ns = 0
+        self.state_received_ns = 0
         self._session = 0
         self._identity, self._driven_with = identity, hand
         self._haptics: int | None = None
@@ -166,12 +166,12 @@ class LinkedRobot:
         if received.session != self._session:
             self._begin(received.session)
         before, self.state = self.state, state
-        self.state_heard_ns = received.heard_ns
+        self.state_received_ns = received.heard_ns
         if before is not None:
             self._offset.step(state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns)
         self._log.record(StateHeard(received.heard_ns, state.sent_ns, state.echo_ns))
         self._feel(state)
-        self._tell(state)
+        self._notify(state)
 
     def _begin(self, session: int) -> None:
         self._session = session
@@ -186,7 +186,7 @@ class LinkedRobot:
         if felt is not None and state.haptics > felt and controller is not None:
             controller.pulse(_HAPTICS.get(state.haptic, Haptic.LIMIT))
 
-    def _tell(self, state: StateMessage) -> None:
+    def _notify(self, state: StateMessage) -> None:
         """Pass on the sentences that are new; the last few are repeated, older ones are lost."""
         noted, self._noted = self._noted, state.noted
         new = len(state.notes) if noted is None else state.noted - noted
@@ -205,7 +205,7 @@ class LinkedRobot:
             simulated=self._driven_with == SIMULATED,
             sent_ns=self._clock.now_ns(),
             echo_ns=0 if state is None else state.sent_ns,
-            echo_heard_ns=self.state_heard_ns,
+            echo_heard_ns=self.state_received_ns,
             status=sample.status.value,
             pose=numbers,
             pose_ns=sample.pose_ns,

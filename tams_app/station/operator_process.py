@@ -2,7 +2,7 @@
 
 Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports.
 It publishes the controller at a rate of its own, as a VR runtime does, and reports what the seeing
-operator's glances told. Here alone operator and world meet: the scripted operator reads where
+operator's glances show. Here alone operator and world meet: the scripted operator reads where
 things truly are, the seeing one gets the frames shown, nothing else.
 """
 

@@ -24,7 +24,7 @@ def recorded_hand(log: Path) -> ReplayedController:
 
 
 class ReplayedController(Controller):
-    """Plays `readings` back: when each was taken [ns], ascending, and what it said.
+    """Plays `readings` back: when each was taken [ns], ascending, and what it reported.
 
     The first call of `sample` stands for the first reading. Between two readings the hand moves
     evenly from the one to the other and the buttons are those of the earlier; what was old then is

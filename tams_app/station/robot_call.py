@@ -21,7 +21,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule
 
 _CALL_POLL_NS = 50 * NS_PER_MS
-_TELL_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
+_NOTIFY_AFTER_NS = 2 * NS_PER_S  # of waiting, and again
 # the robot's side waits for one who fell silent, who may be the one who calls again
 BUSY = "another operator is connected, or was a moment ago: waiting until they leave"
 
@@ -62,11 +62,11 @@ def call_robot(
     endpoint: Endpoint,
     parts: Parts,
     ending: Ending,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> RobotCall:
     """Wait for the robot's side to answer; TamsError if we are ended before, or cannot follow it.
 
-    `say` shows a sentence at once.
+    `notify` shows a sentence at once.
     """
     if config.rig.hand_trajectory is not None:
         raise ConfigError("rig.hand_trajectory: a recorded hand sees nothing, `operate` must see")
@@ -74,7 +74,7 @@ def call_robot(
     parts.stack.callback(gateway.close)
     gateway.launch()
     gateway.wait_ready()
-    welcome = _answer(gateway, clock, endpoint, parts, ending, say)
+    welcome = _answer(gateway, clock, endpoint, parts, ending, notify)
     parts.watch("link", gateway.process)
     if config.operator_is_simulated and not welcome.simulated:
         raise ConfigError("--sim: the robot there is real, and moves for a person only")
@@ -87,9 +87,9 @@ def _answer(
     endpoint: Endpoint,
     parts: Parts,
     ending: Ending,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> Welcome:
-    told_ns, busy = clock.now_ns(), False
+    reported_ns, busy = clock.now_ns(), False
     where = f"{endpoint.host}:{endpoint.port}"
     while (welcome := welcome_of(gateway.event)) is None:
         gateway.receive()
@@ -101,8 +101,8 @@ def _answer(
         if ending.time_is_up:
             what = "another operator was connected" if busy else NO_ANSWER
             raise TamsError(f"{what} (called {where} for {ending.limit_s:g} s)")
-        if now_ns - told_ns >= _TELL_AFTER_NS or event.busy != busy:
-            told_ns, busy = now_ns, event.busy
-            say(BUSY if busy else f"calling {where}: {NO_ANSWER}")
+        if now_ns - reported_ns >= _NOTIFY_AFTER_NS or event.busy != busy:
+            reported_ns, busy = now_ns, event.busy
+            notify(BUSY if busy else f"calling {where}: {NO_ANSWER}")
         clock.sleep_until_ns(now_ns + _CALL_POLL_NS)
     return welcome

@@ -30,7 +30,7 @@ class RobotWatch:
         note: Note,
         end: Callable[[str], None],
     ) -> None:
-        """`welcome`: of the session that we are in. `end` is told why it is over."""
+        """`welcome`: of the session that we are in. `end` is notified why it is over."""
         self._config, self._clock, self._link = config, clock, link
         self._welcome, self._note, self._end = welcome, note, end
         self._silent = self._busy = False
@@ -46,7 +46,7 @@ class RobotWatch:
             self._end(f"the robot's side: {state.ended}")
         elif event.left:
             self._end("the robot's side has ended the session")
-        silent = self.hears_nothing()
+        silent = self.receives_nothing()
         if silent and not self._silent:
             release = words_of_hand(hand_of(self._config)).release
             self._note(
@@ -59,11 +59,11 @@ class RobotWatch:
         self._silent, self._busy = silent, event.busy
         return ""
 
-    def hears_nothing(self) -> bool:
+    def receives_nothing(self) -> bool:
         """Of the robot's side, for so long that its arm was stopped."""
         if self._link.state is None:
             return True
-        silent_ms = (self._clock.now_ns() - self._link.state_heard_ns) / NS_PER_MS
+        silent_ms = (self._clock.now_ns() - self._link.state_received_ns) / NS_PER_MS
         return silent_ms > self._welcome.stopped_after_ms
 
     def outcome(self, reason: str) -> Outcome:
@@ -73,17 +73,17 @@ class RobotWatch:
         return Outcome(placed if self._welcome.simulated else None, None, None, None, reason)
 
     def state(self, elapsed_s: float) -> SessionState:
-        """The robot's, as it was told last, and what is known here alone; views as told."""
+        """The robot's, as it was reported last, and what is known here alone; views as reported."""
         message, robots = self._link.state, SessionState(t_s=0.0, arming=LINK_LOST)
         if message is not None:
             robots = message.state
         return replace(
             robots,
             t_s=elapsed_s,
-            arming=LINK_LOST if self.hears_nothing() else robots.arming,
+            arming=LINK_LOST if self.receives_nothing() else robots.arming,
             hand=hand_of(self._config),
             pressed=self._link.sample.pressed,
             asked_fps=self._config.video.fps,
             now_ns=self._clock.now_ns(),
-            heard_ns=None if message is None else self._link.state_heard_ns,
+            heard_ns=None if message is None else self._link.state_received_ns,
         )

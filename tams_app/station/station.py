@@ -63,7 +63,7 @@ class Station:
     def launch(self, confirms: bool = True, world_memory: str = "") -> None:
         """Start a simulated operator, if there is one, without waiting.
 
-        `confirms`: they arm the arm themselves. `world_memory`: of the rig, for one who is told
+        `confirms`: they arm the arm themselves. `world_memory`: of the rig, for one who knows
         where things are; "": they must see.
         """
         config, parts = self._config, self._parts

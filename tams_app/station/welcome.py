@@ -82,7 +82,7 @@ def repair_of(welcome: Welcome) -> RepairRule:
 
 
 def understood(kind: type[Part], values: dict[str, object]) -> Part:
-    """A section of the configuration as the robot's side told it; TamsError if it is none here."""
+    """A section of the configuration as the robot's side sent it; TamsError if it is none here."""
     try:
         return kind.model_validate(values)
     except ValueError as error:

@@ -106,7 +106,7 @@ def run_simulated(
             with TrialsProgress(console, len(plan.left)) as display:
                 tally = run_unattended(study, pool, display)
         except KeyboardInterrupt:
-            _tell_how_to_go_on(study, console)
+            _show_how_to_go_on(study, console)
             raise
     failed = len(tally.failures)
     console.print(f"{tally.done} trials done, {failed} failed.", highlight=False)
@@ -260,7 +260,7 @@ def _confirmed(question: str, console: Console) -> bool:
     return Confirm.ask(f"{escape(question)} It cannot be undone.", console=console)
 
 
-def _tell_how_to_go_on(study: StudyFolder, console: Console) -> None:
+def _show_how_to_go_on(study: StudyFolder, console: Console) -> None:
     trials = study.load().trials
     done = sum(trial.is_done for trial in trials)
     console.print(

@@ -42,7 +42,7 @@ class StudyFolder:
 
     def create(self, plan: Plan, config: Config) -> None:
         """Write a new study; ConfigError if there is one already."""
-        with _told(self.path):
+        with _reported(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
         with self.locked():
             if self.exists:
@@ -95,7 +95,7 @@ class StudyFolder:
         while True:
             parent = inner_folder(self.path, TRIALS_NAME, trial.participant)
             relative = parent.relative_to(self.path) / f"{trial_id}-a{number}"
-            with _told(self.path):
+            with _reported(self.path):
                 try:
                     (self.path / relative).mkdir()
                     break
@@ -153,7 +153,7 @@ class StudyFolder:
         return self._finish_forgetting(plan, pseudonym)
 
     def _finish_forgetting(self, plan: Plan, pseudonym: str) -> Plan:
-        with _told(self.path):
+        with _reported(self.path):
             for inside in ((TRIALS_NAME, pseudonym), (TABLES_NAME,), (REPORT_NAME,)):
                 if self.path.joinpath(*inside).exists():
                     shutil.rmtree(inner_folder(self.path, *inside))
@@ -164,7 +164,7 @@ class StudyFolder:
 
 
 @contextmanager
-def _told(path: Path) -> Iterator[None]:
+def _reported(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:

@@ -1,6 +1,6 @@
 """Guides an experimenter through a study on hardware, trial by trial.
 
-Neither the experimenter nor the participant is told the strategy of a trial. The experimenter may
+Neither the experimenter nor the participant is shown the strategy of a trial. The experimenter may
 stop at any question, or be interrupted anywhere: the next call goes on from there.
 """
 
@@ -31,7 +31,7 @@ from tams_app.task.marks import MAX_DROPS, Marks
 class GuidedRun:
     """One sitting with one participant; the caller holds the study's lock.
 
-    `find_marks` gives what a trial's folder tells. `failed`: the
+    `find_marks` gives what a trial's folder shows. `failed`: the
     sitting was ended at a trial that could not be run.
     """
 
@@ -58,7 +58,7 @@ class GuidedRun:
         """
         pseudonym = participant or next((trial.participant for trial in self._plan.left), None)
         if pseudonym is None:
-            self._say("All trials of this study are done.")
+            self._print("All trials of this study are done.")
             return 0
         if self._plan.participant(pseudonym).state is not ParticipantState.TAKES_PART:
             raise ConfigError(f"{pseudonym}: was forgotten and takes part no more")
@@ -69,14 +69,14 @@ class GuidedRun:
                     break
                 done += self._plan.trial(trial.id).is_done
             else:
-                self._say(f"{pseudonym} has done all trials. Thank them.")
+                self._print(f"{pseudonym} has done all trials. Thank them.")
                 return done
         except KeyboardInterrupt:
-            self._tell_how_to_go_on(pseudonym)
+            self._show_how_to_go_on(pseudonym)
             raise
         except EOFError:
             pass  # the experimenter has left
-        self._tell_how_to_go_on(pseudonym)
+        self._show_how_to_go_on(pseudonym)
         return done
 
     def _next_of(self, pseudonym: str) -> PlannedTrial | None:
@@ -90,7 +90,7 @@ class GuidedRun:
         """
         attempt = trial.last
         if attempt is not None and attempt.state is AttemptState.RAN:
-            self._say(f"{trial.id} ran to its end before, but has no verdict.")
+            self._print(f"{trial.id} ran to its end before, but has no verdict.")
             self._judge(trial, attempt)
             return True
         if not self._prepare(trial):
@@ -120,8 +120,10 @@ class GuidedRun:
         kind = "practice" if trial.practice else "trial"
         again = ", taken again" if trial.attempts else ""
         mark = 1 + trial.seed % self._config.study.scene_marks
-        self._say(f"{trial.participant}, {kind} {trial.order} of {len(mine)} ({trial.id}{again}).")
-        self._say(
+        self._print(
+            f"{trial.participant}, {kind} {trial.order} of {len(mine)} ({trial.id}{again})."
+        )
+        self._print(
             f"Set the scene: block on start mark {mark}, container empty on its mark, gripper "
             "open, trigger released, arm at its ready pose (`run_tams.py home`)."
         )
@@ -143,11 +145,11 @@ class GuidedRun:
 
     def _fail(self, trial: PlannedTrial, attempt: Attempt, reason: str) -> bool:
         self._settle(trial, attempt, AttemptState.FAILED, reason)
-        self._say(f"{trial.id} could not be run: {reason}")
+        self._print(f"{trial.id} could not be run: {reason}")
         self.failed = self._choose("What now?", a="again", s="stop here") == "s"
         return not self.failed
 
-    def _say(self, text: str) -> None:
+    def _print(self, text: str) -> None:
         self._console.print(text, markup=False, highlight=False, soft_wrap=True)
 
     def _choose(self, question: str, **options: str) -> str:
@@ -156,9 +158,9 @@ class GuidedRun:
         text = f"{question} ({meanings})"
         return Prompt.ask(text, choices=[*options], show_choices=False, console=self._console)
 
-    def _tell_how_to_go_on(self, pseudonym: str) -> None:
+    def _show_how_to_go_on(self, pseudonym: str) -> None:
         again = f"study run {self._study.path} --participant {pseudonym}"
-        self._say(f"Stopped. `{again}` goes on from here.")
+        self._print(f"Stopped. `{again}` goes on from here.")
 
     def _settle(
         self, trial: PlannedTrial, attempt: Attempt, state: AttemptState, reason: str = ""

@@ -92,8 +92,8 @@ class TrialProcess:
             lines = (self.job.folder / LOG_NAME).read_text("utf-8", "replace").split("\n")
         except OSError:
             lines = []
-        said = [line.strip() for line in lines if line.strip()]
-        return said[-1] if said else f"its process ended with exit code {code}"
+        printed = [line.strip() for line in lines if line.strip()]
+        return printed[-1] if printed else f"its process ended with exit code {code}"
 
 
 class TrialPool(Protocol):
@@ -160,7 +160,7 @@ def _main() -> int:
     except TamsError as error:
         print(error, file=sys.stderr)  # noqa: T201  the log of this process
         return 1
-    except Exception:  # noqa: BLE001  the parent is told by the log and the exit code
+    except Exception:  # noqa: BLE001  the parent is notified by the log and the exit code
         traceback.print_exc()
         return 1
     if not (job.folder / SUMMARY_NAME).is_file():

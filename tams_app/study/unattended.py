@@ -34,7 +34,7 @@ class Tally:
 class ProgressDisplay(Protocol):
     """The display of progress meanwhile."""
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """A sentence that stays."""
 
     def trial_ended(self) -> None:
@@ -45,7 +45,7 @@ def run_unattended(study: StudyFolder, pool: TrialPool, display: ProgressDisplay
     """Run every trial that has no result yet; the caller holds the study's lock.
 
     A trial that fails is reported and tried again by the next call, under a new name. However this
-    ends, `pool` is closed and the plan tells what was cut short.
+    ends, `pool` is closed and the plan shows what was cut short.
     """
     plan = study.recover(study.load())
     tally, todo = Tally(), list(plan.left)
@@ -60,7 +60,7 @@ def run_unattended(study: StudyFolder, pool: TrialPool, display: ProgressDisplay
                 attempt = _settled(study, running.pop(job.trial.id), failure)
                 plan = plan.with_attempt(job.trial.id, attempt)
                 study.save(plan)
-                _tell(tally, display, job.trial.id, attempt)
+                _report(tally, display, job.trial.id, attempt)
     finally:
         pool.close()
         study.recover(study.load())
@@ -74,13 +74,13 @@ def _settled(study: StudyFolder, attempt: Attempt, failure: str) -> Attempt:
     return attempt.model_copy(update={"state": state, "reason": failure})
 
 
-def _tell(tally: Tally, display: ProgressDisplay, trial_id: str, attempt: Attempt) -> None:
+def _report(tally: Tally, display: ProgressDisplay, trial_id: str, attempt: Attempt) -> None:
     display.trial_ended()
     if attempt.state is AttemptState.DONE:
         tally.done += 1
     else:
         tally.failures[trial_id] = attempt.reason
-        display.say(f"{trial_id} failed: {attempt.reason} (see {attempt.folder})")
+        display.notify(f"{trial_id} failed: {attempt.reason} (see {attempt.folder})")
 
 
 class TrialsProgress(Progress):
@@ -99,7 +99,7 @@ class TrialsProgress(Progress):
         )
         self._trials = self.add_task("trials", total=total)
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def trial_ended(self) -> None:
@@ -107,6 +107,6 @@ class TrialsProgress(Progress):
         if not self.console.is_terminal:  # a log file: no bar, a line each
             task = self.tasks[self._trials]
             line = f"{task.completed:.0f} of {task.total:.0f} trials"
-            if task.time_remaining is not None:  # one trial alone tells no speed
+            if task.time_remaining is not None:  # one trial alone gives no speed
                 line += f", {timedelta(seconds=round(task.time_remaining))} left"
-            self.say(line)
+            self.notify(line)

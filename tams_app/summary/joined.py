@@ -2,7 +2,7 @@
 
 The two clocks are brought together by the messages that both have logged: of those that went one
 way, the one that took least bounds their offset from one side, of those that came back from the
-other. Between the bounds nothing tells where it is: the middle is taken, and half of their distance
+other. Between the bounds nothing shows where it is: the middle is taken, and half of their distance
 is the uncertainty of every figure that spans both computers.
 """
 
@@ -48,27 +48,27 @@ class ClockOffsets:
 
 def in_order(first: SessionLog, second: SessionLog) -> tuple[SessionLog, SessionLog]:
     """The log of the robot's side and that of the operator's; LogError unless they are of one."""
-    robot, operator = (second, first) if first.states_heard else (first, second)
-    if not operator.states_heard or robot.states_heard or not robot.ticks:
+    robot, operator = (second, first) if first.states_received else (first, second)
+    if not operator.states_received or robot.states_received or not robot.ticks:
         raise LogError(
             "these are not the two logs of one session: give that of `robot` and that of `operate`"
         )
     sessions = {one.facts.get(SESSION_FACT) for one in (robot, operator)}
     if len(sessions) > 1 or None in sessions:
         raise LogError("these are the logs of two different sessions")
-    return replace(robot, hands_heard=_from(operator, robot)), operator
+    return replace(robot, hands_received=_from(operator, robot)), operator
 
 
 def _from(operator: SessionLog, robot: SessionLog) -> list[HandHeard]:
     """The poses that the robot's side received from this operator's, of perhaps several."""
     number = operator.facts.get(OPERATOR_FACT)
-    return [one for one in robot.hands_heard if str(one.operator) == number]
+    return [one for one in robot.hands_received if str(one.operator) == number]
 
 
 def clock_offsets(robot: SessionLog, operator: SessionLog) -> ClockOffsets:
     """The clocks' offset in windows of ten seconds; LogError if no message went both ways."""
-    there = np.array([(one.sent_ns, one.t_ns) for one in robot.hands_heard], dtype=np.int64)
-    back = np.array([(one.t_ns, one.sent_ns) for one in operator.states_heard], dtype=np.int64)
+    there = np.array([(one.sent_ns, one.t_ns) for one in robot.hands_received], dtype=np.int64)
+    back = np.array([(one.t_ns, one.sent_ns) for one in operator.states_received], dtype=np.int64)
     if not len(there) or not len(back):
         raise LogError("the two sides have not heard of each other: there is nothing to join")
     windows_there, windows_back = there[:, 0] // _WINDOW_NS, back[:, 0] // _WINDOW_NS
@@ -135,30 +135,30 @@ def summarise_joined(
 
 def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
     """The link's figures; times between the sides are right to within `uncertainty_ms`."""
-    heard = robot.hands_heard
-    counted = [one for one in heard if not one.refusal]
+    received = robot.hands_received
+    counted = [one for one in received if not one.refusal]
     posed = _posed(robot)
     refused: dict[str, int] = {}
-    for one in heard:
+    for one in received:
         if one.refusal:
             refused[one.refusal] = refused.get(one.refusal, 0) + 1
-    told = sum(one.packets for one in robot.uplink)
+    reported = sum(one.packets for one in robot.uplink)
     return {
         "clock_offset_ms": round(float(np.median(offsets.offset_ns)) / NS_PER_MS, 3),
         "uncertainty_ms": round(offsets.uncertainty_ns / NS_PER_MS, 3),
-        "samples": {"heard": len(heard), "counted": len(counted), "refused": refused},
+        "samples": {"heard": len(received), "counted": len(counted), "refused": refused},
         "sample_age_ms": _ages_ms(
             [one.pose_ns for one in posed], [one.t_ns for one in posed], offsets
         ),
         "command_latency_ms": _command_latency_ms(robot, offsets),
         "state_age_ms": _state_ages_ms(operator, offsets),
         "round_trip_ms": percentiles(
-            np.array([one.t_ns - one.echo_ns for one in heard if one.echo_ns > 0]) / NS_PER_MS,
+            np.array([one.t_ns - one.echo_ns for one in received if one.echo_ns > 0]) / NS_PER_MS,
             _PERCENTILES,
         ),
         "video": {
-            "packets": told or None,
-            "loss_fraction": ratio(sum(one.lost for one in robot.uplink), told),
+            "packets": reported or None,
+            "loss_fraction": ratio(sum(one.lost for one in robot.uplink), reported),
         },
         "ignored": {
             "robot": robot.link_health[-1].ignored if robot.link_health else {},
@@ -168,8 +168,8 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
 
 
 def _posed(robot: SessionLog) -> list[HandHeard]:
-    """The samples that counted, once the controller has told where it is."""
-    return [one for one in robot.hands_heard if not one.refusal and one.pose_ns]
+    """The samples that counted, once the controller has reported where it is."""
+    return [one for one in robot.hands_received if not one.refusal and one.pose_ns]
 
 
 def _ages_ms(made_ns: list[int], at_ns: list[int], offsets: ClockOffsets) -> dict[str, Any]:
@@ -195,8 +195,8 @@ def _command_latency_ms(robot: SessionLog, offsets: ClockOffsets) -> dict[str, A
 
 
 def _state_ages_ms(operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
-    """Age of the robot's messages when they were heard."""
-    heard = operator.states_heard
-    at = offsets.to_robot(np.array([one.t_ns for one in heard], dtype=np.int64))
-    sent = np.array([one.sent_ns for one in heard], dtype=np.int64)
+    """Age of the robot's messages when they were received."""
+    received = operator.states_received
+    at = offsets.to_robot(np.array([one.t_ns for one in received], dtype=np.int64))
+    sent = np.array([one.sent_ns for one in received], dtype=np.int64)
     return percentiles((at - sent) / NS_PER_MS, _PERCENTILES)

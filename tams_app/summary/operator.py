@@ -14,12 +14,12 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
-    """All is null where there was none to tell of, as with people.
+    """All is null where there was none, as with people.
 
     `kind`: seeing, scripted or recorded. `glances_per_s`: from the first glance to the last.
     `relied_on`: `by_phase` is the mean share of each view over the glances in that phase which
-    told something, `n` of them; `agreement` the fraction of these glances in which the view that
-    told most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of the task, one
+    showed something, `n` of them; `agreement` the fraction of these glances in which the view that
+    showed most was the phase's primary view (argmax W). `uncertainty_mm`: by stage of the task, one
     standard deviation of the distance to the goal (block, then container), as they judged it.
     """
     looked = bool(log.glances)
@@ -33,12 +33,12 @@ def operator(log: SessionLog) -> dict[str, Any]:
 
 def seen(log: SessionLog) -> dict[str, Any] | None:
     """What the operator's log alone tells of link and frames shown; None of any other log."""
-    if not log.states_heard or log.ticks:
+    if not log.states_received or log.ticks:
         return None
     seconds = max(log.ended_ns - log.header.started_ns, 1) / NS_PER_S
     frames = {view: sum(one.view == view for one in log.shown) for view in log.header.views}
-    heard_ns = np.array([one.t_ns for one in log.states_heard])
-    trips_ns = [one.t_ns - one.echo_ns for one in log.states_heard if one.echo_ns > 0]
+    heard_ns = np.array([one.t_ns for one in log.states_received])
+    trips_ns = [one.t_ns - one.echo_ns for one in log.states_received if one.echo_ns > 0]
     gaps_ms = np.diff(heard_ns) / NS_PER_MS
     return {
         "round_trip_ms": percentiles(np.array(trips_ns) / NS_PER_MS, ("p50", "p95", "p99", "max")),
@@ -86,12 +86,12 @@ def _uncertainty_mm(glances: list[OperatorGlance]) -> dict[str, Any]:
 
 
 def _glances_by_phase(log: SessionLog) -> dict[Phase, list[OperatorGlance]]:
-    """The glances that told something, by the phase at their time; the rest are left out."""
+    """The glances that showed something, by the phase at their time; the rest are left out."""
     numbers = phase_at(log, np.array([one.t_ns for one in log.glances], dtype=np.int64))
-    told = [
+    informative = [
         (number, one) for number, one in zip(numbers, log.glances, strict=True) if one.relied_on
     ]
-    found = {phase: [one for at, one in told if at == n] for n, phase in enumerate(Phase)}
+    found = {phase: [one for at, one in informative if at == n] for n, phase in enumerate(Phase)}
     return {phase: glances for phase, glances in found.items() if glances}
 
 

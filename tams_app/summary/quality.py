@@ -39,8 +39,8 @@ class QualityTable:
 
     `view` is the place in `header.views`, `phase` that in `Phase`, −1 before the first.
     `concealed` is 1 where the decoder filled in for lost data, 0 where not, NaN where the frame was
-    not shown or the log cannot tell; `concealed_frames` are the indices by view, None where the log
-    has no packets of the view.
+    not shown or the log does not show it; `concealed_frames` are the indices by view, None where
+    the log has no packets of the view.
     `packets` are those that carried the frame, resends apart; NaN without a log of them.
     `captured` are view and phase of all frames that were captured, shape (n, 2).
     """

@@ -282,7 +282,7 @@ def uplink(
 ) -> dict[str, Any]:
     """Null where the log has no packets or no capacity (none).
 
-    Of a network that was not emulated receivers tell all but what each packet carried.
+    Of a network that was not emulated receivers report all but what each packet carried.
     """
     capacity_kbps = _capacity_kbps(log, span)
     video = packets.is_video

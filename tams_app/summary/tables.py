@@ -14,18 +14,18 @@ from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.core.frame_interval import FrameIntervals
-from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.reported_packets import ReportedPackets
 
 _TIMESTAMPS_SINCE = 3  # schema of the log
 
 
 def known_packets(log: SessionLog) -> Sequence[PacketRecord]:
-    """Their fates; where no network was emulated, what receivers told (`ToldPackets`)."""
+    """Their fates; where no network was emulated, what receivers reported (`ReportedPackets`)."""
     if log.packets:
         return log.packets
-    told = ToldPackets()
+    reported = ReportedPackets()
     reports = (inputs.report() for inputs in log.policy_inputs)
-    return [packet for report in reports for packet in told.step(report.arrivals)]
+    return [packet for report in reports for packet in reported.step(report.arrivals)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,7 +56,7 @@ def windows(
     inside = slice(on_wire[0], on_wire[-1] + 1) if len(on_wire) else slice(0, 0)
     start_ns, usual_ns = frames.capture_ns[inside], frames.usual_ns[inside]
     end_ns = np.append(start_ns, start_ns[-1:] + usual_ns[-1:])[1:]
-    asked = last_before(targets.t_ns, targets.kbps[view], start_ns)  # NaN before the first
+    target = last_before(targets.t_ns, targets.kbps[view], start_ns)  # NaN before the first
     first = np.arange(len(start_ns))
     enough = np.searchsorted(end_ns, start_ns + WINDOW_NS - usual_ns // 2)
     last = np.maximum(first + WINDOW_FRAMES - 1, enough)
@@ -68,9 +68,9 @@ def windows(
         return found
 
     durations_ns = end_ns - start_ns
-    left_out = total(np.isnan(asked) | (durations_ns > GAP_INTERVALS * usual_ns))
+    left_out = total(np.isnan(target) | (durations_ns > GAP_INTERVALS * usual_ns))
     time_ns = (end_ns[last] - start_ns[first]).astype(np.float64)
-    window_target = total(np.nan_to_num(asked) * durations_ns) / time_ns
+    window_target = total(np.nan_to_num(target) * durations_ns) / time_ns
     whole = (left_out == 0) & (window_target > 0)
     sent_kbps = total(per_frame[inside]) * 8 / 1000 / (time_ns / NS_PER_S)
     return Windows(

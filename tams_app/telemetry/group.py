@@ -10,18 +10,18 @@ from tams_app.telemetry.rates import RatesMeter
 
 
 class ViewerGroup:
-    """Satisfies `tams_app.recording.Viewers`: each hears every record, and `Rates` each second."""
+    """Satisfies `tams_app.recording.Viewers`: each gets every record, and `Rates` each second."""
 
     def __init__(self, header: Header, viewers: Sequence[Viewers]) -> None:
         self._viewers = tuple(viewers)
         self._meter = RatesMeter(header.views, header.started_ns)
 
-    def hear(self, record: Any, now_ns: int) -> None:
+    def receive(self, record: Any, now_ns: int) -> None:
         """A record that the log keeps, or a frame shown that was wanted."""
-        self._tell(record, now_ns)
-        self._meter.hear(record)
+        self._send(record, now_ns)
+        self._meter.receive(record)
         if (rates := self._meter.take(now_ns)) is not None:
-            self._tell(rates, now_ns)
+            self._send(rates, now_ns)
 
     def wants(self, view: str, shown_ns: int) -> bool:
         """True if any of them wants a frame shown now with its pixels."""
@@ -33,6 +33,6 @@ class ViewerGroup:
         for viewer in self._viewers:
             viewer.close()
 
-    def _tell(self, record: Any, now_ns: int) -> None:
+    def _send(self, record: Any, now_ns: int) -> None:
         for viewer in self._viewers:
-            viewer.hear(record, now_ns)
+            viewer.receive(record, now_ns)

@@ -174,7 +174,7 @@ class Metrics(Collector):
         if self._pace.is_due(self._clock.now_ns()):
             self._state = state()
 
-    def hear(self, record: Any, now_ns: int) -> None:
+    def receive(self, record: Any, now_ns: int) -> None:
         """Count a record, if it is one that counts."""
         match record:
             case Tick():

@@ -20,7 +20,7 @@ from tams_app.records import (
     ViewName,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.reported_packets import ReportedPackets
 from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 
 PERIOD_NS = NS_PER_S
@@ -97,7 +97,7 @@ class RatesMeter:
     """Counts what is recorded; `take` gives a record once a second.
 
     A packet counts when its fate is recorded, a score when it is. Where no network is emulated,
-    packets are known by what receivers tell, padding among them.
+    packets are known by what receivers report, padding among them.
     """
 
     def __init__(self, views: tuple[str, ...], started_ns: int) -> None:
@@ -105,7 +105,9 @@ class RatesMeter:
         self._begun_ns = started_ns
         self._seconds = {view: _Second() for view in views}
         self._packets: list[PacketRecord] = []
-        self._told: ToldPackets | None = ToldPackets()  # None: the fates of all are known
+        self._reported: ReportedPackets | None = (
+            ReportedPackets()
+        )  # None: the fates of all are known
         self._allocation: Allocation | None = None
         self._capacity_kbps: float | None = None
         self._captures: dict[str, deque[tuple[int, int]]] = {
@@ -118,10 +120,10 @@ class RatesMeter:
             FrameShown: self._on_shown,
             FrameQuality: self._on_quality,
             PacketBatch: self._on_packets,
-            PolicyInputs: self._on_told,
+            PolicyInputs: self._on_reported,
         }
 
-    def hear(self, record: Any) -> None:
+    def receive(self, record: Any) -> None:
         """Count a record, if it is one that counts."""
         if on_record := self._on.get(type(record)):
             on_record(record)
@@ -152,12 +154,12 @@ class RatesMeter:
         if quality.received is not None:
             second.received.append(quality.received)
 
-    def _on_told(self, inputs: PolicyInputs) -> None:
-        if self._told is not None:
-            self._packets += self._told.step(inputs.report().arrivals)
+    def _on_reported(self, inputs: PolicyInputs) -> None:
+        if self._reported is not None:
+            self._packets += self._reported.step(inputs.report().arrivals)
 
     def _on_packets(self, batch: PacketBatch) -> None:
-        self._told = None
+        self._reported = None
         self._packets += batch.packets()
 
     def take(self, now_ns: int) -> Rates | None:

@@ -1,6 +1,6 @@
 """The constants of a session: the arm's figure, its workspace, the cameras' lenses.
 
-Sent again every few seconds, as a viewer that connects late knows only what it hears.
+Sent again every few seconds, as a viewer that connects late knows only what it receives.
 """
 
 from __future__ import annotations

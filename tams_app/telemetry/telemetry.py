@@ -64,7 +64,7 @@ class Telemetry:
             None if address is None else LiveServer(context, address, header.name, origins)
         )
 
-    def hear(self, record: Any, now_ns: int) -> None:
+    def receive(self, record: Any, now_ns: int) -> None:
         """A record that the log keeps, the rates of a second, or a frame shown that was wanted."""
         if on_record := self._on.get(type(record)):
             on_record(record)

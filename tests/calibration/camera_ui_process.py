@@ -28,8 +28,8 @@ class WavingUI(ScriptedUI):
         super().__init__(answers, presses=100)
         self._played = played
 
-    def say(self, text: str) -> None:
-        super().say(text)
+    def print(self, text: str) -> None:
+        super().print(text)
         for camera in self._played.values():
             camera.frame_count = STILL
         for view, camera in self._played.items():

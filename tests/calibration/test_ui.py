@@ -25,7 +25,7 @@ def paper():
 
 def test_what_is_said_stays_to_the_letter(paper):
     with WizardUI(paper) as ui:
-        ui.say(LIKE_MARKUP)
+        ui.print(LIKE_MARKUP)
     assert paper.file.getvalue() == LIKE_MARKUP + "\n"
 
 
@@ -55,7 +55,7 @@ def test_what_is_shown_keeps_its_style_when_something_is_said_above_it():
     table.add_row("[dim]towards the base[/]")
     with WizardUI(console) as ui:
         ui.show(table)
-        ui.say(LIKE_MARKUP)
+        ui.print(LIKE_MARKUP)
     assert LIKE_MARKUP in console.file.getvalue()
     assert "[dim]" not in console.file.getvalue()
 
@@ -90,5 +90,5 @@ def test_what_is_said_after_an_interrupted_question_is_not_held_back(monkeypatch
     monkeypatch.setattr(Confirm, "ask", interrupted_while_printing)
     with pytest.raises(KeyboardInterrupt):
         ui.yes("Write it?")
-    ui.say("Kept")
+    ui.print("Kept")
     assert "Kept" in paper.getvalue()

@@ -247,7 +247,7 @@ def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
 
 
 def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
-    WizardUI().say("Please watch /tmp/[red]a/:smile:.mp4")
+    WizardUI().print("Please watch /tmp/[red]a/:smile:.mp4")
     assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
 
 

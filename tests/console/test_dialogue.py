@@ -96,13 +96,13 @@ def test_what_was_pressed_before_the_question_does_not_answer_it(bench: Bench) -
 def test_saying_does_not_wait_and_tells_when_it_is_shown(bench: Bench) -> None:
     bench.screen.open.clear()
     for _ in range(1000):
-        bench.dialogue.say("again")
+        bench.dialogue.notify("again")
     assert not bench.dialogue.all_shown()
 
 
 def test_what_was_said_last_is_shown_before_the_end(bench: Bench) -> None:
-    bench.dialogue.say("one")
-    bench.dialogue.say("two")
+    bench.dialogue.notify("one")
+    bench.dialogue.notify("two")
     bench.dialogue.close()
     assert bench.screen.getvalue() == "one\ntwo\n"
     assert bench.dialogue.all_shown()
@@ -119,7 +119,7 @@ def test_a_screen_that_fails_ends_the_reading(bench: Bench) -> None:
         raise OSError(text)
 
     bench.screen.on_text = fail
-    bench.dialogue.say("lost")
+    bench.dialogue.notify("lost")
 
     def read_on() -> None:
         for _ in range(600):

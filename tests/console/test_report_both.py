@@ -71,13 +71,13 @@ def sides(tmp_path: Path) -> tuple[Path, Path]:
         )
         for one in robot.sent
     ]
-    records = (robot.ticks, robot.phases, robot.allocations, robot.captured, robot.hands_heard)
+    records = (robot.ticks, robot.phases, robot.allocations, robot.captured, robot.hands_received)
     return (
         write(tmp_path / "robot", robot, [*(one for part in records for one in part), *frames]),
         write(
             tmp_path / "operate",
             operator,
-            [*operator.states_heard, *operator.shown, *pictures(), ENDED_THERE],
+            [*operator.states_received, *operator.shown, *pictures(), ENDED_THERE],
         ),
     )
 

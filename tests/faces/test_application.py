@@ -14,7 +14,7 @@ import pytest
 
 from tams_app.faces.application import Application
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import LONGEST, Asked, Event, Keys
+from tams_app.faces.messages import LONGEST, CommandRequest, Event, Keys
 
 pytestmark = pytest.mark.untimed
 
@@ -75,24 +75,24 @@ def test_what_stops_the_arm_reaches_an_application_that_took_nothing_for_a_while
     ends: Ends, command: Command
 ) -> None:
     ends.fill()
-    ends.face.tell(Asked(1, command))
-    ends.face.tell(keys(2))
-    assert not [event for event in ends.read() if isinstance(event, Asked)]
-    ends.face.tell(keys(3))
-    assert ends.read() == [Asked(1, command), keys(3)]
-    ends.face.tell(keys(4))
+    ends.face.report(CommandRequest(1, command))
+    ends.face.report(keys(2))
+    assert not [event for event in ends.read() if isinstance(event, CommandRequest)]
+    ends.face.report(keys(3))
+    assert ends.read() == [CommandRequest(1, command), keys(3)]
+    ends.face.report(keys(4))
     assert ends.read() == [keys(4)]
 
 
 def test_a_confirmation_that_could_not_be_told_at_once_is_never_told(ends: Ends) -> None:
     ends.fill()
-    ends.face.tell(Asked(1, Command.CONFIRM))
+    ends.face.report(CommandRequest(1, Command.CONFIRM))
     ends.read()
-    ends.face.tell(keys(2))
+    ends.face.report(keys(2))
     assert ends.read() == [keys(2)]
 
 
 def test_an_application_that_has_ended_is_told_nothing(ends: Ends) -> None:
     ends.ours.close()
-    ends.face.tell(Asked(1, Command.EMERGENCY_STOP))
-    ends.face.tell(keys(2))
+    ends.face.report(CommandRequest(1, Command.EMERGENCY_STOP))
+    ends.face.report(keys(2))

@@ -26,24 +26,24 @@ from tests.faces.window.facts import FACTS, OPENING, changed
 
 pytestmark = pytest.mark.untimed
 
-PUT = changed(FACTS, told_ns=NS_PER_S, heard_ns=NS_PER_S)
+PUT = changed(FACTS, reported_ns=NS_PER_S, heard_ns=NS_PER_S)
 
 
 def after(facts: Facts, silence_s: float) -> Facts:
-    return as_known(facts, facts.told_ns + round(silence_s * NS_PER_S))
+    return as_known(facts, facts.reported_ns + round(silence_s * NS_PER_S))
 
 
 @given(
-    told_ns=st.integers(0, 1 << 60),
+    reported_ns=st.integers(0, 1 << 60),
     heard_ns=st.none() | st.integers(1, 1 << 60),
     now_ns=st.integers(0, 1 << 60),
 )
 def test_facts_are_live_for_three_tenths_of_a_second_and_no_longer(
-    told_ns: int, heard_ns: int | None, now_ns: int
+    reported_ns: int, heard_ns: int | None, now_ns: int
 ) -> None:
-    facts = changed(FACTS, told_ns=told_ns, heard_ns=heard_ns)
+    facts = changed(FACTS, reported_ns=reported_ns, heard_ns=heard_ns)
     known = as_known(facts, now_ns)
-    oldest_ns = told_ns if heard_ns is None else min(told_ns, heard_ns)
+    oldest_ns = reported_ns if heard_ns is None else min(reported_ns, heard_ns)
     assert (known is facts) == (now_ns - oldest_ns <= LIVE_NS)
     assert (known.state.arming == NOT_LIVE) == (known is not facts)
 
@@ -74,7 +74,7 @@ def test_the_headset_says_the_same(hand: str) -> None:
 
 
 def test_a_session_that_works_may_still_hear_nothing_of_the_arm() -> None:
-    silent = changed(PUT, told_ns=3 * NS_PER_S)
+    silent = changed(PUT, reported_ns=3 * NS_PER_S)
     assert banner_of(as_known(silent, 3 * NS_PER_S)).look.word == "NOT LIVE"
     lost = changed(silent, arming="link lost")
     banner = banner_of(as_known(lost, 3 * NS_PER_S))
@@ -110,7 +110,7 @@ def test_what_still_stops_the_arm_has_room_in_the_headset() -> None:
     context = cairo.Context(cairo.ImageSurface(cairo.FORMAT_ARGB32, 8, 8))
     key = panel_words(after(PUT, 123.4), "openvr").key
     assert wrapped(context, key, PANEL_WIDTH_PX - 48.0, 1, bold=True) == [key]
-    lost = changed(PUT, arming="link lost", told_ns=124 * NS_PER_S)
+    lost = changed(PUT, arming="link lost", reported_ns=124 * NS_PER_S)
     words = panel_words(as_known(lost, 124 * NS_PER_S), "openvr")
     assert "control box still stops it" in words.sentence
     assert " ".join(wrapped(context, words.sentence, PANEL_WIDTH_PX - 48.0, SENTENCE_LINES)) == (

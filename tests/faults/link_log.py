@@ -44,7 +44,7 @@ def outage(log: SessionLog, from_ns: int) -> Outage:
     fault = next(
         tick for tick in log.ticks if tick.started_ns > from_ns and tick.arming == ArmingState.FAULT
     )
-    heard = [one.t_ns for one in log.hands_heard if not one.refusal]
+    heard = [one.t_ns for one in log.hands_received if not one.refusal]
     sample_ns = max(t_ns for t_ns in heard if t_ns < fault.started_ns)
     t_ns, at_m = arm_way(log.ticks)
     speeds = np.linalg.norm(np.diff(at_m, axis=0), axis=1) / np.diff(t_ns) * NS_PER_S

@@ -68,7 +68,7 @@ def ended_in_fault(observed: Observed) -> None:
     assert not any(each.twist is not None and not each.twist.is_zero for each in after)
 
 
-def is_told(out: Path, sentence: str) -> None:
+def is_reported(out: Path, sentence: str) -> None:
     """The log can be read to its end and says why it ends."""
     log = only_log(out)
     assert not log.truncated
@@ -92,7 +92,7 @@ def test_an_exception_in_the_policy_thread(
     monkeypatch.setattr(Policy, "step", failing(observed, Policy.step, failure))
     ends_with(observed, tmp_path, "policy: ZeroDivisionError('no budget at all')")
     ended_in_fault(observed)
-    is_told(tmp_path, "ZeroDivisionError")
+    is_reported(tmp_path, "ZeroDivisionError")
 
 
 def test_no_memory_left_in_a_camera_thread(
@@ -107,7 +107,7 @@ def test_no_memory_left_in_a_camera_thread(
     monkeypatch.setattr(SimCamera, "next_frame", next_frame)
     ends_with(observed, tmp_path, "capture-gt: MemoryError()")
     ended_in_fault(observed)
-    is_told(tmp_path, "capture-gt: MemoryError()")
+    is_reported(tmp_path, "capture-gt: MemoryError()")
 
 
 def test_the_recorders_thread_dies(

@@ -76,6 +76,6 @@ def test_a_bridge_that_is_gone_or_stands_still_does_not_touch_the_arm(
     first = bench.next
     for _ in range(12):
         bench.tick()
-        bridge.hear(bench.ticks[-1], bench.clock.now_ns())
+        bridge.receive(bench.ticks[-1], bench.clock.now_ns())
     assert {output.arming for output in bench.outputs[first:]} == {ArmingState.ENGAGED}
     assert bench.travel_m(first) > 0.001

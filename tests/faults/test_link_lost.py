@@ -101,7 +101,7 @@ def test_samples_kept_back_for_two_seconds_move_nothing_when_they_come_at_once(t
     assert travelled_mm(told.log, told.let_go_ns) < STILL_MM
     late = [
         one.refusal
-        for one in told.log.hands_heard
+        for one in told.log.hands_received
         if told.held_ns < one.sent_ns < told.let_go_ns - NS_PER_S and one.t_ns > told.let_go_ns
     ]
     assert len(late) > 50
@@ -126,4 +126,4 @@ def test_an_operator_who_leaves_leaves_the_arm_stopped(told: Told):
 def test_a_second_operator_is_told_that_there_is_one_and_drives_nothing(told: Told):
     assert any("another operator is connected" in sentence for sentence in told.second_said)
     assert told.busy.startswith("another operator was connected")
-    assert len({one.operator for one in told.log.hands_heard}) == 1  # who also drove afterwards
+    assert len({one.operator for one in told.log.hands_received}) == 1  # who also drove afterwards

@@ -124,7 +124,7 @@ def test_datagrams_out_of_order_or_twice_disturb_nothing(two: Two, kind: str):
     from_ns = two.link.tell()
     two.goes_on_for(WHILE_S)
     log = two.log()
-    heard = [one for one in log.hands_heard if one.t_ns > from_ns]
+    heard = [one for one in log.hands_received if one.t_ns > from_ns]
     assert all(one.refusal == "" for one in heard)
     assert np.all(np.diff([one.sent_ns for one in heard]) > 0)
     assert log.link_health[-1].ignored["late"] > 10
@@ -154,7 +154,7 @@ def test_a_session_played_again_from_elsewhere_changes_nothing(two: Two):
     after = [tick for tick in log.ticks if tick.started_ns > silent_ns]
     assert {tick.arming for tick in after} == {ArmingState.FAULT}
     assert all(tick.twist.is_zero for tick in after)
-    assert [one for one in log.hands_heard if one.t_ns > silent_ns] == []
+    assert [one for one in log.hands_received if one.t_ns > silent_ns] == []
     assert sum(note.text == CONNECTED for note in log.notes) == 1
 
 
@@ -167,7 +167,7 @@ def test_hostile_datagrams_at_both_ports_do_not_disturb_an_arm_that_moves(two: T
     assert two.link.hostile > 15_000
     assert sum(log.link_health[-1].ignored.values()) > two.link.hostile / 2
     assert sum(note.text == CONNECTED for note in log.notes) == 1
-    stray = [one.operator for one in log.hands_heard]
+    stray = [one.operator for one in log.hands_received]
     assert len(set(stray)) == 1
 
 
@@ -188,7 +188,7 @@ def test_an_operator_with_another_key_gets_no_answer_and_the_one_who_is_there_go
         called.result()
     log = two.log()
     assert log.link_health[-1].ignored["initiations that no key made"] >= 1
-    assert len({one.operator for one in log.hands_heard}) == 1
+    assert len({one.operator for one in log.hands_received}) == 1
     assert sum(note.text == CONNECTED for note in log.notes) == 1
 
 

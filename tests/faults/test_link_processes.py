@@ -98,7 +98,7 @@ def fails(side: HandSide) -> str:
     return side.session.failure
 
 
-def hears_nothing(side: HandSide) -> bool:
+def receives_nothing(side: HandSide) -> bool:
     """Whether the operator's side has told so."""
     side.session.poll()
     return any(note.startswith("nothing is heard of the robot") for note in side.notes)
@@ -112,7 +112,7 @@ def test_the_arm_of_a_killed_robots_side_is_stopped_by_the_guard_and_the_operato
     robot.process.kill()
     witness.waits_for_the_stop()
     witness.stands()
-    until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
+    until(lambda: receives_nothing(side), "the operator's side to tell that nothing is heard")
     robot.let_go()
 
 
@@ -136,7 +136,7 @@ def test_a_killed_gateway_of_the_robot_ends_its_session_and_the_operator_hears_n
     assert code == 1
     assert "the helper process link ended unasked" in words
 
-    until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
+    until(lambda: receives_nothing(side), "the operator's side to tell that nothing is heard")
     log = robot.recorded()
     fault = next(
         one for one in log.ticks if one.started_ns > killed_ns and one.arming == ArmingState.FAULT
@@ -240,7 +240,7 @@ def test_a_stopped_operators_application_stops_the_arm_which_waits_when_it_goes_
     found = outage(log, stopped_ns)
     assert found.reason == Reason.LINK_LOST.label
     assert rested_after_ms(found, stopped_ns) < LOST_AFTER_MS + REST_MS + SLACK_MS
-    heard = [one for one in log.hands_heard if one.t_ns > resumed_ns and not one.refusal]
+    heard = [one for one in log.hands_received if one.t_ns > resumed_ns and not one.refusal]
     assert len(heard) > 50
     assert commanded_mm(log, found.fault_ns)[0] == 0.0
     assert log.ticks[-1].arming == ArmingState.FAULT
@@ -294,7 +294,9 @@ def test_an_operator_whose_key_is_revoked_while_the_arm_moves_is_let_go_and_the_
             revoked_ns = time.monotonic_ns()
             revoke_key(keys, "kim")
             robot.says(LINK_LOST, before)
-            until(lambda: hears_nothing(side), "the operator's side to tell that nothing is heard")
+            until(
+                lambda: receives_nothing(side), "the operator's side to tell that nothing is heard"
+            )
             assert "LINK LOST, NOT LIVE" in status_words(side.session.state()).live
         time.sleep(STANDS_S)
         log = robot.interrupted()

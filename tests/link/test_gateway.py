@@ -16,7 +16,7 @@ import pytest
 
 from tams_app.errors import HelperError
 from tams_app.link.ends import RobotEnd
-from tams_app.link.gateway import EVENT, HEARD, MESSAGE, Carrier, LinkEvent, Routes, Streams
+from tams_app.link.gateway import EVENT, MESSAGE, RECEIVED, Carrier, LinkEvent, Routes, Streams
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.handshake import COOKIE, INITIATION, RESPONSE
 from tams_app.link.keys import LOOPBACK_KEY, new_key, read_key, revoke_key
@@ -81,7 +81,7 @@ def test_seconds_of_messages_wait_for_an_application_that_stalls(stack: ExitStac
     stack.callback(gateway.close)
     sent = [f"{number:04}".encode() * 50 for number in range(250)]
     for number, message in enumerate(sent):  # as the process sends them
-        gateway._theirs.send(MESSAGE + HEARD.pack(number, 1) + message)
+        gateway._theirs.send(MESSAGE + RECEIVED.pack(number, 1) + message)
     received = gateway.receive()
     assert [one.content for one in received] == sent
     assert [one.heard_ns for one in received] == list(range(250))
@@ -299,7 +299,7 @@ def test_a_gateway_that_is_killed_is_noticed_and_raises_nothing(pair: Pair, side
     for _ in range(100):
         victim.send(b"x" * 1000)
         victim.follow(Routes({}, {}))
-        victim.say_goodbye()
+        victim.send_goodbye()
         victim.receive()
     assert victim.receive() == []
 

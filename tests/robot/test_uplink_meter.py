@@ -15,14 +15,14 @@ from tams_app.records import (
 )
 from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter, summary_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.told_packets import ToldPackets
+from tams_app.video.core.reported_packets import ReportedPackets
 from tams_app.video.core.uplink_figures import uplink_figures
 
 pytestmark = pytest.mark.untimed
 
 
 def summary(*reports: UplinkReport) -> list[UplinkSummary]:
-    told = ToldPackets()
+    told = ReportedPackets()
     return [summary_of(report, told.step(report.arrivals)) for report in reports]
 
 
@@ -69,16 +69,16 @@ def test_nothing_is_known_before_anything_is_told_nor_long_after() -> None:
     meter = UplinkMeter(("eih", "gt"))
     nothing = uplink_figures((), ("eih", "gt"), WINDOW_NS)
     assert meter.figures(0) == nothing
-    meter.told(ToldPackets().step(arrivals("gt", 0, 10)))
+    meter.report(ReportedPackets().step(arrivals("gt", 0, 10)))
     assert meter.figures(NS_PER_S).loss == 0.0
     assert meter.figures(10 * NS_PER_S) == nothing
 
 
 def test_a_real_network_is_known_by_what_receivers_tell() -> None:
-    meter, told = UplinkMeter(("eih", "gt")), ToldPackets()
+    meter, told = UplinkMeter(("eih", "gt")), ReportedPackets()
     start_ns = 50 * NS_PER_S
-    meter.told(told.step(arrivals("gt", start_ns, 100)))
-    meter.told(told.step(arrivals("eih", start_ns + NS_PER_S, 80, lost=20, queue_ms=35)))
+    meter.report(told.step(arrivals("gt", start_ns, 100)))
+    meter.report(told.step(arrivals("eih", start_ns + NS_PER_S, 80, lost=20, queue_ms=35)))
     found = meter.figures(start_ns + 2 * NS_PER_S)
     # of the last second: 79 packets of one view and 21 of the other, 8 kbit each
     assert found.sent_kbps == {"eih": 640.0, "gt": 168.0}
@@ -88,9 +88,9 @@ def test_a_real_network_is_known_by_what_receivers_tell() -> None:
 
 
 def test_where_the_network_is_emulated_what_receivers_tell_is_not_counted_again() -> None:
-    meter, told = UplinkMeter(("gt",)), ToldPackets().step(arrivals("gt", 0, 50))
-    meter.told(told)
+    meter, told = UplinkMeter(("gt",)), ReportedPackets().step(arrivals("gt", 0, 50))
+    meter.report(told)
     fate = PacketRecord("gt", PacketKind.MEDIA, 0, 500, 10, 20, 30, PacketFate.DELIVERED)
     meter.packets([fate])
-    meter.told(told)
+    meter.report(told)
     assert meter.figures(0).link_kbps == 4.0

@@ -46,16 +46,16 @@ def test_a_helper_loads_its_modules_as_an_ordinary_process_whoever_starts_it(tmp
 
 def test_a_helper_hears_what_it_is_told_and_telling_one_that_has_ended_harms_nobody(tmp_path):
     process = helper(tmp_path, "listen")
-    process.tell(fps=10)
+    process.send(fps=10)
     process.start()
     process.wait_ready()
-    process.tell(fps=7.5)
+    process.send(fps=7.5)
     assert process.wait_ready() == {"fps": 7.5}
     process._process.kill()
     process._process.wait()
-    process.tell(fps=5)
+    process.send(fps=5)
     process.stop()
-    process.tell(fps=5)
+    process.send(fps=5)
 
 
 def test_a_helper_that_cannot_work_says_why_in_one_sentence(tmp_path):

@@ -37,7 +37,7 @@ class MemoryGateway:
     def follow(self, routes: Routes) -> None:
         self.routes = routes
 
-    def say_goodbye(self) -> None:
+    def send_goodbye(self) -> None:
         self.farewells += 1
 
     def send(self, message: bytes) -> None:

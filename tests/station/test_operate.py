@@ -151,7 +151,9 @@ class Watched:
         event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
         held = SimpleNamespace(pressed=())
         nothing = {"sample": held, "offset": None, "event": event}
-        self.link: Any = SimpleNamespace(state_heard_ns=self.clock.now_ns(), **{**nothing, **link})
+        self.link: Any = SimpleNamespace(
+            state_received_ns=self.clock.now_ns(), **{**nothing, **link}
+        )
         self.watch = RobotWatch(
             config,
             self.clock,
@@ -179,9 +181,9 @@ def test_at_the_end_it_is_known_of_a_rig_whether_the_block_was_placed(
 def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm() -> None:
     watched = Watched(simulated(), 350.0, state=object())
     watched.clock.advance_ns(340 * NS_PER_MS)
-    assert not watched.watch.hears_nothing()
+    assert not watched.watch.receives_nothing()
     watched.clock.advance_ns(20 * NS_PER_MS)
-    assert watched.watch.hears_nothing()
+    assert watched.watch.receives_nothing()
 
 
 def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
@@ -195,7 +197,7 @@ def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
     shown = watched.watch.state(0.4)
     assert silence_of(shown) == pytest.approx(0.4)
     assert "NOT LIVE for 0.4 s" in status_words(shown).live
-    facts = msgspec.structs.replace(facts_of(shown, ()), told_ns=clock.now_ns())
+    facts = msgspec.structs.replace(facts_of(shown, ()), reported_ns=clock.now_ns())
     known = as_known(facts, clock.now_ns())
     assert (known.state.arming, known.state.deadman) == ("not live", None)
     clock.advance_ns(600 * NS_PER_MS)
@@ -229,13 +231,17 @@ def start(
     endpoint: Endpoint,
     tmp_path: Path,
     config: Config | None = None,
-    say: Callable[[Session, str], None] = lambda _session, _text: None,
+    notify: Callable[[Session, str], None] = lambda _session, _text: None,
 ) -> str:
     """The sentence with which the session refuses to begin."""
     folder = tmp_path / "session"
     folder.mkdir()
     session = operate(
-        config or simulated(), MonotonicClock(), folder, endpoint, lambda text: say(session, text)
+        config or simulated(),
+        MonotonicClock(),
+        folder,
+        endpoint,
+        lambda text: notify(session, text),
     )
     with pytest.raises(TamsError) as refusal:
         session.start()
@@ -274,11 +280,11 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, en
     other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
     said: list[str] = []
 
-    def say(session: Session, text: str) -> None:
+    def notify(session: Session, text: str) -> None:
         said.append(text)
         session.request_end("ended by SIGINT")
 
-    start(other, tmp_path, say=say)
+    start(other, tmp_path, notify=notify)
     assert "a key that the robot's side does not accept" in said[0]
 
 
@@ -308,11 +314,11 @@ def test_where_one_receiver_cannot_bind_the_others_let_go_of_their_ports() -> No
 def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
     said: list[str] = []
 
-    def say(session: Session, text: str) -> None:
+    def notify(session: Session, text: str) -> None:
         said.append(text)
         session.request_end("ended by SIGINT")
 
-    assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, say=say)
+    assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, notify=notify)
     assert "no answer: a wrong address" in said[0]
 
 
@@ -330,4 +336,4 @@ def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):
         ]
         gateway.kill()
 
-    assert "the gateway ended unasked" in start(endpoint, tmp_path, say=kill)
+    assert "the gateway ended unasked" in start(endpoint, tmp_path, notify=kill)

@@ -32,7 +32,7 @@ class Display:
         self.said: list[str] = []
         self.ended = 0
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         self.said.append(text)
 
     def trial_ended(self) -> None:
@@ -165,7 +165,7 @@ def test_the_bar_shows_trials_and_time_left() -> None:
     console = Console(file=output, width=120, force_terminal=True)
     with TrialsProgress(console, 3) as display:
         display.trial_ended()
-        display.say("P01-01 failed: [bold]no markup[/]")
+        display.notify("P01-01 failed: [bold]no markup[/]")
     assert "1/3" in output.getvalue()
     assert "left" in output.getvalue()
     assert "[bold]no markup[/]" in output.getvalue()

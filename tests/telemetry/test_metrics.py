@@ -122,7 +122,7 @@ def test_the_state_is_asked_for_once_a_second(metrics: Metrics, clock: VirtualCl
 
 def test_late_ticks_are_counted_with_those_left_out(metrics: Metrics, address: Address) -> None:
     for late_ns, skipped in ((0, 0), (NS_PER_MS, 0), (NS_PER_MS + 1, 0), (0, 3), (0, 3)):
-        metrics.hear(tick(0, late_ns=late_ns, skipped=skipped), START_NS)
+        metrics.receive(tick(0, late_ns=late_ns, skipped=skipped), START_NS)
     figures = read(address)
     assert figures["tams_control_ticks_total",] == 5
     assert figures["tams_control_late_ticks_total",] == 4
@@ -132,8 +132,8 @@ def test_stops_are_counted_by_reason_and_sentences_by_level(
     metrics: Metrics, address: Address
 ) -> None:
     for reason in ("stale video", "e-stop", "stale video"):
-        metrics.hear(StopRecord(reason, START_NS, None), START_NS)
-    metrics.hear(Note(START_NS, "warning", "one"), START_NS)
+        metrics.receive(StopRecord(reason, START_NS, None), START_NS)
+    metrics.receive(Note(START_NS, "warning", "one"), START_NS)
     figures = read(address)
     assert figures["tams_stops_total", "stale video"] == 2
     assert figures["tams_stops_total", "e-stop"] == 1

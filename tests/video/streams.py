@@ -16,8 +16,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.colour import bgr_of
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.receiver import VideoReceiver
@@ -48,12 +48,12 @@ class Stream:
         self.encoded: list[EncodedFrame] = []
         self.dropped: list[DroppedFrame] = []
         self.shown: list[ShownFrame] = []
-        self.heard = HeardFeedback("eih", media_ssrc(config, "eih"))
+        self.received = ReceivedFeedback("eih", media_ssrc(config, "eih"))
         self._arrived = threading.Condition()
         self.parity = ViewParity(parity_ssrc(config, "eih"), feedback) if rule.parity else None
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
-            self.encoded.append, self.dropped.append, self.heard, feedback, self.parity, encoder,
+            self.encoded.append, self.dropped.append, self.received, feedback, self.parity, encoder,
             may_resend=may_resend,
         )  # fmt: skip
         self.receiver = VideoReceiver(

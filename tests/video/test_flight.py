@@ -19,13 +19,13 @@ TARGETS = st.fixed_dictionaries({view: st.floats(80.0, 20_000.0) for view in VIE
 
 
 def kept(
-    bound: FlightBound, sent_bytes: list[int], told_ns: list[int] | None = None
+    bound: FlightBound, sent_bytes: list[int], reported_ns: list[int] | None = None
 ) -> list[tuple[int, str]]:
     """Time and view of the frames that are not left out, of three views in turn."""
     found = []
     for turn, sent in enumerate(sent_bytes):
         now_ns, view = NS_PER_S + turn * FRAME_NS, VIEWS[turn % 3]
-        told = told_ns[turn] if told_ns else 0
+        told = reported_ns[turn] if reported_ns else 0
         if not bound.exceeded(view, now_ns, sent, told):
             found.append((now_ns, view))
     return found
@@ -112,15 +112,15 @@ def test_under_way_is_what_left_after_the_newest_packet_told_of(
     steps: list[tuple[int, int]],
 ) -> None:
     under_way = UnderWay()
-    now_ns = sent = told_ns = 0
+    now_ns = sent = reported_ns = 0
     history = []
     for place, (step_ms, size) in enumerate(steps):
         now_ns += step_ms * NS_PER_MS
         history.append((now_ns, sent))
         if place % 7 == 6:
-            told_ns = history[place // 2][0]
-        told = next(before for t_ns, before in history if t_ns >= told_ns)
-        assert under_way.bytes(now_ns, sent, told_ns) == sent - told
+            reported_ns = history[place // 2][0]
+        told = next(before for t_ns, before in history if t_ns >= reported_ns)
+        assert under_way.bytes(now_ns, sent, reported_ns) == sent - told
         sent += size
 
 

@@ -86,7 +86,7 @@ def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
         assert joined.wait_until(lambda: len(joined.shown) >= FRAMES - 5)
         deadline = time.monotonic() + 5
         while len(told) < len(link.rtp) - 10 and time.monotonic() < deadline:
-            told += joined.heard.take_arrivals()
+            told += joined.received.take_arrivals()
             time.sleep(0.05)
     kinds = [identify(datagram)[0] for datagram in link.rtp]
     assert kinds.count(PacketKind.PARITY) >= 2 * FRAMES - 5

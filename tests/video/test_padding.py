@@ -68,7 +68,7 @@ def test_over_sockets_padding_is_told_of_and_the_views_frames_are_what_they_were
         media_bytes = ip_bytes([one for one in link.rtp if kind_of(one) is PacketKind.MEDIA])
         deadline = 100
         while len(told) < len(link.rtp) - 10 and (deadline := deadline - 1):
-            told += joined.heard.take_arrivals()
+            told += joined.received.take_arrivals()
             joined.wait_until(lambda: False, 0.05)
         until(lambda: joined.sender.wire_bytes == ip_bytes(link.rtp), "all that was sent")
     padding = [one for one in link.rtp if kind_of(one) is PacketKind.PADDING]

@@ -72,7 +72,7 @@ class Chat:
     def __init__(self) -> None:
         self.reports: list[str] = []
         self.failures: list[BaseException] = []
-        self.heard, self.failed = threading.Event(), threading.Event()
+        self.received, self.failed = threading.Event(), threading.Event()
         self.helper = ReportingHelper(
             "chatty",
             "tests.video.chatty_helper",
@@ -85,7 +85,7 @@ class Chat:
 
     def _report(self, report: str) -> None:
         self.reports.append(report)
-        self.heard.set()
+        self.received.set()
 
     def _fail(self, _: str, failure: BaseException) -> None:
         self.failures.append(failure)
@@ -105,7 +105,7 @@ def test_reports_come_through_no_port_that_another_program_could_take(chat: Chat
     assert process.pid is not None
     assert ports_of(os.getpid()) == before
     assert chat.helper.wait_ready() == {"said": 1}
-    assert chat.heard.wait(WITHIN_S)
+    assert chat.received.wait(WITHIN_S)
     assert chat.reports == ["words"]
     assert ports_of(process.pid) == set()
 

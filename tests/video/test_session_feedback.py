@@ -38,7 +38,7 @@ def arrivals(joined: Stream, enough: Callable[[], float]) -> list[PacketArrival]
     deadline = time.monotonic() + 20
     empty = 0
     while time.monotonic() < deadline and len(told) < enough() and empty < EMPTY_LOOKS:
-        told += (more := joined.heard.take_arrivals())
+        told += (more := joined.received.take_arrivals())
         empty = 0 if more or not told else empty + 1
         time.sleep(LOOK_S)
     return told
@@ -143,11 +143,11 @@ def test_when_feedback_is_cut_arrivals_stop_and_the_stream_goes_on():
     with stream(link, UNREPAIRED, feedback=True) as joined:
         joined.push(range(20))
         assert joined.wait_until(lambda: len(joined.shown) >= 15)
-        until(lambda: joined.heard.newest_sent_ns > 0, "feedback")
+        until(lambda: joined.received.newest_sent_ns > 0, "feedback")
         cut = True
         assert arrivals(joined, lambda: math.inf)  # also what was under way
         joined.push(range(20, 60))  # raises if either end has failed
-        assert joined.heard.take_arrivals() == []
+        assert joined.received.take_arrivals() == []
         cut = False
         joined.push(range(60, 80))
         assert len(arrivals(joined, lambda: 15)) >= 15
@@ -158,10 +158,10 @@ def test_receivers_report_losses_and_the_round_trip_without_any_change_of_the_pa
     with stream(link, UNREPAIRED, kbps=4000.0) as joined:
         joined.push(range(60))
         deadline = time.monotonic() + 20
-        while (reception := joined.heard.take_reception()) is None:
+        while (reception := joined.received.take_reception()) is None:
             assert time.monotonic() < deadline, "no report"
             time.sleep(LOOK_S)
-        assert joined.heard.take_arrivals() == []
+        assert joined.received.take_arrivals() == []
     assert reception is not None
     assert 0.05 < reception.fraction_lost < 0.15
     assert reception.round_trip_ns is not None
@@ -182,6 +182,6 @@ def test_damaged_feedback_tells_nothing_and_ends_nothing():
                 sender.sendto(datagram, (joined.exits.host, joined.exits.feedback))
         joined.push(range(5, 20))  # raises if the sender has failed
         assert joined.wait_until(lambda: len(joined.shown) >= 15)
-        told = joined.heard.take_arrivals()
+        told = joined.received.take_arrivals()
     assert told
     assert all(each.arrived_ns is not None for each in told)

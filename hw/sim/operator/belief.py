@@ -51,7 +51,7 @@ _NEAR_M = 0.030  # of the TCP: it may be in the fingers
 _ON_TABLE_SIGMA_M = 0.0015
 _CLEARLY = 3.0  # standard deviations above it
 _LEARNS = 0.35  # of each glance about whether the block is carried
-_TELLING_M = 0.0015  # the tool's motion between glances that shows it
+_TELLTALE_M = 0.0015  # the tool's motion between glances that shows it
 _SURPRISE = 25.0  # squared, in standard deviations of a pixel pair
 _SURPRISES = 3  # in a row: the thing is elsewhere
 _LOST_SIGMA_M = 0.05
@@ -201,7 +201,7 @@ class Belief:
             return
         moved = self.state[TOOL] - before[TOOL]
         path = math.sqrt(moved @ moved)
-        if path < _TELLING_M:
+        if path < _TELLTALE_M:
             return
         shared = float((self.state[BLOCK] - before[BLOCK]) @ moved) / path**2
         self.carried_part += _LEARNS * (min(1.0, max(0.0, shared)) - self.carried_part)

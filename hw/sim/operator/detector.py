@@ -46,7 +46,7 @@ _SEARCH_SIGMAS = 4.0
 _EVERYWHERE_PX = 150.0  # an uncertainty beyond this: the whole image is searched
 _HIDDEN = 0.25  # less of a thing than this is not judged
 _ODD_SIZE = (0.3, 2.5)  # of the visible area expected: beyond, it is something else
-_SIZE_TELLS = 0.30  # shift of the middle per side length, of a part missing or too much
+_SIZE_SHIFT = 0.30  # shift of the middle per side length, of a part missing or too much
 _WHOLE = (0.7, 1.5)
 _OTHER_WAY = 0.6  # of the misfit: then a block believed to stand lies, or vice versa
 _SKETCH_SIGMA_PX = 0.4  # a gripper drawn from boxes is no better
@@ -288,7 +288,7 @@ def _judged(blob: Blob, area: float, expected: Outline) -> tuple[float, float] |
     size = area / expected.area
     if not _ODD_SIZE[0] < size < _ODD_SIZE[1]:
         return None
-    odd = _SIZE_TELLS * abs(1.0 - size) * math.sqrt(expected.area)
+    odd = _SIZE_SHIFT * abs(1.0 - size) * math.sqrt(expected.area)
     hidden = _HIDDEN_SIGMA_PX * (1.0 - expected.visible) / math.sqrt(2.0)
     return math.hypot(blob.sigma_px, hidden), math.hypot(blob.lasting_px, odd, hidden)
 

@@ -66,7 +66,7 @@ class EfferenceCopy:
 
 
 class FollowCheck:
-    """Tells whether the tool follows: motion that was asked for must show in time."""
+    """Detects whether the tool follows: motion that was asked for must show in time."""
 
     def __init__(self) -> None:
         self._mark: tuple[int, Vector, Pose] | None = None
@@ -76,7 +76,7 @@ class FollowCheck:
         self._mark = None
 
     def step(self, view_ns: int, shown: Vector, tool: Pose) -> bool | None:
-        """True: it followed; False: it did not; None: too early to tell.
+        """True: it followed; False: it did not; None: too early to decide.
 
         `shown` is `EfferenceCopy.shown_at(view_ns)`, `tool` the tool as the view shows it.
         """

@@ -61,7 +61,7 @@ class ParticipantProfile:
         visuomotor_s = random.uniform(0.11, 0.16)
         # Soukoreff and MacKenzie 2004: throughputs of 3.7 to 4.9 bit/s in nine studies of a mouse.
         gain_per_s = math.log(2.0) * random.uniform(3.7, 4.9)
-        # Nah 2004: about 2 s is what people tolerate waiting without being told anything.
+        # Nah 2004: about 2 s is what people tolerate waiting without receiving any feedback.
         wait_limit_s = random.uniform(1.5, 3.0)
         # Riviere, Rader and Khosla 1997: 49 um rms for eye surgeons who hold still, 133 um when
         # they work; the hand at rest has 49 um on each axis.

@@ -1,6 +1,6 @@
 """The operator's judgement of the video: how far it lags, and whether it is frozen.
 
-Operators are not told the latency of a stream. They know what their hand did and see when the
+Operators do not know the latency of a stream. They know what their hand did and see when the
 gripper does it: the delay at which the two agree best is the lag (delays of hand and cursor are
 perceived and adapted to from about this: Cunningham, Billock and Tsou 2001; Rohde and Ernst 2013).
 """
@@ -59,7 +59,7 @@ class LagEstimator:
     ) -> None:
         """The gripper is at `pixel` now; `slope`, shape (2, 3): pixels per metre it moves.
 
-        `source` tells apart where the pixel comes from; only like is compared with like.
+        `source` distinguishes where the pixel comes from; only like is compared with like.
         """
         seen = self._seen.setdefault(source, deque())
         seen.append((t_ns, pixel))
@@ -78,7 +78,7 @@ class LagEstimator:
 
 
 class FreezeWatch:
-    """Tells whether one view is frozen: the hand moves, and nothing in the image does."""
+    """Detects whether one view is frozen: the hand moves, and nothing in the image does."""
 
     def __init__(self) -> None:
         self._last: Image | None = None

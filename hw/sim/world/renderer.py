@@ -1,6 +1,6 @@
 """The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name. It may be told
+Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name. It may be sent
 another fps at any time. Each view has a time grid, a third of a period apart from the next view's;
 an instant that passes before the renderer gets to it, up to the next, is left out: a gap in the
 index.
@@ -153,7 +153,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     cv2.setNumThreads(1)  # the rows of an image are too few for threads that wait by spinning
 
     def fps() -> float:
-        return float(side.told.get("fps", specification["fps"]))
+        return float(side.received.get("fps", specification["fps"]))
 
     world = WorldReader(name)
     frames = CameraImages(draw_layout(seed), seed, sigma)

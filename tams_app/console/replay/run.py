@@ -72,6 +72,6 @@ def _key_help(headless: bool) -> str:
 
 def _shown_config(config: Config, headless: bool) -> Config:
     controller = config.controller.model_copy(update={"device": "auto"})
-    rig = config.rig.model_copy(update={"enabled": True})  # so that nothing is said of an arm
+    rig = config.rig.model_copy(update={"enabled": True})  # so that nothing is shown of an arm
     shown = {"controller": controller, "rig": rig, "headless": headless, "faces": ("window",)}
     return config.model_copy(update=shown)

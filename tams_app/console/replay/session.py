@@ -14,8 +14,8 @@ import numpy as np
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
+from tams_app.console.replay.log_index import LogIndex
 from tams_app.console.replay.marks import Marking
-from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.outline import outline_of, phases_row
 from tams_app.console.replay.playback import STEP_NS, Playback
 from tams_app.errors import UnreadableLogError
@@ -76,15 +76,15 @@ class ReplaySession:
     ) -> None:
         """`config`: the session's own. `folder`: for what the window's process writes.
 
-        `key_help`: which keys there are, to be told behind how it goes. `marking`: of this log, by
-        keys; it goes on, paused, from the last mark.
+        `key_help`: which keys there are, to be shown behind the progress. `marking`: of this log,
+        by keys; it goes on, paused, from the last mark.
         """
         self.config, self.folder = config, folder
         self.sentences = Sentences()
         self.displays = Displays()
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
-        self._moments = Moments(log)
+        self._index = LogIndex(log)
         self._now_ns, self._key_help = now_ns, key_help
         self.blind = marking is not None
         self._marking = marking
@@ -102,7 +102,7 @@ class ReplaySession:
         self._note: Note | None = None
         self._past: tuple[SessionState, ...] = ()  # before the last jump
         self._presses: Mapping[str, int] = {}
-        self._told = ""
+        self._announced = ""
         self._shown: dict[str, int] = {}
         video = config.video
         self.screen = FrameBlock(RingLayout(SHOWN, log.header.views, video.width, video.height))
@@ -118,9 +118,9 @@ class ReplaySession:
         position_ns = self.playback.step(self._now_ns())
         jumped = self.playback.jumps != jumps
         if jumped and not self.blind:
-            self._past = self._moments.rates_before(position_ns)
-        self._say_notes(position_ns, jumped)
-        self._tell()
+            self._past = self._index.rates_before(position_ns)
+        self._show_notes(position_ns, jumped)
+        self._show_progress()
         self._put_pictures(position_ns, jumped)
         if self.config.headless and self.playback.at_end:
             self.end("the log is over")  # without a window there are no keys to go back
@@ -131,7 +131,7 @@ class ReplaySession:
 
     def state(self) -> SessionState:
         """As it was shown; where phases are marked, with the marked one and without figures."""
-        state = self._moments.at(self.playback.position_ns)
+        state = self._index.at(self.playback.position_ns)
         if self._marking is None:
             return state
         mark = self._marking.mark_at(state.t_s)
@@ -215,17 +215,17 @@ class ReplaySession:
         self.playback.move(by_ns)
 
     def _go_to_gripper(self) -> None:
-        """To the next tick before which the gripper was told to open or close."""
+        """To the next tick before which the gripper was commanded to open or close."""
         ticks = [tick for tick in self._log.ticks if tick.arm is not None]
-        told = [bool(tick.arm and tick.arm.gripper_closed) for tick in ticks]
-        for tick, before, after in zip(ticks[1:], told, told[1:], strict=False):
+        closed = [bool(tick.arm and tick.arm.gripper_closed) for tick in ticks]
+        for tick, before, after in zip(ticks[1:], closed, closed[1:], strict=False):
             if before != after and tick.started_ns > self.playback.position_ns:
                 self.playback.seek(tick.started_ns)
                 return
 
-    def _say_notes(self, position_ns: int, jumped: bool) -> None:
+    def _show_notes(self, position_ns: int, jumped: bool) -> None:
         """Show the sentences passed on the way; after a jump only the last one before."""
-        notes = self._moments.notes_between(0 if jumped else self._noted_ns, position_ns)
+        notes = self._index.notes_between(0 if jumped else self._noted_ns, position_ns)
         if jumped:
             notes = [note for note in notes[-1:] if note is not self._note]
         for note in notes:
@@ -233,15 +233,15 @@ class ReplaySession:
             self._note = note
         self._noted_ns = position_ns
 
-    def _tell(self) -> None:
+    def _show_progress(self) -> None:
         """Show the replay's state, whenever that changes."""
         playback = self.playback
         state = "the end" if playback.at_end else "paused" if playback.paused else "goes on"
-        told = f"replay: {state}, {playback.speed:g} times the speed"
-        if told != self._told:
-            self._told = told
+        progress = f"replay: {state}, {playback.speed:g} times the speed"
+        if progress != self._announced:
+            self._announced = progress
             is_over = self.config.headless and playback.at_end
-            self.sentences.note(told if is_over else f"{told}{self._key_help}")
+            self.sentences.note(progress if is_over else f"{progress}{self._key_help}")
 
     def _put_pictures(self, position_ns: int, jumped: bool) -> None:
         try:

@@ -20,7 +20,7 @@ _NEEDS = ("pandas", "pyarrow")
 class Watcher(Protocol):
     """A receiver of the export's progress."""
 
-    def say(self, text: str) -> None:
+    def notify(self, text: str) -> None:
         """A sentence for the user."""
 
     def begin(self, frames: int) -> None:
@@ -47,17 +47,17 @@ def export_lerobot(
     episodes: list[Episode] = []
     for path in logs:
         try:
-            episodes += read_episodes(path, options, watcher.say)
+            episodes += read_episodes(path, options, watcher.notify)
         except UnreadableLogError as error:
             if len(logs) == 1:
                 raise
-            watcher.say(f"skipped: {error}")
+            watcher.notify(f"skipped: {error}")
     if not episodes:
         raise UnreadableLogError(f"{out}: none of {len(logs)} sessions can be exported")
     _check_alike(episodes)
     for episode in episodes:
         if episode.remark:
-            watcher.say(episode.remark)
+            watcher.notify(episode.remark)
     watcher.begin(sum(one.rows * len(one.shape.views) for one in episodes))
     try:
         out.mkdir(parents=True)

@@ -95,10 +95,12 @@ class _Part(NamedTuple):
     keyframes_ns: dict[str, int]
 
 
-def read_episodes(path: Path, options: ExportOptions, say: Callable[[str], None]) -> list[Episode]:
+def read_episodes(
+    path: Path, options: ExportOptions, notify: Callable[[str], None]
+) -> list[Episode]:
     """The episodes in the log at `path`: one, or those kept of a session that is a row of them.
 
-    `say` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
+    `notify` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
     """
     log = read_log(path, only=(OutcomeGiven, EndedEpisode))
     # of a row of episodes a log that was cut off lacks none that had ended
@@ -153,7 +155,7 @@ def read_episodes(path: Path, options: ExportOptions, say: Callable[[str], None]
         )
     if log.has_episodes:
         numbers = ", ".join(map(str, found))
-        say(f"{_name(path)}: takes {numbers} of {len(log.judged_episodes)} episodes")
+        notify(f"{_name(path)}: takes {numbers} of {len(log.judged_episodes)} episodes")
     return list(found.values())
 
 

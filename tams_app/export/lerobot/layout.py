@@ -73,7 +73,7 @@ class FileNumber:
             self.chunk_index, self.file_index = self.chunk_index + 1, 0
 
     def as_columns(self) -> dict[str, int]:
-        """As episodes tell it."""
+        """As episodes describe it."""
         return {"chunk_index": self.chunk_index, "file_index": self.file_index}
 
     def path(self, root: Path, template: str, **names: str) -> Path:

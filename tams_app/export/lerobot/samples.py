@@ -68,7 +68,7 @@ class TickTable:
     def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
         """The newest tick's values at each instant, none of which is before the first tick.
 
-        The gripper of an action is what it is told until the next instant.
+        The gripper of an action is what is commanded until the next instant.
         """
         rows = self._values[np.searchsorted(self.times_ns, grid_ns, side="right") - 1]
         state, action = rows[:, : len(STATE_NAMES)], rows[:, len(STATE_NAMES) : -2]

@@ -58,12 +58,12 @@ class HeadsetDisplay:
         self._places = Places(views)
         self._words: PanelWords | None = None
         self._newest: Facts | None = None
-        self._silence_ns = 0  # when to tell the time of a silence anew
+        self._silence_ns = 0  # when to show the duration of a silence anew
         self._dirty = set(views)
         self._pacer = Pacer(now_ns, time.process_time_ns())
         self.drawings = 0
         for view in views:
-            self._cells[view].tell(view_title(view, None, False, self._opening), False)
+            self._cells[view].set_title(view_title(view, None, False, self._opening), False)
         self._arrange(config)
 
     def step(self, now_ns: int) -> None:
@@ -105,7 +105,7 @@ class HeadsetDisplay:
             view_facts = facts.state.views.get(view)
             title = view_title(view, view_facts, view == facts.state.primary_view, opening)
             silent = facts.silent_s is not None
-            if cell.tell(title, silent or is_old(view_facts, opening.old_ms), silent):
+            if cell.set_title(title, silent or is_old(view_facts, opening.old_ms), silent):
                 self._dirty.add(view)
         words = panel_words(facts, opening.hand)
         if words != self._words:

@@ -44,29 +44,29 @@ class ViewCell:
             self.pixels[frame.top :, -frame.left :],
             self.pixels[rows.stop :],
         )
-        self._told: tuple[str, bool, bool] | None = None
+        self._shown: tuple[str, bool, bool] | None = None
 
     def show(self, frame: Image) -> Image:
         """A BGR frame, shape (height, width, 3), from now on; the part of the cell that has it."""
         cv2.cvtColor(frame, cv2.COLOR_BGR2RGBA, dst=self._frame)
-        if self._told is not None and self._told[2]:
+        if self._shown is not None and self._shown[2]:
             self._grey()
         return self._frame
 
-    def tell(self, title: str, old: bool, silent: bool = False) -> bool:
+    def set_title(self, title: str, old: bool, silent: bool = False) -> bool:
         """Set the text above the frame; True if anything has changed.
 
         `silent`: the session is, and the frame grey until the first one that comes afterwards.
         """
-        if (title, old, silent) == self._told:
+        if (title, old, silent) == self._shown:
             return False
-        if silent and (self._told is None or not self._told[2]):
+        if silent and (self._shown is None or not self._shown[2]):
             self._grey()
-        if self._told is None or old != self._told[1]:
+        if self._shown is None or old != self._shown[1]:
             for edge in self._edges:
                 _draw(edge, _stripes if old else self._ground)
         _draw(self._header, lambda cr, width, height: self._head(cr, width, height, title, old))
-        self._told = title, old, silent
+        self._shown = title, old, silent
         return True
 
     def _grey(self) -> None:

@@ -16,14 +16,14 @@ from tams_app.errors import TamsError
 from tams_app.faces.application import Application, Opened
 from tams_app.faces.headset.display import HeadsetDisplay, overlay_names
 from tams_app.faces.headset.texture import AtlasTexture
-from tams_app.faces.messages import BEAT_S, Beat, Gone
+from tams_app.faces.messages import BEAT_S, Beat, FaceClosed
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import WINDOW_NICE, use_nice
 from tams_app.units import NS_PER_S
 
 _LOOK_S = 0.008  # between looks for new frames
-_LINGER_S = 5.0  # for the session to end this process, once it was told that nothing is shown
+_LINGER_S = 5.0  # for the session to end this process, once it was notified that nothing is shown
 
 
 def main() -> None:
@@ -52,7 +52,7 @@ def main() -> None:
         except TamsError as error:
             why = str(error)
         if why:
-            application.tell(Gone(clock.now_ns(), why))
+            application.report(FaceClosed(clock.now_ns(), why))
             side.stop_requested.wait(_LINGER_S)
 
 
@@ -69,15 +69,15 @@ def _show(
     names = overlay_names(opened.opening.views)
     overlays = Overlays(runtime, names, config.placement == "head")
     display = HeadsetDisplay(opened, config, overlays, texture, clock.now_ns())
-    beat_ns, told = round(BEAT_S * NS_PER_S), 0
+    beat_ns, reported = round(BEAT_S * NS_PER_S), 0
     while not side.stop_requested.wait(_LOOK_S):
         now_ns = clock.now_ns()
         display.step(now_ns)
         if why := overlays.look():
             return why
-        if now_ns - told >= beat_ns:
-            told = now_ns
-            application.tell(Beat(now_ns, display.drawings))
+        if now_ns - reported >= beat_ns:
+            reported = now_ns
+            application.report(Beat(now_ns, display.drawings))
     return ""
 
 

@@ -29,7 +29,7 @@ class PanelWords:
     phase: str
     sentence: str
     key: str
-    note: str  # a trial's time, the episodes, or what was said last
+    note: str  # a trial's time, the episodes, or the notices last
 
 
 def panel_words(facts: Facts, hand: str) -> PanelWords:
@@ -42,5 +42,5 @@ def panel_words(facts: Facts, hand: str) -> PanelWords:
     elif facts.state.episodes is not None:
         note = episodes.line(facts.state.episodes)
     else:
-        note = facts.said[-1].text if facts.said else ""
+        note = facts.notices[-1].text if facts.notices else ""
     return PanelWords(banner.look, facts.state.phase, banner.sentence, key, note)

@@ -2,7 +2,7 @@
 
     python -m tams_app.faces.sounds.process '{"sink": …}'
 
-It is told over its standard input which tone to play; a newer one ends the one that sounds.
+It receives over its standard input which tone to play; a newer one ends the one that sounds.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _ELEMENTS = ("audiotestsrc", "audioconvert", "audioresample", "autoaudiosink")
 
 
 def main() -> None:
-    """Play what is told until standard input closes."""
+    """Play what is requested until standard input closes."""
     side = HelperSide()
     sink, played = str(side.specification["sink"]), 0
     try:
@@ -35,14 +35,14 @@ def main() -> None:
         return
     side.ready()
     while not side.stop_requested.wait(_POLL_S):
-        told = side.told
-        if told and told["number"] != played:
-            played = told["number"]
-            _play(TONES[told["tone"]], sink, partial(_has_news, side, told))
+        reported = side.received
+        if reported and reported["number"] != played:
+            played = reported["number"]
+            _play(TONES[reported["tone"]], sink, partial(_has_news, side, reported))
 
 
-def _has_news(side: HelperSide, told: dict[str, Any]) -> bool:
-    return side.told is not told or side.stop_requested.is_set()
+def _has_news(side: HelperSide, reported: dict[str, Any]) -> bool:
+    return side.received is not reported or side.stop_requested.is_set()
 
 
 def _check(sink: str) -> None:

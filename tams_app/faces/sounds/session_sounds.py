@@ -41,7 +41,7 @@ class SessionSounds:
         self._stack.callback(self._worker.request_stop)
         self._worker.start()
 
-    def say(self, note: str) -> None:
+    def notify(self, note: str) -> None:
         """Nothing: sentences are to be read."""
 
     def refresh(self) -> None:
@@ -49,7 +49,7 @@ class SessionSounds:
         tone = self._choice.step(self._session.state().arming)
         if tone is not None:
             self._number += 1
-            self._process.tell(tone=tone, number=self._number)
+            self._process.send(tone=tone, number=self._number)
 
     def close(self) -> None:
         """Play nothing more; may be called twice."""

@@ -116,7 +116,7 @@ class TerminalKeys:
 
     def discard(self) -> None:
         """Forget what was typed and not read yet."""
-        with contextlib.suppress(termios.error):  # the terminal is gone: the next reading tells
+        with contextlib.suppress(termios.error):  # the terminal is gone: the next reading shows it
             termios.tcflush(self._fd, termios.TCIFLUSH)
 
     def close(self) -> None:
@@ -146,7 +146,7 @@ class TerminalKeys:
         return data
 
     def body(self, on_key: Callable[[Command, int], None]) -> Callable[[threading.Event], None]:
-        """A worker's body that hands every key to `on_key` until it is told to stop.
+        """A worker's body that hands every key to `on_key` until stop is requested.
 
         With it comes when it was pressed at the earliest [ns]: when nothing had been typed yet.
         """
@@ -168,7 +168,7 @@ class TerminalKeys:
 
 
 class Presses:
-    """Tells presses of one key from its auto-repeats: two confirmations are two presses."""
+    """Distinguishes presses of one key from its auto-repeats: two confirmations are two presses."""
 
     def __init__(self) -> None:
         self._seen_ns: int | None = None

@@ -136,7 +136,7 @@ def minutes(t_s: float) -> str:
 class StatusLine:
     """Shows states in place at 5 Hz on a terminal, as plain lines every few seconds elsewhere.
 
-    Use it as a context from one thread; `say` prints a sentence that stays. `words_of` puts a
+    Use it as a context from one thread; `notify` prints a sentence that stays. `words_of` puts a
     state into words.
     """
 
@@ -181,10 +181,10 @@ class StatusLine:
         why = [Text(words.why)] if words.why else []
         self._live.update(Group(text, *why), refresh=True)
 
-    def say(self, sentence: str, t_s: float) -> None:
-        """Print a sentence above the line, with when it was said."""
-        told = f"{minutes(t_s)}  {sentence}"
-        self._console.print(told, markup=False, highlight=False, soft_wrap=True)
+    def notify(self, sentence: str, t_s: float) -> None:
+        """Print a sentence above the line, with when it was shown."""
+        printed = f"{minutes(t_s)}  {sentence}"
+        self._console.print(printed, markup=False, highlight=False, soft_wrap=True)
 
 
 def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:

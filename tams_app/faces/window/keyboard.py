@@ -1,4 +1,4 @@
-"""Keys that are down, told apart from a held key's auto-repeat; pure."""
+"""Keys that are down, distinguished from a held key's auto-repeat; pure."""
 
 from __future__ import annotations
 

@@ -27,14 +27,14 @@ class BannerPanel:
         self._sign, self._word = _label("sign"), _label("word")
         self._sentence = _label("sentence", wrap=True, lines=2)
         self._key = _label("key")
-        told = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, hexpand=True, valign=Gtk.Align.CENTER)
-        told.append(self._sentence)
-        told.append(self._key)
+        texts = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, hexpand=True, valign=Gtk.Align.CENTER)
+        texts.append(self._sentence)
+        texts.append(self._key)
         # never the focus: Space and Enter mean what they mean wherever one clicked before
         self._button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
         self._button.add_css_class("act")
         self._button.connect("clicked", lambda _button: click())
-        for part in (self._sign, self._word, told, self._button):
+        for part in (self._sign, self._word, texts, self._button):
             self.widget.append(part)
 
     def show(self, banner: Banner) -> None:
@@ -97,7 +97,7 @@ class NumbersPanel:
 
 
 class TrialPanel:
-    """In place of the numbers where they would tell too much: in a trial, and to who marks one."""
+    """In place of the numbers where they reveal too much: in a trial, and to who marks one."""
 
     def __init__(self, workspace: Workspace) -> None:
         Gtk = load().Gtk

@@ -32,7 +32,7 @@ class PicturePlace:
         """The picture from now on; None: none."""
         self._picture.set_paintable(texture)
 
-    def tell(self, title: str, colour_class: str) -> None:
+    def set_title(self, title: str, colour_class: str) -> None:
         """Set the text in it, and the colour of its frame."""
         if title != self._label.get_text():
             self._label.set_text(title)

@@ -45,7 +45,7 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
         opened.opening,
         opened.frames,
         opened.facts,
-        application.tell,
+        application.report,
         MonotonicClock(),
         read_size(path, first_size(*screen_size())),
     )

@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys
 from tams_app.faces.client import WINDOW
 from tams_app.faces.commands import Command, actions_of, carry_out
-from tams_app.faces.messages import Asked, Ended, Event, Keys, Sought
+from tams_app.faces.messages import CommandRequest, Ended, Event, Keys, Seek
 from tams_app.faces.session_face import (
     FacedSession,
     SessionFace,
@@ -65,15 +65,15 @@ class SessionWindow(SessionFace):
         return not (self._client.ended or self._is_closed)
 
     def _on_answer(self, event: Event) -> None:
-        if isinstance(event, Asked) and event.t_ns >= self._counts_ns:
+        if isinstance(event, CommandRequest) and event.t_ns >= self._counts_ns:
             self.answer = event.command
 
     def _on_event(self, event: Event) -> None:
-        if isinstance(event, Asked):
+        if isinstance(event, CommandRequest):
             now_ns = self._clock.now_ns()
             self._is_closed |= event.command is Command.CLOSE
             carry_out(self._session, self._actions, event.command, event.t_ns, now_ns)
-        elif isinstance(event, Sought):
+        elif isinstance(event, Seek):
             if self._replay is not None:
                 self._replay.seek(event.t_s)
         elif isinstance(event, Keys):

@@ -11,7 +11,7 @@ from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.figures import placed_text, status_text, view_title
 from tams_app.faces.history import History
-from tams_app.faces.messages import BEAT_S, Asked, Event, Facts, Keys, Opening, Sought
+from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Seek
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import as_known
@@ -50,18 +50,18 @@ _TIMELINE_PX, _GAP_PX = 48, 4
 
 
 class OperatorWindow:
-    """Shows what `frames` and `facts` hold, and tells what the operator does."""
+    """Shows what `frames` and `facts` hold, and reports what the operator does."""
 
     def __init__(
         self,
         opening: Opening,
         frames: Mapping[str, FrameReader],
         facts: FactsReader,
-        tell: Callable[[Event], None],
+        report: Callable[[Event], None],
         clock: Clock,
         size: Size,
     ) -> None:
-        """`tell` sends an event to the application; it must not wait."""
+        """`report` sends an event to the application; it must not wait."""
         self._modules = load()
         self._opening = opening
         self._frames = frames
@@ -70,7 +70,7 @@ class OperatorWindow:
         self._facts_reader = facts
         self._facts: Facts | None = None  # as they were put last
         self._shown: Facts | None = None  # as they may be shown
-        self._tell = tell
+        self._report = report
         self._clock = clock
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
@@ -82,7 +82,7 @@ class OperatorWindow:
         self._history = History()
         self._drawings = 0
         self._figures_ns = 0
-        self._silence_ns = 0  # when to tell the time of a silence anew
+        self._silence_ns = 0  # when to show the duration of a silence anew
         self._looked_ns = clock.now_ns()
         self._state = ""
         self._scale = 0.0
@@ -127,18 +127,18 @@ class OperatorWindow:
             if self._opening.replay is None
             else LogBar(self._opening.replay, self._seek)
         )
-        self._said = Gtk.Label(xalign=0.0, ellipsize=3, hexpand=True)
+        self._notice = Gtk.Label(xalign=0.0, ellipsize=3, hexpand=True)
         self._status = Gtk.Label(xalign=1.0)
         self._status.add_css_class("status")
-        said = Gtk.Box(spacing=12)
-        said.add_css_class("said")
-        said.append(self._said)
-        said.append(self._status)
+        notices = Gtk.Box(spacing=12)
+        notices.add_css_class("said")
+        notices.append(self._notice)
+        notices.append(self._status)
         self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
         self._frame.add_css_class("frame")
         main = self._main_part()
         self._episodes = EpisodeStrip()
-        below = (self._timeline.widget, self._episodes.widget, said)
+        below = (self._timeline.widget, self._episodes.widget, notices)
         for part in (self._banner.widget, main, *below):
             self._frame.append(part)
         for part in (main, self._timeline.widget):
@@ -274,10 +274,10 @@ class OperatorWindow:
         return True
 
     def _ask(self, command: Command) -> None:
-        self._tell(Asked(self._clock.now_ns(), command))
+        self._report(CommandRequest(self._clock.now_ns(), command))
 
     def _seek(self, t_s: float) -> None:
-        self._tell(Sought(self._clock.now_ns(), t_s))
+        self._report(Seek(self._clock.now_ns(), t_s))
         self._figures_ns = 0  # what is sought is shown as soon as it is found
 
     def _beat(self) -> bool:
@@ -285,7 +285,7 @@ class OperatorWindow:
         if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
         keyboard = self._keyboard
-        self._tell(
+        self._report(
             Keys(
                 self._clock.now_ns(),
                 keyboard.focused,
@@ -344,7 +344,7 @@ class OperatorWindow:
             self._panel.show(facts)
             self._timeline.show(facts)
             self._episodes.show(facts)
-            self._said.set_text(facts.said[-1].text if facts.said else "")
+            self._notice.set_text(facts.notices[-1].text if facts.notices else "")
             self._status.set_text(status_text(facts, self._opening))
 
     def _show_places(self) -> None:
@@ -354,7 +354,7 @@ class OperatorWindow:
             is_primary = state is not None and view == state.primary_view
             pinned = view == self._places.pinned
             title = view_title(view, view_state, is_primary, self._opening, pinned)
-            picture.tell(title, view_class(self._opening.views.index(view)))
+            picture.set_title(title, view_class(self._opening.views.index(view)))
 
     def _take_frames(self) -> bool:
         """Show the newest frame of each view; whether there was any."""

@@ -41,7 +41,7 @@ class Budget(Protocol):
         """
 
     def padding_bytes(self, now_ns: int) -> int:
-        """Padding to send at once as a probe; called between steps too, if `hears_packets`.
+        """Padding to send at once as a probe; called between steps too, if `receives_packets`.
 
         Args:
             now_ns: the time [ns]; never decreases.
@@ -68,9 +68,9 @@ class BudgetKind:
     make: Callable[[PolicyConfig, Capacity], Budget]
     """Makes it of the policy's configuration and the emulated link's capacity, which only a budget
     that looks at nothing else (an oracle) may use."""
-    hears_reports: bool = True
+    receives_reports: bool = True
     """It receives the receivers' RTCP reports."""
-    hears_packets: bool = False
+    receives_packets: bool = False
     """It also receives the fate of each packet, and may pad and bound what is under way."""
 
 
@@ -84,10 +84,10 @@ BUDGETS: Registry[BudgetKind] = Registry(
     "tams.budgets",
     {
         "oracle": BudgetKind(
-            lambda policy, capacity: OracleBudget(capacity, policy.budget), hears_reports=False
+            lambda policy, capacity: OracleBudget(capacity, policy.budget), receives_reports=False
         ),
         "sender": BudgetKind(lambda policy, _capacity: SenderBudget(policy.budget)),
-        "feedback": BudgetKind(_feedback, hears_packets=True),
+        "feedback": BudgetKind(_feedback, receives_packets=True),
     },
 )
 """Kinds of budget by their word for `policy.budget.mode`; entry points of `tams.budgets`."""

@@ -10,23 +10,23 @@ from tams_app.units import NS_PER_S
 
 _KEPT_NS = 2 * NS_PER_S
 _WINDOW_NS = NS_PER_S
-_ENOUGH = 30  # packets to tell 2 % from 10 % of loss
+_ENOUGH = 30  # packets to distinguish 2 % from 10 % of loss
 CLOCK_JUMP_NS = 2 * NS_PER_S  # arrivals further apart are of two clocks, or of two routes
 
 _Key = tuple[str, int, int, int | None, int]
 
 
 class Deliveries:
-    """Each packet once, whatever is told again.
+    """Each packet once, whatever is reported again.
 
-    A packet that was told to be lost and arrives later counts as lost and as delivered.
+    A packet that was commanded to be lost and arrives later counts as lost and as delivered.
     """
 
     def __init__(self) -> None:
         self._seen: set[_Key] = set()
-        self._told: deque[_Key] = deque()  # the same, in the order of being told
-        self._arrived: deque[tuple[int, int, int]] = deque()  # (arrival, sent, bytes) as told
-        self._fates: deque[tuple[int, int, bool]] = deque()  # (sent, bytes, lost) as told
+        self._reported: deque[_Key] = deque()  # the same, in the order of the reports
+        self._arrived: deque[tuple[int, int, int]] = deque()  # (arrival, sent, bytes) as reported
+        self._fates: deque[tuple[int, int, bool]] = deque()  # (sent, bytes, lost) as reported
         self.newest_sent_ns = -1
 
     def take(self, arrivals: Sequence[PacketArrival]) -> list[PacketArrival]:
@@ -35,12 +35,12 @@ class Deliveries:
         alike: Counter[tuple[str, int, int, int | None]] = Counter()
         for packet in arrivals:
             alone = packet.view, packet.sent_ns, packet.size_bytes, packet.arrived_ns
-            alike[alone] += 1  # packets of one frame may be told with equal times
+            alike[alone] += 1  # packets of one frame may be reported with equal times
             key = (*alone, alike[alone])
             if key in self._seen or packet.sent_ns < self.newest_sent_ns - _KEPT_NS:
                 continue
             self._seen.add(key)
-            self._told.append(key)
+            self._reported.append(key)
             self.newest_sent_ns = max(self.newest_sent_ns, packet.sent_ns)
             new.append(packet)
         for packet in new:
@@ -57,8 +57,8 @@ class Deliveries:
             self._fates.popleft()
         while self._arrived and self._arrived[0][0] < self._arrived[-1][0] - _WINDOW_NS:
             self._arrived.popleft()
-        while self._told and self._told[0][1] < self.newest_sent_ns - _KEPT_NS:
-            self._seen.discard(self._told.popleft())
+        while self._reported and self._reported[0][1] < self.newest_sent_ns - _KEPT_NS:
+            self._seen.discard(self._reported.popleft())
 
     def forget_arrivals(self) -> None:
         """Begin anew after a gap, over which no rate means anything."""
@@ -70,7 +70,7 @@ class Deliveries:
             return 0.0
         return sum(lost for *_, lost in self._fates) / len(self._fates)
 
-    def told_bytes(self, after_ns: int, until_ns: int) -> int:
+    def reported_bytes(self, after_ns: int, until_ns: int) -> int:
         """Bytes of known fate, arrived or lost, of those sent in that part of the last second."""
         return sum(size for sent_ns, size, _ in self._fates if after_ns < sent_ns <= until_ns)
 

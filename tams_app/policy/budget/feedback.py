@@ -107,22 +107,22 @@ class FeedbackBudget:
         self._before_backlog_kbps = 0.0
         self._sent: deque[_Sent] = deque()
         self._pending = False  # a report was taken in that the estimate does not know yet
-        self._stepped_ns = self._heard_ns = 0
-        self._news_ns: int | None = None  # when the newest packet was sent that it tells of
-        self._loop_ns: float = _FIRST_LOOP_NS  # from sending to hearing of it, without a queue
+        self._stepped_ns = self._received_ns = 0
+        self._news_ns: int | None = None  # when the newest packet was sent that it reports
+        self._loop_ns: float = _FIRST_LOOP_NS  # from sending to the report of it, without a queue
         self._padding_kbps = 0.0
         self._padded_ns = 0
         self._padded_bytes = 0
 
     def observe(self, report: UplinkReport) -> None:
         if self._since_ns is None:
-            self._since_ns = self._stepped_ns = self._heard_ns = report.now_ns
+            self._since_ns = self._stepped_ns = self._received_ns = report.now_ns
         new = self._deliveries.take(report.arrivals)
         for packet in new:
             if packet.arrived_ns is not None:
                 self._delay.add(packet.sent_ns, packet.arrived_ns)
         if new:
-            self._heard_ns = report.now_ns
+            self._received_ns = report.now_ns
             self._news_ns = self._deliveries.newest_sent_ns
         sent = _Sent(report.now_ns, report.sent_bytes, self._padded_bytes, self._allowed_kbps)
         if self._sent and self._sent[-1].t_ns == report.now_ns:
@@ -187,11 +187,11 @@ class FeedbackBudget:
 
     def _silent(self, now_ns: int) -> bool:
         """True if something was sent long ago of which nothing was reported."""
-        if now_ns - self._heard_ns < _SILENCE_NS:
+        if now_ns - self._received_ns < _SILENCE_NS:
             return False
-        told_ns = self._deliveries.newest_sent_ns
-        untold = [s for s in self._sent if told_ns <= s.t_ns <= now_ns - _SILENCE_NS]
-        return bool(untold) and untold[-1].bytes > untold[0].bytes
+        reported_ns = self._deliveries.newest_sent_ns
+        unreported = [s for s in self._sent if reported_ns <= s.t_ns <= now_ns - _SILENCE_NS]
+        return bool(unreported) and unreported[-1].bytes > unreported[0].bytes
 
     def _judge(self, now_ns: int, queue_ns: float) -> None:
         """Change the estimate by the newest arrivals, in the present mode."""
@@ -233,12 +233,12 @@ class FeedbackBudget:
 
     def _complete(self, now_ns: int) -> bool:
         """True if the fate of what was sent of late is known; else feedback was lost."""
-        told = [s for s in self._sent if s.t_ns <= self._deliveries.newest_sent_ns]
-        if not told:
+        reported = [s for s in self._sent if s.t_ns <= self._deliveries.newest_sent_ns]
+        if not reported:
             return False
-        first = next(s for s in told if s.t_ns >= told[-1].t_ns - _COMPLETE_NS)
-        known = self._deliveries.told_bytes(first.t_ns, told[-1].t_ns)
-        return known >= _COMPLETE * (told[-1].bytes - first.bytes)
+        first = next(s for s in reported if s.t_ns >= reported[-1].t_ns - _COMPLETE_NS)
+        known = self._deliveries.reported_bytes(first.t_ns, reported[-1].t_ns)
+        return known >= _COMPLETE * (reported[-1].bytes - first.bytes)
 
     # --- a backlog --------------------------------------------------------------------------------
 

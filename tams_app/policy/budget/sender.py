@@ -31,7 +31,7 @@ class SenderBudget:
     Limits: it starts at `start_kbps`, right or wrong, and stays there as long as no report comes;
     it finds free capacity at 100 kbit/s a second; it sees congestion a reporting interval late, in
     a round trip that includes the way back and in losses when the queue has overflowed; between
-    2 and 10 % it cannot tell a bad radio from a full queue, and holds.
+    2 and 10 % it cannot distinguish a bad radio from a full queue, and holds.
     """
 
     def __init__(self, config: BudgetConfig) -> None:

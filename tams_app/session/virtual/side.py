@@ -35,7 +35,7 @@ class VirtualRobotSide(Listener):
         captured: Callable[[Frame], None],
         ended: Callable[[str], None],
     ) -> None:
-        """`captured` gets each frame before it is sent. `ended` is told why the trial is over."""
+        """`captured` gets each frame before it is sent. `ended` gets why the trial is over."""
         self._events, self._operator = events, operator
         self._rate_hz = config.control.rate_hz
         with ExitStack() as stack:

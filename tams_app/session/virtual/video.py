@@ -78,7 +78,7 @@ class TrialVideo(Video):
             self._start_kbps,
             self._source_drop_below_kbps,
             VideoRecords(log.record, log.record, on_shown, log.packets),
-            heard=self._heard,
+            received=self._received,
             feedback=self._feedback,
             parity=self._parity,
             may_resend=self.may_resend,

@@ -28,7 +28,7 @@ _YIELD_NS = NS_PER_S // 10
 
 
 class VideolessTrial(Listener):
-    """Scene `seed` with participant `seed`; `ticks` and `scene` are as a log of it would tell."""
+    """Scene `seed` with participant `seed`; `ticks` and `scene` are as in a log of it."""
 
     def __init__(self, config: Config, seed: int) -> None:
         config = config.model_copy(update={"seed": seed})
@@ -39,7 +39,7 @@ class VideolessTrial(Listener):
         self._clock = VirtualClock(START_NS)
         self._events = EventQueue()
         self._ended = False
-        self._robot = VirtualRobot(config, self._clock, _say_nothing)
+        self._robot = VirtualRobot(config, self._clock, _ignore)
         self._hand = SharpEyedHand(config, seed, self._robot.truth)
         self._trial = TrialObserver(
             config.trial,
@@ -54,13 +54,13 @@ class VideolessTrial(Listener):
     def perform(self) -> Iterator[float]:
         """Go on until placed, out of time or given up; yields the seconds gone by now and then."""
         self._begin()
-        told_ns = START_NS
+        reported_ns = START_NS
         while not self._ended:
             due_ns = self._events.next_ns
             assert due_ns is not None, "the control loop always has something to do"
-            while due_ns > told_ns + _YIELD_NS:
-                told_ns += _YIELD_NS
-                yield (told_ns - START_NS) / NS_PER_S
+            while due_ns > reported_ns + _YIELD_NS:
+                reported_ns += _YIELD_NS
+                yield (reported_ns - START_NS) / NS_PER_S
             self._clock.sleep_until_ns(due_ns)
             self._events.do_next()
         self._robot.stop()
@@ -72,7 +72,7 @@ class VideolessTrial(Listener):
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
-        arming = ArmingObserver(signals, _say_nothing, lambda: SIMULATED, arm_at_once=False)
+        arming = ArmingObserver(signals, _ignore, lambda: SIMULATED, arm_at_once=False)
         return build.control_loop(
             config,
             self._clock,
@@ -108,5 +108,5 @@ class VideolessTrial(Listener):
         self._ended = True
 
 
-def _say_nothing(_level: str, _text: str) -> None:
+def _ignore(_level: str, _text: str) -> None:
     """The notes of such a trial are not read."""

@@ -179,21 +179,21 @@ def success_figure(measures: Measures) -> Figure:
 
 @plots.styled
 def relied_on_figure(measures: Measures) -> Figure:
-    """Each view's share of what the operator's glances told, beside the rows of W."""
+    """Each view's share of what the operator's glances show, beside the rows of W."""
     figure, (axis,) = _new_figure(3.0)
     weights = measures.weights
     for column, phase in enumerate(PHASES):
-        below_told = below_weight = 0.0
+        below_reported = below_weight = 0.0
         for place, view in enumerate(measures.data.config.video.views):
             colour, hatch = palette.view_colour(place), HATCHES[place % len(HATCHES)]
             fill: plots.Style = {"color": colour, "hatch": hatch, "edgecolor": plots.INK}
             found = measures.relied_on(phase, view)
-            told, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
+            reported, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
             label = view.upper() if column == 0 else None
             bar: plots.Style = {"width": 0.34, "linewidth": 0.6, **fill}
-            axis.bar(column - 0.2, told, bottom=below_told, alpha=0.9, label=label, **bar)
+            axis.bar(column - 0.2, reported, bottom=below_reported, alpha=0.9, label=label, **bar)
             axis.bar(column + 0.2, weight, bottom=below_weight, alpha=0.45, **bar)
-            below_told, below_weight = below_told + told, below_weight + weight
+            below_reported, below_weight = below_reported + reported, below_weight + weight
     _name_phases(axis, fontsize=plots.TEXT_PT)
     axis.set_ylabel("Share")
     axis.set_ylim(0, 1.02)

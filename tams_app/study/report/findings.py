@@ -98,10 +98,10 @@ def _claim(measures: Measures, text: str, quantity: Quantity) -> Claim:
         for other in measures.others
     ]
     findings = Counter(judge(one, more_is_better=quantity.more_is_better) for *_, one in found)
-    told = ", ".join(f"{one.value}: {findings[one]}" for one in Finding if findings[one])
+    counts = ", ".join(f"{one.value}: {findings[one]}" for one in Finding if findings[one])
     return Claim(
         text,
-        f"{counted(len(found), 'comparison')}: {told}",
+        f"{counted(len(found), 'comparison')}: {counts}",
         tuple(
             f"{name(network)}, {name(plan.proposed)} against {name(other)}: "
             f"{difference_sentence(one, quantity)}"

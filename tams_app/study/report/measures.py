@@ -61,7 +61,7 @@ class Measures:
         return _over_participants(self.data.phases, column, **where)
 
     def relied_on(self, phase: str, view: str) -> Estimate | None:
-        """A view's share of what the operator's glances told in a phase, over all conditions."""
+        """A view's share of what the operator's glances show in a phase, over all conditions."""
         return _over_participants(self.data.phases, f"relied_on_{view}_fraction", phase=phase)
 
     def values(self, strategy: str, network: str, column: str) -> list[float]:
@@ -175,7 +175,7 @@ class Measures:
         )
 
     def knows(self, column: str) -> bool:
-        """Whether any trial, or any phase of one, tells this."""
+        """Whether any trial, or any phase of one, has this."""
         tables = (self.data.trials, self.data.phases)
         return any(column in one and one[column].notna().any() for one in tables)
 

@@ -82,11 +82,11 @@ X264 = Encoder(
         "aud=false",
     ),
     pixels="I420",
-    holds_each_frame=True,  # its buffer is told in ms
+    holds_each_frame=True,  # its buffer is set in ms
 )
 AVDEC = Decoder("avdec", "avdec_h264", ("max-threads=1",))
 
-# The rate buffers of the others are told in kbit: `vbv-buffer-size` of the older nvh264enc only
+# The rate buffers of the others are set in kbit: `vbv-buffer-size` of the older nvh264enc only
 # before it plays, `cpb-size` of vah264enc at least half a second. They keep their own: `Overdraft`.
 ENCODERS = {
     encoder.word: encoder

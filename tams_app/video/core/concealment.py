@@ -1,4 +1,4 @@
-"""Frames whose errors the decoder concealed: inferred from packet loss, decoders do not tell.
+"""Frames whose errors the decoder concealed: inferred from packet loss.
 
 A frame is incomplete when one of its packets did not come in time: it did not arrive, was not
 resent, and was not restored by parity. It is concealed when it is incomplete or predicted from a

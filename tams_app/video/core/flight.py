@@ -1,8 +1,8 @@
 """The bound on what is under way: which views leave frames out when it is exceeded.
 
-Bytes under way are those that were sent after the newest packet that any receiver has told of: all
+Bytes under way are those that were sent after the newest packet that any receiver has reported: all
 views leave by one queue, so what was sent before it has arrived or is lost, also where the message
-that said so was lost itself.
+that reported it was lost itself.
 """
 
 from __future__ import annotations
@@ -42,20 +42,20 @@ class UnderWay:
         # (time, bytes sent before it); it reaches back ten seconds, as nothing under way does
         self._sent: deque[tuple[int, int]] = deque(maxlen=_KEPT)
 
-    def bytes(self, now_ns: int, sent_bytes: int, told_ns: int) -> int:
+    def bytes(self, now_ns: int, sent_bytes: int, reported_ns: int) -> int:
         """The number of bytes under way.
 
         Args:
             now_ns: the time; it never decreases.
             sent_bytes: that have left so far.
-            told_ns: when the newest packet left that a receiver has told of.
+            reported_ns: when the newest packet left that a receiver has reported.
 
         Returns:
-            What left between the first call after `told_ns` and this one: less than the truth by
-            at most what leaves between two calls.
+            What left between the first call after `reported_ns` and this one: less than the truth
+            by at most what leaves between two calls.
         """
         self._sent.append((now_ns, sent_bytes))
-        while self._sent[0][0] < told_ns and len(self._sent) > 1:
+        while self._sent[0][0] < reported_ns and len(self._sent) > 1:
             self._sent.popleft()
         return sent_bytes - self._sent[0][1]
 
@@ -74,9 +74,9 @@ class FlightBound:
         self._limit_bytes = limit_bytes
         self._limits = view_limits(limit_bytes, target_kbps)
 
-    def exceeded(self, view: str, now_ns: int, sent_bytes: int, told_ns: int) -> bool:
+    def exceeded(self, view: str, now_ns: int, sent_bytes: int, reported_ns: int) -> bool:
         """True if a frame of `view` that was captured now is left out; see `UnderWay.bytes`."""
-        under_way = self._under_way.bytes(now_ns, sent_bytes, told_ns)
+        under_way = self._under_way.bytes(now_ns, sent_bytes, reported_ns)
         self._room_bytes = self._limit_bytes - under_way
         late = now_ns - self._kept_ns.get(view, now_ns) >= LONGEST_WAIT_NS
         if under_way > self._limits[view] and view in self._kept_ns and not late:
@@ -87,6 +87,6 @@ class FlightBound:
     def admits_resend(self, size_bytes: int) -> bool:
         """True if a packet may be sent again: within the bound, where a queue has lost many."""
         admitted = self._room_bytes >= size_bytes
-        if admitted:  # until the next frame tells what has left
+        if admitted:  # until the next frame shows what has left
             self._room_bytes -= size_bytes
         return admitted

@@ -73,7 +73,7 @@ class RtpTimes:
 
     A jitter buffer with mode=none makes PTS a linear function of the RTP timestamp. Both times of
     the anchor are those of the same packet. After 3 s without packets it restarts its PTS from 0:
-    `follow` tells what they lack then.
+    `follow` shows what they lack then.
     """
 
     def __init__(self, pts_ns: int, timestamp: int) -> None:
@@ -105,7 +105,7 @@ class RtpTimes:
 def capture_of(timestamp: int, first_ns: int, near_ns: int) -> int:
     """Capture time [ns] of the frame with an RTP timestamp, `first_ns` being that of timestamp 0.
 
-    `near_ns`: a time less than 6 hours from it, which tells how often the timestamps have wrapped.
+    `near_ns`: a time less than 6 hours from it, which gives how often the timestamps have wrapped.
     """
     ticks = _ticks(near_ns - first_ns)
     step = (timestamp - ticks) % _RTP_TIMESTAMPS

@@ -53,7 +53,7 @@ class RtpHeader:
 
 
 def media_ssrc(config: VideoConfig, view: str) -> int:
-    """The SSRC of a view's media stream, fixed so that a packet tells its view."""
+    """The SSRC of a view's media stream, fixed so that a packet identifies its view."""
     return _FIRST_SSRC + 2 * config.views.index(view)
 
 
@@ -127,7 +127,7 @@ def with_transport_sequence(packet: bytes, sequence: int) -> bytes:
 def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     """Kind, sequence number of the media carried, and RTP timestamp of a datagram of the RTP flow.
 
-    A resent packet (RTX) tells the number of the original, a parity packet that of the first packet
+    A resent packet (RTX) has the number of the original, a parity packet that of the first packet
     it protects; both lead the payload. Padding has neither. What is no RTP reads as media with
     number and timestamp 0: the link carries it all the same.
     """

@@ -26,7 +26,7 @@ class Padding:
     def packets(self, size_bytes: int) -> list[bytes]:
         """Packets that take `size_bytes` [IP datagrams], or a packet's headers if that is more.
 
-        The last one is marked as the end of a frame is, so that the receiver tells of them at once.
+        The last one is marked as the end of a frame is, so that the receiver reports them at once.
         """
         count = -(-size_bytes // self._most_bytes)
         return [

@@ -34,7 +34,7 @@ class ParityEncoder:
     """Makes the parity packets of one view."""
 
     def __init__(self, ssrc: int, numbered: bool = False) -> None:
-        """`numbered`: its packets have room for the session's number, by which they are told of."""
+        """`numbered`: its packets have room for the session's number, by which reports know it."""
         self._ssrc = ssrc
         self._numbered = numbered
         self._sequence = 0
@@ -48,7 +48,7 @@ class ParityEncoder:
 
         Returns:
             The parity packets, of which the last is marked as a frame's end is, so that the
-            receiver tells of them at once; none of a frame that is no RTP, or too long for a group.
+            receiver reports them at once; none of a frame that is no RTP, or too long for a group.
         """
         groups = min(groups, len(packets))
         if groups == 0 or -(-len(packets) // groups) > _MOST_PACKETS or groups > _MOST_PACKETS:
@@ -103,14 +103,14 @@ class ParityDecoder:
 
     def parity(self, packet: bytes) -> list[bytes]:
         """A parity packet came: the packet that it restores, if exactly one of its group misses."""
-        told = read_rtp(packet)
-        if told is None or told.payload_type != PARITY_PAYLOAD_TYPE:
+        rtp = read_rtp(packet)
+        if rtp is None or rtp.payload_type != PARITY_PAYLOAD_TYPE:
             return []
-        body = told.payload_offset + _GROUP.size
+        body = rtp.payload_offset + _GROUP.size
         if len(packet) < body:
             return []
-        first, count, distance, markers, length = _GROUP.unpack_from(packet, told.payload_offset)
-        keys = [(told.timestamp, (first + n * distance) % SEQUENCES) for n in range(count)]
+        first, count, distance, markers, length = _GROUP.unpack_from(packet, rtp.payload_offset)
+        keys = [(rtp.timestamp, (first + n * distance) % SEQUENCES) for n in range(count)]
         missing = [key for key in keys if key not in self._media]
         if len(missing) > 1:
             for key in missing:

@@ -62,7 +62,7 @@ def raw_caps(config: VideoConfig, pixels: str = "I420,colorimetry=bt601") -> str
 
 
 def received_caps(feedback: bool) -> str:
-    """Caps of what a receiving session gets; `feedback`: it is to tell when each packet came."""
+    """Caps of what a receiving session gets; `feedback`: it is to report when each packet came."""
     extension = f",{_TRANSPORT_SEQUENCE},rtcp-fb-transport-cc=true" if feedback else ""
     return rtp_caps() + extension
 

@@ -36,7 +36,7 @@ class Loss:
 
 
 class LossEstimate:
-    """The loss of one view: what its receiver told lately, with the configured network as prior."""
+    """The loss of one view: what its receiver reported lately; prior: the configured network."""
 
     def __init__(self, prior: Loss) -> None:
         self._packets = _PRIOR_PACKETS
@@ -58,7 +58,7 @@ class LossEstimate:
         self._last_lost = lost
 
     def reception(self, fraction_lost: float) -> None:
-        """A report block: it tells the rate alone."""
+        """A report block: it gives the rate alone."""
         mean_burst = self.loss.mean_burst
         self._forget(_PACKETS_OF_A_RECEPTION)
         lost = fraction_lost * _PACKETS_OF_A_RECEPTION
@@ -104,7 +104,7 @@ class Protection:
         self._refresh_frames = refresh_ms * fps / 1000
 
     def observe(self, report: UplinkReport) -> None:
-        """Take in what the receivers told; arrivals tell more than report blocks of the same."""
+        """Take in what the receivers reported; arrivals say more than their report blocks."""
         for arrival in report.arrivals:
             self._estimates[arrival.view].arrival(arrival.arrived_ns is None)
         if not report.arrivals:

@@ -1,4 +1,4 @@
-"""The fate of each captured frame of one view, and the images that its quality is told by.
+"""The fate of each captured frame of one view, and the images that its quality is measured by.
 
 Pure accounting: captures and shown frames go in, each in its own order; a captured frame comes out
 once its fate is decided, with the images to compare. `Scorer` compares them (see ssim).

@@ -7,8 +7,9 @@ repair packets: `EncoderServo` compares the bytes that left during the last eigh
 that their time allowed, and biases `bitrate`. `SourceDrop` leaves out whole frames where the target
 would starve the encoder.
 
-Other encoders are told 30 frames a second, too, but none has a rate buffer of one frame that grows
-with its bitrate (`codecs`): what they send too much, `Overdraft` pays back by leaving frames out.
+Other encoders are set to 30 frames a second, too, but none has a rate buffer of one frame that
+grows with its bitrate (`codecs`): what they send too much, `Overdraft` pays back by leaving frames
+out.
 """
 
 from __future__ import annotations

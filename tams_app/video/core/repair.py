@@ -45,13 +45,13 @@ class RepairRule:
         return math.floor(min(self.latency_ms + rarer_ms, self.longest_wait_ms))
 
 
-_AS_THE_RULE_SAYS = RepairConfig(mode="paper")
+_BY_THE_RULE = RepairConfig(mode="paper")
 
 
 def repair_rule(
     network: Network,
     pli_min_interval_ms: float,
-    wanted: RepairConfig = _AS_THE_RULE_SAYS,
+    wanted: RepairConfig = _BY_THE_RULE,
     latency_bound_ms: float = 200.0,
 ) -> RepairRule:
     """The rule for one network: its one-way latency and jitter are used.

@@ -1,4 +1,4 @@
-"""Packets that parity restored, inferred from the fates of all: receivers do not tell."""
+"""Packets that parity restored, inferred from the fates of all: receivers do not report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NEVER_NS = 1 << 62
 def restored_packets(packets: Iterable[PacketRecord]) -> list[PacketRecord]:
     """The restored packets, as resent ones that arrived when they were restored.
 
-    A frame's parity packets tell their groups: as many as they are, interleaved (`parity`).
+    A frame's parity packets name their groups: as many as they are, interleaved (`parity`).
     """
     parity: dict[tuple[str, int], list[PacketRecord]] = defaultdict(list)
     media: dict[tuple[str, int], dict[int, PacketRecord]] = defaultdict(dict)

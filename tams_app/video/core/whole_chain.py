@@ -2,7 +2,8 @@
 
 A frame is predicted from the frames before it, back to the last keyframe: its chain. A packet that
 is missing damages its frame and all that follow, up to a keyframe of which all packets are here.
-Decoders do not tell (FINDINGS 4), so it is inferred from the gaps in the sequence numbers that the
+Decoders do not report it (FINDINGS 4), so it is inferred from the gaps in the sequence numbers that
+the
 depayloader meets: of what was resent or restored in time it meets none. 3 s without a frame are a
 gap, too: the numbers may have wrapped meanwhile. `concealment` infers the same afterwards, from the
 fates of all packets; there a frame is concealed that is not whole here.
@@ -33,7 +34,7 @@ class WholeChain:
     def access_unit(self, timestamp: int, has_idr: bool, has_end: bool) -> bool:
         """Take in the end of a frame; True if it is whole.
 
-        `has_end`: its last packet is here, as RTP's marker bit tells. The depayloader may hand out
+        `has_end`: its last packet is here, as RTP's marker bit shows. The depayloader may hand out
         the remains of a frame before what follows the gap, or remains within what follows it.
         """
         is_complete = has_end and not self._after_gap and timestamp != self._gap_timestamp

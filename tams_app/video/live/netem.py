@@ -179,7 +179,7 @@ def run_network(
     name: str,
     interface: str,
     action: str,
-    say: Callable[[str], object],
+    notify: Callable[[str], object],
     runner: Runner = run_tc,
 ) -> None:
     """The command `run_tams.py network`; `action` is one of ACTIONS.
@@ -190,16 +190,16 @@ def run_network(
         raise ConfigError(f"--action {action}: choose one of {', '.join(ACTIONS)}")
     network = resolve_network(config, name)
     if action == "show":
-        say(show(interface, runner))
+        notify(show(interface, runner))
     elif action == "remove":
         removed = remove(interface, runner)
-        say(f"{interface} is as before" if removed else f"nothing was set on {interface}")
+        notify(f"{interface} is as before" if removed else f"nothing was set on {interface}")
     elif action == "print":
         set_up = [shlex.join(command) for command in commands(network, interface)]
-        say(f"# shapes everything that leaves by {interface}, not video alone; needs root")
+        notify(f"# shapes everything that leaves by {interface}, not video alone; needs root")
         for line in (*set_up, "# and to take it away", shlex.join(remove_command(interface))):
-            say(line)
+            notify(line)
     else:
         apply(commands(network, interface, rate_only=action == "rate"), interface, runner)
         part = "the rate of " if action == "rate" else ""
-        say(f"{interface} now has {part}network {name}; --action remove takes it away")
+        notify(f"{interface} now has {part}network {name}; --action remove takes it away")

@@ -41,7 +41,7 @@ _GROWTH, _BACK_OFF = 0.05, 0.5
 class SparePace:
     """The share of a core that may be used: halved while no core is idle, else grown slowly.
 
-    `idle_fraction` tells how much of all cores was idle since its last call (0 to 1).
+    `idle_fraction`: how much of all cores was idle since its last call (0 to 1).
     """
 
     def __init__(self, idle_fraction: Callable[[], float], now_ns: int) -> None:

@@ -23,7 +23,7 @@ from tams_app.video.live.view_decoder import ViewDecoder, caps_of_payload_type
 class VideoReceiver:
     """Receives and decodes one view; the newest frame waits in `mailbox`.
 
-    Construct, tell the sender's side the ports, `start`, read `mailbox`, `poll`, `close`.
+    Construct, give the sender's side the ports, `start`, read `mailbox`, `poll`, `close`.
     """
 
     def __init__(
@@ -46,7 +46,7 @@ class VideoReceiver:
             clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
             identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
             on_shown: called once per frame in the decoder's thread: it must only hand over.
-            feedback: whether it tells the sender when each packet came; the sender must agree.
+            feedback: whether it reports to the sender when each packet came; the sender must agree.
             decoder: one that works here (`codec_choice`).
 
         Raises:
@@ -110,7 +110,7 @@ class VideoReceiver:
             self._resent.set_property("payload-type-map", structure)
         session = pipeline.get_by_name("session")
         session.connect("request-pt-map", caps_of_payload_type)
-        ssrc = receiver_ssrc(self._config, self.view)  # tells where its feedback belongs
+        ssrc = receiver_ssrc(self._config, self.view)  # shows where its feedback belongs
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
         if self._rule.parity:
@@ -154,7 +154,7 @@ class VideoReceiver:
         """Restore what a frame's parity can; media and parity come in one thread."""
         try:
             self._restore(appsink)
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
             self._frames.failure = repr(error)
         return gst.load().Gst.FlowReturn.OK
 

@@ -27,7 +27,7 @@ class ReportingHelper(Generic[Report]):
     """One helper process and the thread that reads its reports, which are of `report_type`.
 
     `on_report` and `on_failure` are called in that thread; a helper that ends unasked is a failure,
-    which `ended_unasked` tells in one sentence.
+    which `ended_unasked` states in one sentence.
     """
 
     def __init__(

@@ -12,9 +12,9 @@ from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Fr
 from tams_app.runtime.clock import Clock
 from tams_app.video.core import pipelines
 from tams_app.video.core.codecs import X264, Encoder
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import media_ssrc, padding_ssrc
 from tams_app.video.core.padding import Padding
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.live.udp import (
@@ -31,8 +31,8 @@ from tams_app.video.live.view_encoder import ViewEncoder
 class VideoSender:
     """Encodes and sends one view; `push` from one thread, `set_target_kbps` from any.
 
-    Construct, tell the receiver's side `feedback_port`, `start`, `push` each frame, `close`. `sent`
-    tells what the RTP timestamps of its packets stand for.
+    Construct, give the receiver's side `feedback_port`, `start`, `push` each frame, `close`. `sent`
+    knows what the RTP timestamps of its packets stand for.
     """
 
     def __init__(
@@ -45,7 +45,7 @@ class VideoSender:
         source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
-        heard: HeardFeedback | None = None,
+        received: ReceivedFeedback | None = None,
         feedback: bool = False,
         parity: ViewParity | None = None,
         encoder: Encoder = X264,
@@ -62,7 +62,7 @@ class VideoSender:
             source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
             on_encoded: called once per frame in the encoder's thread: it must only hand over.
             on_dropped: called once per dropped frame in the thread that pushes.
-            heard: gets what the receiver tells; None: not asked for.
+            received: gets what the receiver reports; None: not asked for.
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
             parity: protects the frames, where `RepairRule.parity` lets it.
             encoder: one that works here (`codec_choice`).
@@ -94,7 +94,7 @@ class VideoSender:
             encoder,
         )
         self._clock = clock
-        self._heard = heard
+        self._received = received
         self._feedback = feedback
         self._may_resend = partial(may_resend, config.mtu_bytes)
         self._listener: PacketFeedback | ReceptionReports | None = None
@@ -141,10 +141,10 @@ class VideoSender:
         self._rtp_entrance = session.get_static_pad("send_rtp_sink")
         ssrc = media_ssrc(self._config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
-        if self._heard is not None and self._feedback:
-            self._listener = PacketFeedback(session, self._heard, self._clock, self._may_resend)
-        elif self._heard is not None:
-            self._listener = ReceptionReports(session, self._heard)
+        if self._received is not None and self._feedback:
+            self._listener = PacketFeedback(session, self._received, self._clock, self._may_resend)
+        elif self._received is not None:
+            self._listener = ReceptionReports(session, self._received)
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))

@@ -11,8 +11,8 @@ from typing import Any
 from tams_app import gst
 from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.clock import Clock
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import RTP_HEADER_BYTES, TRANSPORT_SEQUENCE_BYTES
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.rtcp import read_arrivals, read_blocks
 
 # the session counts a packet's payload alone
@@ -21,11 +21,11 @@ _TRANSPORT_FEEDBACK = (205, 15)  # packet type and format
 
 
 class ReceptionReports:
-    """Hands the report blocks that come to `heard`; `failure`: "" while all is well."""
+    """Hands the report blocks that come to `received`; `failure`: "" while all is well."""
 
-    def __init__(self, session: Any, heard: HeardFeedback) -> None:
+    def __init__(self, session: Any, received: ReceivedFeedback) -> None:
         self.failure = ""
-        self._heard = heard
+        self._received = received
         kinds = gst.load().Gst.PadProbeType
         entrance = session.get_static_pad("recv_rtcp_sink")
         gst.add_probe(entrance, kinds.BUFFER, self._on_rtcp, self._fail)
@@ -37,14 +37,14 @@ class ReceptionReports:
         buffer = probe.get_buffer()
         datagram = buffer.extract_dup(0, buffer.get_size())
         wall_ns = gst.load().GLib.get_real_time() * 1000  # the session's own source of it
-        self._heard.blocks(read_blocks(datagram, wall_ns))
+        self._received.blocks(read_blocks(datagram, wall_ns))
         return gst.load().Gst.PadProbeReturn.OK
 
 
 class PacketFeedback:
-    """Hands to `heard` what is told of each packet; `failure`: "" while all is well.
+    """Hands to `received` what is reported of each packet; `failure`: "" while all is well.
 
-    The session tells which packets a message is about, when they left and how large they were.
+    The session reports which packets a message is about, when they left and how large they were.
     When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
     Both come in one thread, the message first. `may_resend` is asked before a packet is sent again.
     """
@@ -52,13 +52,13 @@ class PacketFeedback:
     def __init__(
         self,
         session: Any,
-        heard: HeardFeedback,
+        received: ReceivedFeedback,
         clock: Clock,
         may_resend: Callable[[], bool] = lambda: True,
     ) -> None:
         self.failure = ""
         self._may_resend = may_resend
-        self._heard = heard
+        self._received = received
         self._clock = clock
         self._arrived_ns: dict[int, int] = {}
         internal = session.get_property("internal-session")
@@ -76,19 +76,19 @@ class PacketFeedback:
                 message = about[-1]  # a buffer, after the SSRCs; None: nothing follows these
                 content = b"" if message is None else message.extract_dup(0, message.get_size())
                 self._arrived_ns = read_arrivals(content)
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
             self.failure = repr(error)
 
     def _on_event(self, pad: Any, probe: Any) -> Any:
         structure = probe.get_event().get_structure()
         name = "" if structure is None else structure.get_name()
         if name == "RTPTWCCPackets":
-            self._told(structure.get_value("packets"))
+            self._report(structure.get_value("packets"))
         elif name == "GstRTPRetransmissionRequest" and not self._may_resend():
             return gst.load().Gst.PadProbeReturn.DROP
         return gst.load().Gst.PadProbeReturn.OK
 
-    def _told(self, packets: Any) -> None:
+    def _report(self, packets: Any) -> None:
         if not self._arrived_ns:  # a damaged message
             return
         rows = [
@@ -99,4 +99,4 @@ class PacketFeedback:
             )
             for packet in packets
         ]
-        self._heard.told(self._clock.now_ns(), rows, self._arrived_ns)
+        self._received.report(self._clock.now_ns(), rows, self._arrived_ns)

@@ -1,4 +1,4 @@
-"""Capacity traces as text: `t_ms,kbps` tables or Mahimahi files, told apart by the first line.
+"""Capacity traces as text: `t_ms,kbps` tables or Mahimahi files, distinguished by the first line.
 
 CSV: the header `t_ms,kbps`, then one row per change; times ascend and count from the first row.
 The last rate holds as long as the one before it (a single row: for ever), then the trace repeats.

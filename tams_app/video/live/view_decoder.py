@@ -33,7 +33,7 @@ _DECODING = 64  # frames: more than any decoder keeps
 class ViewDecoder:
     """Identifies the frames of a decoder chain, and requests keyframes.
 
-    The newest frame waits in `mailbox`. `identify` tells which capture an RTP timestamp stands for:
+    The newest frame waits in `mailbox`. `identify` gives which capture an RTP timestamp stands for:
     what the receiver needs of the sender (`SentFrames.find`). `on_shown` runs in the decoder's
     thread, once per frame: it must only hand over. `failure`: why frames no longer come, "" while
     they do.
@@ -172,7 +172,7 @@ class ViewDecoder:
         Gst = gst.load().Gst
         try:
             self._show(appsink.emit("pull-sample").get_buffer())
-        except Exception as error:  # noqa: BLE001 - the owner is told by the shell
+        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
             self.failure = repr(error)
             return Gst.FlowReturn.ERROR
         return Gst.FlowReturn.OK

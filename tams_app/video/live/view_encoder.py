@@ -22,7 +22,7 @@ from tams_app.video.core.rate_control import EncoderServo, Overdraft, SourceDrop
 
 
 class ViewEncoder:
-    """Decides what is encoded and at which rate, and tells what came out.
+    """Decides what is encoded and at which rate, and reports what came out.
 
     `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
     once per frame, `on_dropped` in the thread that admits: both must only hand over.
@@ -97,7 +97,7 @@ class ViewEncoder:
     # --- in the encoder's thread ------------------------------------------------------------
 
     def fail(self, reason: str) -> None:
-        """Frames no longer leave as they should: the owner is told by `failure`."""
+        """Frames no longer leave as they should: the owner is notified by `failure`."""
         self.failure = reason
 
     def _on_encoder_output(self, pad: Any, probe: Any) -> Any:

@@ -116,7 +116,7 @@ class VirtualReceiver:
         if self._arrivals is not None:
             sequence = transport_sequence(packet)
             if self._arrivals.received(now_ns, sequence, header.marker):
-                self._session.tell_arrivals(now_ns)
+                self._session.report_arrivals(now_ns)
 
     def _show(self, shown: ShownFrame) -> None:
         self.shown = shown

@@ -18,7 +18,7 @@ _SHORT_WAIT_TICKS, _SHORT_VECTOR, _LONG_VECTOR = 255, 7, 14
 
 @dataclass(frozen=True, slots=True)
 class ArrivalMessage:
-    """A datagram that tells of the packets up to `last`, by transport-wide sequence number."""
+    """A datagram that reports the packets up to `last`, by transport-wide sequence number."""
 
     last: int
     arrived_ns: dict[int, int]  # of those that arrived

@@ -92,7 +92,7 @@ class ReceiverSession:
         self._pli = True
         self.timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
 
-    def tell_arrivals(self, now_ns: int) -> None:
+    def report_arrivals(self, now_ns: int) -> None:
         """A message about packets that came is ready."""
         self.timing.request(now_ns, _ARRIVALS_TIMEOUT_NS)
 
@@ -118,8 +118,8 @@ class ReceiverSession:
         arrivals = take_arrivals()
         for message in arrivals:
             self.timing.observe(message.size_bytes)
-        told = block() if regular else None
-        return Feedback(now_ns, nacks, pli, size_bytes, transit_ns, arrivals, told)
+        reported = block() if regular else None
+        return Feedback(now_ns, nacks, pli, size_bytes, transit_ns, arrivals, reported)
 
     def _take_nacks(self, now_ns: int, regular: bool) -> tuple[int, ...]:
         """The pending numbers in order, without the expired; an early report keeps the last."""

@@ -11,10 +11,10 @@ from random import Random
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import SEQUENCES, identify, padding_ssrc, with_transport_sequence
 from tams_app.video.core.padding import Padding
 from tams_app.video.core.pipelines import RTX_HISTORY_MS
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import EncoderChain
@@ -43,7 +43,7 @@ class VirtualSender:
         shared: Shared,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
-        heard: HeardFeedback | None,
+        received: ReceivedFeedback | None,
         feedback: bool,
         parity: ViewParity | None,
         may_resend: Callable[[int], bool],
@@ -55,11 +55,11 @@ class VirtualSender:
         self._shared = shared
         self._deliver = deliver
         self._deliver_report = deliver_report
-        self._heard = heard
+        self._received = received
         self._feedback = feedback
         self._may_resend = partial(may_resend, config.mtu_bytes)
         self._next_sequence = 0  # transport-wide
-        self._untold: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
+        self._unreported: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
         self._parity = parity
         self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
         self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
@@ -121,26 +121,26 @@ class VirtualSender:
                 )
 
     def obey(self, feedback: Feedback) -> None:
-        """Feedback has come: hear it, force a keyframe, send packets again."""
+        """Feedback has come: receive it, force a keyframe, send packets again."""
         now_ns = self._shared.clock.now_ns()
         keyframe = self._session.received(now_ns, feedback)
-        if self._heard is not None:
-            self._hear(now_ns, feedback, self._heard)
+        if self._received is not None:
+            self._receive(now_ns, feedback, self._received)
         if keyframe:
             self._chain.request_keyframe()
         resent = [self._resend(sequence) for sequence in feedback.nacks]
         if found := [record for record in resent if record is not None]:
             self._shared.records.packets(found)
 
-    def _hear(self, now_ns: int, feedback: Feedback, heard: HeardFeedback) -> None:
+    def _receive(self, now_ns: int, feedback: Feedback, received: ReceivedFeedback) -> None:
         if feedback.block is not None and not self._feedback:  # as live
             round_trip_ns = self._session.round_trip_ns or None
-            heard.blocks([replace(feedback.block, round_trip_ns=round_trip_ns)])
+            received.blocks([replace(feedback.block, round_trip_ns=round_trip_ns)])
         for message in feedback.arrivals:
-            told = [self._untold.popleft()]
-            while told[-1][0] != message.last:
-                told.append(self._untold.popleft())
-            heard.told(now_ns, told, message.arrived_ns)
+            reported = [self._unreported.popleft()]
+            while reported[-1][0] != message.last:
+                reported.append(self._unreported.popleft())
+            received.report(now_ns, reported, message.arrived_ns)
 
     def _send(self, packets: list[bytes]) -> None:
         records = []
@@ -170,7 +170,7 @@ class VirtualSender:
         self._session.sent(now_ns, kind)
         if self._feedback:
             packet = with_transport_sequence(packet, self._next_sequence)
-            self._untold.append((self._next_sequence, now_ns, size_bytes))
+            self._unreported.append((self._next_sequence, now_ns, size_bytes))
             self._next_sequence = (self._next_sequence + 1) % SEQUENCES
         record = self._shared.link.offer(now_ns, self.view, kind, size_bytes, sequence, timestamp)
         if record.fate is PacketFate.DELIVERED:

@@ -1,4 +1,4 @@
-"""GStreamer's test clock: time moves when told to, and its waits end one at a time."""
+"""GStreamer's test clock: time moves on request, and its waits end one at a time."""
 
 from __future__ import annotations
 

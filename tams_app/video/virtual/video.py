@@ -10,8 +10,8 @@ from tams_app import gst
 from tams_app.config import Network, VideoConfig
 from tams_app.records import Frame
 from tams_app.video.core.frame_identity import SentFrame
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.link import Link
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.networks import network_capacity
@@ -45,14 +45,15 @@ class VirtualVideo:
         source_drop_below_kbps: float,
         records: VideoRecords,
         times: ProcessingTimes | None = None,
-        heard: Mapping[str, HeardFeedback] | None = None,
+        received: Mapping[str, ReceivedFeedback] | None = None,
         feedback: bool = False,
         parity: Mapping[str, ViewParity] = MappingProxyType({}),
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
-        `heard` by view gets what receivers tell, if anybody asks; `feedback`: of each packet, too.
+        `received` by view gets what receivers report, if anybody asks; `feedback`: of each packet,
+        too.
         `parity`: of the views that `rule` lets be protected.
         `may_resend` is asked with its size before a packet is sent again, where `feedback`.
         """
@@ -89,7 +90,7 @@ class VirtualVideo:
                 shared,
                 receiver.arrive,
                 receiver.arrive_report,
-                heard.get(view) if heard else None,
+                received.get(view) if received else None,
                 feedback,
                 parity.get(view),
                 may_resend,

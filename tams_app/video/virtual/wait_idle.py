@@ -1,6 +1,6 @@
 """Waiting until all other threads of this process are idle, so that an event has had its effect.
 
-GStreamer hands packets from thread to thread, and nothing it offers tells when the last of them
+GStreamer hands packets from thread to thread, and nothing it offers shows when the last of them
 has nothing more to do. The kernel knows: a thread that sleeps in two samples, and was not scheduled
 in between, had nothing to do at the moment between them. A thread that waits for the GIL cannot
 pass for idle: each read below releases the GIL, which wakes it. Linux only.

@@ -10,7 +10,7 @@ import pytest
 
 from tams_app.console.replay.outline import CELLS, outline_of, phases_row
 from tams_app.faces.facts_memory import FactsWriter
-from tams_app.faces.messages import LONGEST, ReplayFacts, Said, Stretch
+from tams_app.faces.messages import LONGEST, Notice, ReplayFacts, Stretch
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.units import NS_PER_S
@@ -83,7 +83,7 @@ def test_marks_in_every_cell_can_be_told_to_the_window() -> None:
     row = phases_row(log, [(cell * 60 * NS_PER_S, names[cell % 2]) for cell in range(CELLS)])
     assert len(row) == CELLS
     replay = ReplayFacts(16.0, True, 10_000, row)
-    said = (Said(36_000.0, "x" * 500),) * 3
+    notices = (Notice(36_000.0, "x" * 500),) * 3
     facts = FactsWriter()
-    facts.put(changed(FACTS, replay=replay, said=said))
+    facts.put(changed(FACTS, replay=replay, notices=notices))
     facts.close()

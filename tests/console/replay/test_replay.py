@@ -14,8 +14,8 @@ import pytest
 
 from tams_app.cli import _main
 from tams_app.config import load_config
+from tams_app.console.replay.log_index import LogIndex
 from tams_app.console.replay.marks import Mark, Marking, read_marks
-from tams_app.console.replay.moments import Moments
 from tams_app.console.replay.run import _shown_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.faces.messages import Keys
@@ -207,7 +207,7 @@ def test_after_a_seek_the_rates_of_the_minute_before_are_those_of_the_log(
     replayed.passes(0.05)
     past = replayed.session.facts().past
     assert [state.t_s for state in past] == [0.0, 1.0, 2.0, 3.0]
-    moments = Moments(read_log(log_path))
+    moments = LogIndex(read_log(log_path))
     for state in past:
         there = moments.at(START_NS + round(state.t_s * NS_PER_S))
         assert {name: view.sent_kbps for name, view in state.views.items()} == {
@@ -219,7 +219,7 @@ def test_after_a_seek_the_rates_of_the_minute_before_are_those_of_the_log(
 def test_the_block_is_placed_from_when_that_was_said(log_path: Path) -> None:
     log = read_log(log_path)
     log.notes.append(Note(START_NS + 2 * NS_PER_S, "info", f"{PLACED}: go on"))
-    placed = [Moments(log).at(START_NS + t_s * NS_PER_S).placed for t_s in (1, 2, 3)]
+    placed = [LogIndex(log).at(START_NS + t_s * NS_PER_S).placed for t_s in (1, 2, 3)]
     assert placed == [False, True, True]
 
 
@@ -244,7 +244,7 @@ def test_a_key_that_is_held_acts_once(log_path: Path, tmp_path: Path) -> None:
 
 def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
     log = Synthetic(6.0, switch_s=3.0).log()
-    early, late = (Moments(log).at(second(t_s)) for t_s in (2.5, 5.5))
+    early, late = (LogIndex(log).at(second(t_s)) for t_s in (2.5, 5.5))
     view = log.header.views[0]
     assert early.views[view].target_kbps == 1000
     assert late.views[view].target_kbps == 3000
@@ -261,11 +261,11 @@ def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
 
 def test_the_episodes_are_those_of_the_moment_by_their_newest_verdict() -> None:
     log = Synthetic(6.0).log()
-    assert Moments(log).at(second(1.0)).episodes is None
+    assert LogIndex(log).at(second(1.0)).episodes is None
     first = Episode(second(2), 1, second(1), second(2))
     other = Episode(second(4), 2, second(3), second(4), True, True)
     log.episodes = [first, replace(first, t_ns=second(2.5), kept=False), other]
-    before, within, after = (Moments(log).at(second(t_s)).episodes for t_s in (0.5, 3.25, 5.0))
+    before, within, after = (LogIndex(log).at(second(t_s)).episodes for t_s in (0.5, 3.25, 5.0))
     assert before == EpisodesState(1, "idle")
     discarded, labelled = EpisodeState(1, 1.0, False), EpisodeState(2, 1.0, True, True)
     assert within == EpisodesState(2, "recording", 0.25, "", 0, 1, (discarded,))
@@ -273,7 +273,7 @@ def test_the_episodes_are_those_of_the_moment_by_their_newest_verdict() -> None:
 
 
 def test_before_the_first_record_nothing_is_known() -> None:
-    state = Moments(Synthetic(1.0).log()).at(START_NS - NS_PER_S)
+    state = LogIndex(Synthetic(1.0).log()).at(START_NS - NS_PER_S)
     assert (state.arming, state.tcp_mm, state.reason) == ("starting", None, "")
     assert state.loss is None
     assert all(view.target_kbps is None for view in state.views.values())

@@ -9,7 +9,7 @@ from tams_app.faces.banner import LOOKS
 from tams_app.faces.headset.layout import PANEL_WIDTH_PX
 from tams_app.faces.headset.painting import SENTENCE_LINES, wrapped
 from tams_app.faces.headset.wording import panel_words
-from tams_app.faces.messages import Said, TrialFacts
+from tams_app.faces.messages import Notice, TrialFacts
 from tams_app.faces.session_face import facts_of
 from tams_app.records import EpisodesState, ViewState
 from tams_app.teleop.advice import what_to_do
@@ -67,13 +67,13 @@ def test_the_menu_button_is_named_for_hands_that_see_no_keyboard() -> None:
 
 
 def test_what_was_said_last_is_below() -> None:
-    said = (Said(1.0, "the first"), Said(2.0, "the last"))
-    assert panel_words(changed(FACTS, said=said), "openvr").note == "the last"
+    notices = (Notice(1.0, "the first"), Notice(2.0, "the last"))
+    assert panel_words(changed(FACTS, notices=notices), "openvr").note == "the last"
 
 
 def test_a_countdown_is_below_in_place_of_what_was_said() -> None:
     episodes = EpisodesState(1, "countdown", 2.04)
-    facts = changed(FACTS, said=(Said(1.0, "a sentence"),), episodes=episodes)
+    facts = changed(FACTS, notices=(Notice(1.0, "a sentence"),), episodes=episodes)
     assert panel_words(facts, "openvr").note == "episode 1: in 2.0 s · 0 kept, 0 discarded"
 
 

@@ -160,14 +160,14 @@ def in_terminal(script: str) -> str:
     if pid == 0:
         os.chdir(PROJECT)
         os.execv(sys.executable, [sys.executable, "-c", script + "; print('the end', flush=True)"])
-    said = b""
+    notices = b""
     try:
-        while b"the end" not in said:
-            said += os.read(operator, 1024)
+        while b"the end" not in notices:
+            notices += os.read(operator, 1024)
     finally:
         os.close(operator)
         os.waitpid(pid, 0)
-    return said.decode()
+    return notices.decode()
 
 
 def test_a_process_that_ends_without_closing_puts_the_terminal_back() -> None:
@@ -180,9 +180,9 @@ def test_a_process_that_ends_without_closing_puts_the_terminal_back() -> None:
         "modes = termios.tcgetattr(0)[3]; "
         "print('canonical' if modes & termios.ICANON else 'raw', flush=True)"
     )
-    said = in_terminal(outer)
-    assert "the main thread died" in said
-    assert "canonical" in said
+    notices = in_terminal(outer)
+    assert "the main thread died" in notices
+    assert "canonical" in notices
 
 
 def test_a_terminal_that_goes_away_is_told_and_ends_the_reading() -> None:

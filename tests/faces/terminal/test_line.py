@@ -122,7 +122,7 @@ def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
     with StatusLine(Console(file=output, width=80)) as line:
         for tenth in range(121):
             line.update(replace(STATE, t_s=tenth / 10))
-        line.say("the arm is ready: press Enter", 12.1)
+        line.notify("the arm is ready: press Enter", 12.1)
     lines = output.getvalue().splitlines()
     assert [one.split()[0] for one in lines[:3]] == ["0:00.0", "0:05.0", "0:10.0"]
     assert lines[3:] == ["0:12.1  the arm is ready: press Enter"]

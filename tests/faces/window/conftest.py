@@ -11,7 +11,7 @@ import pytest
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.client import WINDOW, FaceClient
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import Asked, Event, Facts
+from tams_app.faces.messages import CommandRequest, Event, Facts
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -42,7 +42,7 @@ class ShownWindow:
 
     def commands(self) -> list[Command]:
         """What was asked for, in order."""
-        return [event.command for event in self.events if isinstance(event, Asked)]
+        return [event.command for event in self.events if isinstance(event, CommandRequest)]
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 from tams_app.errors import TamsError
 from tams_app.faces.facts_memory import FactsReader, FactsWriter
-from tams_app.faces.messages import Said
+from tams_app.faces.messages import Notice
 from tams_app.faces.window.size_memory import Size, first_size, keep_size, read_size, size_file
 from tests.faces.window.facts import FACTS, changed
 
@@ -37,7 +37,7 @@ def test_facts_leave_no_file_behind() -> None:
 def test_facts_that_do_not_fit_are_refused() -> None:
     writer = FactsWriter()
     with pytest.raises(ValueError, match="bytes"):
-        writer.put(changed(FACTS, said=(Said(0.0, "x" * 40_000),)))
+        writer.put(changed(FACTS, notices=(Notice(0.0, "x" * 40_000),)))
     writer.close()
 
 

@@ -877,7 +877,7 @@ def test_a_guard_that_can_hear_no_more_stops_the_arm_as_it_ends(
 # --- what the guard makes of beats and reports, in virtual time ---------------------------------
 
 
-class ToldReports(NoReports):
+class ReceivedReports(NoReports):
     """Hands out each report that a test tells it, once."""
 
     told: ArmReport | None = None
@@ -893,7 +893,7 @@ class VirtualGuard:
     def __init__(self, silent_guard: SilentGuard, link: GuardLink) -> None:
         self.beats = silent_guard.memory.beats
         self.link = link
-        self.clock, self.stop, self.reports = VirtualClock(), NotedStop(), ToldReports()
+        self.clock, self.stop, self.reports = VirtualClock(), NotedStop(), ReceivedReports()
         motion = MotionWatch(motion_limits(ArmConfig(), LIMITS))
         watch = HeartbeatWatch(TIMEOUT_NS)
         self.guard = Guard(silent_guard.memory, watch, motion, self.stop, self.reports, self.clock)

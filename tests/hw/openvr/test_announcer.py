@@ -18,9 +18,9 @@ def announcer(notes):
 
 def test_a_change_is_told_once(announcer, notes):
     for now_ns in range(5):
-        announcer.tell(ControllerStatus.OK, "", now_ns)
+        announcer.notify(ControllerStatus.OK, "", now_ns)
     for n in range(5):
-        announcer.tell(ControllerStatus.TRACKING_LOST, "out of range", QUIET_NS + n)
+        announcer.notify(ControllerStatus.TRACKING_LOST, "out of range", QUIET_NS + n)
     assert notes == [
         ("info", "controller: ok"),
         ("warning", "controller: tracking lost, out of range"),
@@ -28,28 +28,28 @@ def test_a_change_is_told_once(announcer, notes):
 
 
 def test_flicker_is_told_as_it_ends_up(announcer, notes):
-    announcer.tell(ControllerStatus.OK, "", 0)
+    announcer.notify(ControllerStatus.OK, "", 0)
     for now_ns in range(1, QUIET_NS, QUIET_NS // 20):
-        announcer.tell(ControllerStatus.TRACKING_LOST, "no pose", now_ns)
-        announcer.tell(ControllerStatus.OK, "", now_ns)
-    announcer.tell(ControllerStatus.STANDBY, "", QUIET_NS)
+        announcer.notify(ControllerStatus.TRACKING_LOST, "no pose", now_ns)
+        announcer.notify(ControllerStatus.OK, "", now_ns)
+    announcer.notify(ControllerStatus.STANDBY, "", QUIET_NS)
     assert [text for _, text in notes] == ["controller: ok", "controller: standby"]
 
 
 def test_why_the_runtime_is_away_is_told_once_for_each_absence(announcer, notes):
     for sentence in ("not running", "not running", "no headset"):
-        announcer.tell_failure(sentence)
+        announcer.notify_failure(sentence)
     announcer.forget_failure()
-    announcer.tell_failure("no headset")
+    announcer.notify_failure("no headset")
     assert [text for _, text in notes] == ["not running", "no headset", "no headset"]
 
 
 def test_unread_actions_are_told_only_if_they_stay_unread(announcer, notes):
-    announcer.tell_unread(("menu",), 0)
-    announcer.tell_unread((), UNREAD_AFTER_NS - 1)
-    announcer.tell_unread(("menu",), UNREAD_AFTER_NS)
+    announcer.notify_unread(("menu",), 0)
+    announcer.notify_unread((), UNREAD_AFTER_NS - 1)
+    announcer.notify_unread(("menu",), UNREAD_AFTER_NS)
     assert notes == []
-    announcer.tell_unread(("menu",), 2 * UNREAD_AFTER_NS)
-    announcer.tell_unread(("menu",), 3 * UNREAD_AFTER_NS)
+    announcer.notify_unread(("menu",), 2 * UNREAD_AFTER_NS)
+    announcer.notify_unread(("menu",), 3 * UNREAD_AFTER_NS)
     assert len(notes) == 1
     assert "menu" in notes[0][1]

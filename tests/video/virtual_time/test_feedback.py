@@ -11,8 +11,8 @@ import pytest
 from tams_app.config import Network, VideoConfig
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
 from tams_app.video.core.repair import repair_rule
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS
 from tams_app.video.core.view_parity import ViewParity
@@ -32,7 +32,7 @@ class Told(Run):
     def __init__(self, network: Network, frames: int, feedback: bool, groups: int = 0) -> None:
         super().__init__()
         config = VideoConfig(views=VIEWS)
-        heard = {view: HeardFeedback(view, media_ssrc(config, view)) for view in VIEWS}
+        heard = {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in VIEWS}
         rule = repair_rule(network, config.pli_min_interval_ms)
         parity = {view: ViewParity(parity_ssrc(config, view), feedback) for view in VIEWS}
         for one in parity.values():
@@ -46,7 +46,7 @@ class Told(Run):
             dict.fromkeys(VIEWS, 900.0),
             80.0,
             self.records,
-            heard=heard,
+            received=heard,
             feedback=feedback,
             parity=parity if groups else {},
         )

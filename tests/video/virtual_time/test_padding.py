@@ -10,8 +10,8 @@ import pytest
 from tams_app.config import VideoConfig
 from tams_app.records import PacketArrival, PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.heard_feedback import HeardFeedback
 from tams_app.video.core.packets import media_ssrc
+from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import repair_rule
 from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
@@ -28,12 +28,12 @@ class Padded(Run):
     def __init__(self, train_bytes: int, feedback: bool = True) -> None:
         super().__init__()
         config = VideoConfig(views=VIEWS)
-        heard = {view: HeardFeedback(view, media_ssrc(config, view)) for view in VIEWS}
+        heard = {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in VIEWS}
         rule = repair_rule(CLEAN, config.pli_min_interval_ms)
         start = dict.fromkeys(VIEWS, 900.0)
         with closing(
             VirtualVideo(config, CLEAN, rule, 1, START_NS, start, 80.0, self.records,
-                         heard=heard, feedback=feedback)
+                         received=heard, feedback=feedback)
         ) as video:  # fmt: skip
             video.pad(train_bytes)
             for index in range(FRAMES):

@@ -1,4 +1,4 @@
-"""Patches of one colour: where, how large, and how well their edges tell it.
+"""Patches of one colour: where, how large, and how well their edges show it.
 
 The strength of a colour is a difference of channels, so that a blurred edge keeps its place at
 half strength. How wide the edge is, and how much noise (of the sensor, of the codec's blocks) lies

@@ -20,4 +20,4 @@ class Constant:
         return float("inf")
 
 
-KIND = BudgetKind(lambda _policy, _capacity: Constant(), hears_reports=False)
+KIND = BudgetKind(lambda _policy, _capacity: Constant(), receives_reports=False)

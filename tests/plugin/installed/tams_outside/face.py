@@ -16,7 +16,7 @@ class Lamp:
     def open(self) -> None:
         """It is lit."""
 
-    def say(self, note: str) -> None:
+    def notify(self, note: str) -> None:
         """It cannot speak."""
 
     def refresh(self) -> None:

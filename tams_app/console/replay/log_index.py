@@ -23,8 +23,8 @@ from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
 T = TypeVar("T")
 
 
-class Moments:
-    """A log by time; `at` gives the state of a moment, `notes_between` what was said."""
+class LogIndex:
+    """A log by time; `at` gives the state of a moment, `notes_between` the notices."""
 
     def __init__(self, log: SessionLog) -> None:
         self._log = log

@@ -18,10 +18,10 @@ _OLDEST_NS = 10 * NS_PER_S
 _KEPT = 20_000  # seconds of packets; the policy asks 20 times a second
 
 
-class HeardFeedback:
-    """Arrivals and receptions of one view; `told` and `blocks` from one thread, `take` from any.
+class ReceivedFeedback:
+    """Arrivals and receptions of one view; `report` and `blocks` from one thread, `take` from any.
 
-    GStreamer's session forgets what it was told of, so that of feedback that comes late only the
+    GStreamer's session forgets what was reported, so that of feedback that comes late only the
     newest counts; after 65,536 packets without any it takes packets for earlier ones, which are
     left out here.
     """
@@ -40,10 +40,10 @@ class HeardFeedback:
         """The time at which the newest reported packet left; 0 before the first."""
         return self._newest[0]
 
-    def told(
+    def report(
         self, now_ns: int, packets: Iterable[tuple[int, int, int]], arrived_ns: Mapping[int, int]
     ) -> None:
-        """A message has come that tells of `packets`: sequence number, sent_ns, size in bytes.
+        """A message has come that reports `packets`: sequence number, sent_ns, size in bytes.
 
         `arrived_ns`: by sequence number, of those that arrived, modulo 16.4 s.
         """
@@ -99,10 +99,12 @@ class HeardFeedback:
 _sent_ns = attrgetter("sent_ns")
 
 
-def uplink_report(now_ns: int, sent_bytes: int, heard: Sequence[HeardFeedback]) -> UplinkReport:
+def uplink_report(
+    now_ns: int, sent_bytes: int, received: Sequence[ReceivedFeedback]
+) -> UplinkReport:
     """The report of all views, each packet in the order of sending."""
-    arrivals = [arrival for one in heard for arrival in one.take_arrivals()]
+    arrivals = [arrival for one in received for arrival in one.take_arrivals()]
     arrivals.sort(key=_sent_ns)
-    receptions = (one.take_reception() for one in heard)
-    told = tuple(one for one in receptions if one is not None)
-    return UplinkReport(now_ns, sent_bytes, tuple(arrivals), told)
+    receptions = (one.take_reception() for one in received)
+    reported = tuple(one for one in receptions if one is not None)
+    return UplinkReport(now_ns, sent_bytes, tuple(arrivals), reported)

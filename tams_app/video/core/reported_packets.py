@@ -1,4 +1,4 @@
-"""The ways of packets, by what receivers tell of them: all that is known of a real network."""
+"""The ways of packets, by what receivers report of them: all that is known of a real network."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord
 
 
-class ToldPackets:
+class ReportedPackets:
     """Takes arrivals in the order of sending, and remembers the fastest.
 
-    What is not told: what a packet carried (all are called media, also resends, parity and padding)
-    and how long the fastest took. A way is the time in the bottleneck: what it took longer.
+    What is not reported: what a packet carried (all are called media, also resends, parity and
+    padding) and how long the fastest took. A way is the time in the bottleneck: what it took
+    longer.
     """
 
     def __init__(self) -> None:

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from tams_app.records import PacketArrival
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.heard_feedback import HeardFeedback, uplink_report
 from tams_app.video.core.packets import SEQUENCES
+from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
 from tams_app.video.core.rtcp import ReportBlock
 
 pytestmark = pytest.mark.untimed
@@ -20,8 +20,8 @@ WRAP_NS = 65536 * 250_000
 NO_TIME_NS = 2**64 - 1  # GStreamer's, of a packet that the session does not know
 
 
-def heard() -> HeardFeedback:
-    return HeardFeedback("eih", SSRC)
+def received() -> ReceivedFeedback:
+    return ReceivedFeedback("eih", SSRC)
 
 
 def packets(numbers: range) -> list[tuple[int, int, int]]:
@@ -32,14 +32,14 @@ def packets(numbers: range) -> list[tuple[int, int, int]]:
     ]
 
 
-def tell(one: HeardFeedback, numbers: range, lost: set[int], transit_ns: int = 0) -> None:
+def tell(one: ReceivedFeedback, numbers: range, lost: set[int], transit_ns: int = 0) -> None:
     rows = packets(numbers)
     came = {row[0]: row[1] + transit_ns for row in rows if row[0] not in lost}
-    one.told(rows[-1][1] + 100 * NS_PER_MS, rows, came)
+    one.report(rows[-1][1] + 100 * NS_PER_MS, rows, came)
 
 
 def test_what_arrived_and_what_was_lost_is_told_in_the_order_of_sending():
-    one = heard()
+    one = received()
     tell(one, range(6), {1, 2}, 40)
     assert one.take_arrivals() == [
         PacketArrival("eih", sent_ns, size, None if number in (1, 2) else sent_ns + 40)
@@ -53,7 +53,7 @@ def test_what_arrived_and_what_was_lost_is_told_in_the_order_of_sending():
     st.integers(0, SEQUENCES),
 )
 def test_no_packet_is_told_twice_however_feedback_is_repeated_or_reordered(messages, shift):
-    one = heard()
+    one = received()
     for first, count in messages:
         tell(one, range(shift + first, shift + first + count), set())
     told = one.take_arrivals()
@@ -63,7 +63,7 @@ def test_no_packet_is_told_twice_however_feedback_is_repeated_or_reordered(messa
 
 
 def test_feedback_that_never_came_leaves_the_rest_as_it_is():
-    one = heard()
+    one = received()
     tell(one, range(10), set())
     tell(one, range(25, 30), {26})
     told = one.take_arrivals()
@@ -73,7 +73,7 @@ def test_feedback_that_never_came_leaves_the_rest_as_it_is():
 
 @given(st.integers(-100, 100), st.integers(0, 2_000))
 def test_arrivals_go_on_where_the_time_of_the_receiver_wraps(wraps, later_ms):
-    one = heard()
+    one = received()
     offset_ns = 123 * NS_PER_S
     tell(one, range(3), set(), offset_ns)
     tell(one, range(3, 6), set(), offset_ns + wraps * WRAP_NS + later_ms * NS_PER_MS)
@@ -87,15 +87,15 @@ def test_arrivals_go_on_where_the_time_of_the_receiver_wraps(wraps, later_ms):
 
 @pytest.mark.parametrize("sent_ns", [NO_TIME_NS, NOW_NS - 11 * NS_PER_S])
 def test_a_packet_that_the_session_does_not_know_or_mistakes_for_an_old_one_is_left_out(sent_ns):
-    one = heard()
-    one.told(NOW_NS, [(3, sent_ns, 500), (4, NOW_NS - 1, 600)], {3: 1, 4: 2})
+    one = received()
+    one.report(NOW_NS, [(3, sent_ns, 500), (4, NOW_NS - 1, 600)], {3: 1, 4: 2})
     assert [arrival.size_bytes for arrival in one.take_arrivals()] == [600]
 
 
 def test_the_report_of_all_views_is_in_the_order_of_sending():
-    one, other = heard(), HeardFeedback("gt", 9)
-    one.told(NOW_NS, [(0, NOW_NS - 30, 1), (1, NOW_NS - 10, 2)], {0: 1, 1: 1})
-    other.told(NOW_NS, [(0, NOW_NS - 20, 3)], {0: 1})
+    one, other = received(), ReceivedFeedback("gt", 9)
+    one.report(NOW_NS, [(0, NOW_NS - 30, 1), (1, NOW_NS - 10, 2)], {0: 1, 1: 1})
+    other.report(NOW_NS, [(0, NOW_NS - 20, 3)], {0: 1})
     report = uplink_report(NOW_NS, 99, (one, other))
     assert [arrival.size_bytes for arrival in report.arrivals] == [1, 3, 2]
     assert (report.now_ns, report.sent_bytes, report.receptions) == (NOW_NS, 99, ())
@@ -103,7 +103,7 @@ def test_the_report_of_all_views_is_in_the_order_of_sending():
 
 
 def test_a_reception_counts_the_losses_since_the_report_before():
-    one = heard()
+    one = received()
     one.blocks([ReportBlock(SSRC, 65_537, 65_539, 0, None)])
     assert one.take_reception() is None
     one.blocks([ReportBlock(SSRC, 65_547, 65_639, 900, None)])
@@ -120,7 +120,7 @@ def test_a_reception_counts_the_losses_since_the_report_before():
 
 @given(st.lists(st.tuples(st.integers(-50, 500), st.integers(0, 500)), min_size=1))
 def test_a_fraction_lost_is_one_whatever_a_receiver_claims(claims):
-    one = heard()
+    one = received()
     for lost, highest in claims:
         one.blocks([ReportBlock(SSRC, lost, highest, 0, None)])
         reception = one.take_reception()
