@@ -29,12 +29,12 @@ ifdef ARGS
 	$(PY) -m pytest $(ARGS)
 else
 	@mkdir -p build
-	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting -m "not verify" -n 3 $(SIDE_BY_SIDE) \
+	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting --ignore=tests/teleop -m "not verify" -n 3 $(SIDE_BY_SIDE) \
 		> build/waiting.txt 2>&1 & waiting=$$!; \
 	$(ALONE) $(IDLE) $(PY) -m pytest $(LAWS) --group untimed --ignore=tests/teleop -m "not verify" \
 		-n logical $(SIDE_BY_SIDE); untimed=$$?; \
 	wait $$waiting; waiting=$$?; cat build/waiting.txt; [ $$untimed -eq 0 ] && [ $$waiting -eq 0 ]
-	$(PY) -m pytest $(LAWS) --group timed -m "not verify"
+	$(PY) -m pytest $(LAWS) --group timed --ignore=tests/teleop -m "not verify"
 	$(PY) -m coverage run -m pytest $(LAWS) tests/teleop -m "not verify" -n logical
 	$(PY) -m coverage combine --quiet
 	$(PY) -m coverage report --skip-covered --fail-under=100
