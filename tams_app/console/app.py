@@ -71,7 +71,9 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     """
     check_session(config, dry_run)
     return run_and_report(
-        config, lambda folder: run(config, MonotonicClock(), folder, arm_at_once, dry_run)
+        config,
+        lambda folder: run(config, MonotonicClock(), folder, arm_at_once, dry_run),
+        may_repeat=config.rig.enabled,
     )
 
 
@@ -83,19 +85,23 @@ def check_session(config: Config, dry_run: bool) -> None:
     check_views(config, dry_run)
 
 
-def run_and_report(config: Config, make: Callable[[Path], RecordedSession]) -> int:
+def run_and_report(
+    config: Config, make: Callable[[Path], RecordedSession], may_repeat: bool = False
+) -> int:
     """Run the session that `make` makes of its folder, and report on it; the exit code.
 
-    On the simulated rig the operator may start it anew from the window, as often as they like.
+    `may_repeat`: the operator may start it anew from the window, as often as they like.
     """
     check_viewers(config)
     console = Console()
-    while _run_once(config, make, console):
+    while _run_once(config, make, console, may_repeat):
         console.print("starting again …", highlight=False)
     return 0
 
 
-def _run_once(config: Config, make: Callable[[Path], RecordedSession], console: Console) -> bool:
+def _run_once(
+    config: Config, make: Callable[[Path], RecordedSession], console: Console, may_repeat: bool
+) -> bool:
     """One session and its report; whether the operator asks for another one."""
     folder = create_session_folder(config)
     session: RecordedSession | None = None
@@ -113,7 +119,7 @@ def _run_once(config: Config, make: Callable[[Path], RecordedSession], console: 
             if not session.failure:  # else that is what matters, and the reason for this
                 raise
         if not signals and config.seconds is None:
-            again = ask_at_end(faces, console, session, summary, folder, signals)
+            again = ask_at_end(faces, console, session, summary, folder, signals, may_repeat)
 
     try:
         session = make(folder)

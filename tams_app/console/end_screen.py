@@ -36,17 +36,19 @@ def ask_at_end(
     summary: Mapping[str, Any] | None,
     folder: Path,
     signals: Sequence[str],
+    may_repeat: bool,
 ) -> bool:
     """Show the end until it is answered, in the window or on the terminal; whether to go on anew.
 
     Without a face that shows it, at once: no. `summary`: None, where the session has failed so that
-    there is none. `signals`: those that have come, any of which ends it.
+    there is none. `signals`: those that have come, any of which ends it. `may_repeat`: whether it
+    can be started anew from here, unless it has failed.
     """
     screens = [face for face in faces if isinstance(face, ShowsEnd) and face.is_there]
     if not screens:
         return False
     config = session.config
-    may_repeat = config.rig.enabled and not session.failure
+    may_repeat = may_repeat and not session.failure
     end = end_of(summary, folder, session.failure, may_repeat, sys.argv)
     for screen in screens:
         screen.show_end(end)

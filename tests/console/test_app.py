@@ -16,7 +16,7 @@ from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
-from tams_app.errors import TamsError
+from tams_app.errors import SignalledError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.faces.terminal.line import Words
@@ -349,3 +349,59 @@ def test_what_a_sentence_points_at_or_a_session_recorded_stays(tmp_path, started
         app.run_and_report(config, make)
     (folder,) = tmp_path.iterdir()
     assert (folder / "config.yaml").exists()
+
+
+@pytest.mark.parametrize(("name", "repeats"), [("tams.yaml", True), ("lite6.yaml", False)])
+def test_only_a_session_of_the_rig_may_be_started_anew_from_its_window(name, repeats, monkeypatch):
+    asked = []
+
+    def run_and_report(config, make, may_repeat):
+        asked.append(may_repeat)
+        return 0
+
+    monkeypatch.setattr(app, "run_and_report", run_and_report)
+    monkeypatch.setattr(app, "check_session", lambda config, dry_run: None)
+    app.run_session(load_config(CONFIG_DIRECTORY / name, {}), arm_at_once=False)
+    assert asked == [repeats]
+
+
+@pytest.mark.parametrize("answers", [(False,), (True, False)])
+def test_a_session_is_run_for_as_long_as_the_operator_asks_for_another(answers, monkeypatch):
+    left, folders = list(answers), []
+    monkeypatch.setattr(app, "create_session_folder", lambda config: f"folder {len(folders)}")
+    monkeypatch.setattr(app, "report_session", lambda folder, console: {})
+    monkeypatch.setattr(app, "ask_at_end", lambda *given: left.pop(0))
+
+    def make(folder):
+        folders.append(folder)
+        return SimpleNamespace(failure="", started=True)
+
+    def show_session(session, console, interrupted, conclude):
+        conclude(())
+
+    monkeypatch.setattr(app, "show_session", show_session)
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+    assert app.run_and_report(config, make, may_repeat=True) == 0
+    assert folders == [f"folder {number}" for number in range(len(answers))]
+
+
+def test_a_session_that_is_limited_or_was_interrupted_asks_nobody_at_its_end(monkeypatch):
+    monkeypatch.setattr(app, "create_session_folder", lambda config: "folder")
+    monkeypatch.setattr(app, "report_session", lambda folder, console: {})
+    monkeypatch.setattr(app, "ask_at_end", lambda *given: pytest.fail("asked"))
+    signals = []
+
+    def show_session(session, console, interrupted, conclude):
+        for signal_name in signals:
+            interrupted(signal_name)
+        conclude(())
+
+    def make(folder):
+        return SimpleNamespace(failure="", started=True)
+
+    monkeypatch.setattr(app, "show_session", show_session)
+    limited = load_config(CONFIG_DIRECTORY / "tams.yaml", {"seconds": 30})
+    assert app.run_and_report(limited, make) == 0
+    signals.append("ended by SIGINT")
+    with pytest.raises(SignalledError):
+        app.run_and_report(load_config(CONFIG_DIRECTORY / "tams.yaml", {}), make)

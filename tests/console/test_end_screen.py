@@ -104,9 +104,11 @@ class Screen:
     def close(self) -> None: ...
 
 
-def asked(screen: Screen, session: Session, signals: tuple[str, ...] = ()) -> bool:
+def asked(
+    screen: Screen, session: Session, signals: tuple[str, ...] = (), may_repeat: bool = True
+) -> bool:
     console = Console(file=io.StringIO())
-    return ask_at_end([screen], console, session, summary(), FOLDER, signals)
+    return ask_at_end([screen], console, session, summary(), FOLDER, signals, may_repeat)
 
 
 def test_enter_starts_a_session_of_the_rig_anew_and_q_or_the_window_s_close_ends_it() -> None:
@@ -115,10 +117,10 @@ def test_enter_starts_a_session_of_the_rig_anew_and_q_or_the_window_s_close_ends
     assert not asked(Screen(Command.CLOSE), Session())
 
 
-def test_neither_a_real_arm_nor_a_session_that_failed_is_started_by_a_key() -> None:
-    for session in (Session("lite6.yaml", "gamepad"), Session(failure="the arm is gone")):
+def test_neither_what_cannot_be_repeated_nor_a_session_that_failed_is_started_by_a_key() -> None:
+    for session, may_repeat in ((Session(), False), (Session(failure="the arm is gone"), True)):
         screen = Screen(Command.CONFIRM)
-        assert not asked(screen, session)
+        assert not asked(screen, session, may_repeat=may_repeat)
         assert screen.shown[0].key == "Q: close"
 
 
