@@ -269,7 +269,7 @@ class ImpairedLink:
 
     def tell(self) -> int:
         """Tell the process how `there` and `back` are now; when it was in force [ns]."""
-        self._process.tell(**self._state())
+        self._process.send(**self._state())
         ready = self._process.wait_ready()
         self.hostile = int(ready["hostile"])
         return int(ready["t_ns"])

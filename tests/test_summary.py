@@ -119,6 +119,7 @@ KEYS: dict[str, Any] = {
         "missing_phases": [None],
         "by_phase": {},
     },
+    "episodes": [],
     "operator": dict.fromkeys(("kind", "glances_per_s", "relied_on", "uncertainty_mm")),
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
 }

@@ -106,7 +106,7 @@ def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config, start):
     terminal.wait_for("Please answer y or n.")
     terminal.interrupt()
     assert terminal.end() == 130
-    assert "Kept, but not in force: " in terminal.text
+    assert "Kept, but not in force:" in terminal.text
     assert "tams: interrupted" in terminal.text
     assert [name[-4:] for name in written(config)] == [".png", "yaml"]  # and no in-force.yaml
 
