@@ -130,7 +130,7 @@ class _Senders(Video):
                 self._source_drop_below_kbps,
                 _ignore,
                 _ignore,
-                self._heard.get(view),
+                self._received.get(view),
                 self._feedback,
                 self._parity.get(view),
                 may_resend=self.may_resend,
