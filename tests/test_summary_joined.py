@@ -11,7 +11,14 @@ from hypothesis import strategies as st
 
 from tams_app.errors import LogError
 from tams_app.recording import FrameShown, SessionLog
-from tams_app.records import HandHeard, LinkHealth, OperatorGlance, StateHeard, UplinkSummary
+from tams_app.records import (
+    HandHeard,
+    LinkHealth,
+    OperatorGlance,
+    StateHeard,
+    StopRecord,
+    UplinkSummary,
+)
 from tams_app.summary import summarise
 from tams_app.summary.joined import (
     OPERATOR_FACT,
@@ -128,6 +135,19 @@ def test_what_the_link_did_is_told():
     assert link["state_age_ms"]["p50"] == pytest.approx(24.0, abs=2.01)
     assert link["video"] == {"packets": 200, "loss_fraction": 0.015}
     assert link["ignored"]["robot"] == {"not authentic": 7}
+
+
+def test_stops_by_the_link_are_counted_per_minute_by_their_reason():
+    _, robot, operator = pair(6.0)
+    reasons = ["link gap", "tracking lost", "link lost", "link gap", "arm link lost"]
+    robot.stops = [StopRecord(reason, START_NS, None) for reason in reasons]
+    found = summarise_both(robot, operator)["link"]["stops_per_minute"]
+    assert found == {
+        "link gap": pytest.approx(20.0, rel=0.01),
+        "link lost": pytest.approx(10.0, rel=0.01),
+    }
+    robot.stops = []
+    assert summarise_both(robot, operator)["link"]["stops_per_minute"] == {}
 
 
 def test_samples_of_a_controller_that_has_told_no_pose_yet_have_no_age():

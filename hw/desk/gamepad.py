@@ -40,6 +40,8 @@ _PULSES = {
     Haptic.RELEASE: (0x4000, 0, 40),
     Haptic.LIMIT: (0, 0x8000, 80),
     Haptic.FAULT: (0xFFFF, 0xFFFF, 400),
+    Haptic.LINK_HOLD: (0, 0x8000, 500),  # as the others, and longer
+    Haptic.LINK_FAULT: (0xFFFF, 0xFFFF, 900),
 }
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from hw.controller import Controller
 from tams_app.config import LinkConfig
-from tams_app.link.age import LeastOffset, age_bound_ns
+from tams_app.link.age import LeastOffset, PeerClock
 from tams_app.link.messages import HandMessage
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
 from tams_app.rotation import Rotation
@@ -22,18 +22,22 @@ _LOST = ControllerSample(
     ControllerStatus.LINK_LOST, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
 _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
+_GAP = replace(_LOST, status=ControllerStatus.LINK_GAP)
+_LEFT = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 _WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
 _SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
-_GAPS, _GAPS_WITHIN_NS = 3, NS_PER_S
+_BREAKS, _BREAKS_WITHIN_NS = 3, NS_PER_S
+_JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # a second's
 _ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
 
 
 class LinkController(Controller):
     """The newest sample that may move the arm; `take` and `sample` are for the control thread.
 
-    A sample counts if it cannot be older than `LinkConfig.longest_age_ms`, judged by the echo of
-    our own stamp in it (`age_bound_ns`): what was queued during an outage is counted and left out.
+    A sample counts if it cannot be older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`), and
+    the echo of our own stamp in it not than `longest_silence_ms`: what was queued during an outage
+    is counted and left out, and so is what is sent by who has received nothing of the arm.
     Its times become ours by the shortest way that a message has taken in the last 300 ms, so that a
     pose of a steady hand comes at a steady rate, and what is queued makes it older. They never go
     back, and what has not changed keeps its time. Where the way has become shorter by more than
@@ -42,10 +46,14 @@ class LinkController(Controller):
     time would be taken for a faster hand. By less, times become less by and by: meanwhile they are
     newer than the hand by up to that much.
 
-    A gap is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`, be
-    it that others were lost, refused or late. After three within a second each sample that would be
-    OK is one with too many gaps, until the second is over: who chooses what is lost could steer by
-    it.
+    A break is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`,
+    be it that others were lost, refused or late. Where the way jitters, what half of the samples
+    take beyond the shortest way is added, at most 25 ms: the hand slows down then, and no sample is
+    missing. After three breaks within a second each sample that would be OK is one with too many
+    gaps, until the second is over: who chooses what is lost could steer by it.
+
+    Without a sample that counts for `lost_after_ms` the link has a gap, from `fault_after_ms` on it
+    is lost. It is lost at once where another operator comes, or the one who is there goes.
     """
 
     def __init__(
@@ -56,14 +64,19 @@ class LinkController(Controller):
     ) -> None:
         """`receive` is called at the start of each `sample`, to `take` what has come."""
         self.refused: Counter[str] = Counter()  # samples that did not count, by reason
-        self._longest_ns = config.longest_age_ms * NS_PER_MS
+        self.clock = PeerClock()  # of the operator who is there
+        self._longest_age_ms = config.longest_age_ms
+        self._longest_silence_ns = config.longest_silence_ms * NS_PER_MS
         self._lost_after_ns = config.lost_after_ms * NS_PER_MS
+        self._fault_after_ns = config.fault_after_ms * NS_PER_MS
         self._receive = receive
         self._pulse = pulse
         self._bridge_ns = config.bridge_ms * NS_PER_MS
-        self._gaps: deque[int] = deque(maxlen=_GAPS)  # when they ended
-        self._in_gap = False
+        self._breaks: deque[int] = deque(maxlen=_BREAKS)  # when they ended
+        self._in_break = False
+        self._ways_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)  # by the clocks as they are
         self._heard_ns: int | None = None
+        self._gap_until_ns = 0  # then the link is lost
         self._newest: HandMessage | None = None  # that counted
         self._offset = LeastOffset(_WAY_WINDOW_NS)
         self._offset_ns = 0  # of the sample that counted last
@@ -71,8 +84,8 @@ class LinkController(Controller):
         self._shorter_way_ns = max(_SHORTER_WAY_NS, jitter_ns)
         self._anew_ns = 0  # poses wait until then, 0: they do not
         self._sample = _LOST
+        self._absent = _LOST  # while nothing is received
         self._let_go = False
-        self._awake_ns = 0  # since this computer was suspended last
         self._started = False
 
     def start(self) -> None:
@@ -85,13 +98,16 @@ class LinkController(Controller):
             return _NOT_STARTED
         heard_ns, let_go = self._heard_ns, self._let_go
         self._let_go = False
-        if heard_ns is None or now_ns - heard_ns > self._lost_after_ns:
-            self._forget()
-            return _LOST
         if let_go:  # the next operator may have been heard since, but first the arm stops
-            return _LOST
-        sample, gaps = self._sample, self._gaps
-        too_many = len(gaps) == _GAPS and now_ns - gaps[0] <= _GAPS_WITHIN_NS
+            return self._absent
+        if heard_ns is not None and now_ns - heard_ns > self._lost_after_ns:
+            self._gap_until_ns = heard_ns + round(self._fault_after_ns)
+            heard_ns = None
+            self._forget()
+        if heard_ns is None:
+            return _GAP if now_ns < self._gap_until_ns else self._absent
+        sample, breaks = self._sample, self._breaks
+        too_many = len(breaks) == _BREAKS and now_ns - breaks[0] <= _BREAKS_WITHIN_NS
         if too_many and sample.status is ControllerStatus.OK:  # others stop the arm themselves
             return replace(sample, status=ControllerStatus.LINK_GAPS)
         return sample
@@ -105,13 +121,15 @@ class LinkController(Controller):
 
     def take(self, message: HandMessage, heard_ns: int) -> str:
         """Take a sample that was heard at `heard_ns`; "" if it counts, else why it does not."""
+        self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
         refusal = self._refusal(message, heard_ns)
         if refusal:
             self.refused[refusal] += 1
             return refusal
         before, last = self._newest, self._sample
         offset_ns = self._offset_of(message, heard_ns)
-        self._count_gap(heard_ns)
+        self._count_break(heard_ns)
+        self._ways_ns.append(heard_ns - message.sent_ns)
         pose, pose_ns = self._pose(message, offset_ns)
         buttons_ns = message.buttons_ns + offset_ns
         if before is not None:
@@ -132,15 +150,20 @@ class LinkController(Controller):
         )
         return ""
 
-    def _count_gap(self, heard_ns: int) -> None:
+    def _count_break(self, heard_ns: int) -> None:
         """See how old the newest sample has become until this one was heard."""
-        last = self._newest
-        was_in_gap = self._in_gap
-        self._in_gap = (
-            last is not None and heard_ns - (last.sent_ns + self._offset_ns) > self._bridge_ns
-        )
-        if self._in_gap and not was_in_gap:
-            self._gaps.append(heard_ns)
+        last, was_in_break = self._newest, self._in_break
+        self._in_break = False
+        if last is not None:
+            age_ns = heard_ns - (last.sent_ns + self._offset_ns)
+            self._in_break = age_ns > self._bridge_ns + self._jitter_ns()
+        if self._in_break and not was_in_break:
+            self._breaks.append(heard_ns)
+
+    def _jitter_ns(self) -> int:
+        """What half of the samples have taken beyond the shortest way, at most 25 ms."""
+        median_ns = sorted(self._ways_ns)[len(self._ways_ns) // 2]
+        return min(max(0, median_ns - self._offset_ns), _LARGEST_JITTER_NS)
 
     def _offset_of(self, message: HandMessage, heard_ns: int) -> int:
         """What makes the operator's times ours; what has become little less is less by and by."""
@@ -165,29 +188,40 @@ class LinkController(Controller):
             return (last.pose if message.pose == before.pose else pose), last.pose_ns
         return pose, max(pose_ns, last.pose_ns)
 
-    def let_go(self) -> None:
-        """Forget the operator: the link is lost once, what comes then is judged as the first."""
-        self._let_go = True
+    def let_go(self, left: bool = False) -> None:
+        """Forget the operator: the link is lost once, what comes then is judged as the first.
+
+        Args:
+            left: they have said so.
+        """
+        self._let_go, self._absent = True, _LEFT if left else _LOST
+        self.clock = PeerClock()
+        self._gap_until_ns = 0
         self._forget()
 
     def wake(self, now_ns: int) -> None:
         """This computer was suspended: the link is lost, and what is from before is too old."""
-        self._awake_ns = now_ns
         self.let_go()
+        self.clock.wake(now_ns)
 
     def _forget(self) -> None:
         self._heard_ns = self._newest = None
         self._anew_ns = 0
-        self._in_gap = False
-        self._gaps.clear()
+        self._in_break = False
+        self._breaks.clear()
+        self._ways_ns.clear()
         self._offset = LeastOffset(_WAY_WINDOW_NS)
 
     def _refusal(self, message: HandMessage, heard_ns: int) -> str:
-        bound_ns = age_bound_ns(heard_ns, message.echo_ns, self._awake_ns)
-        if bound_ns is None:
+        age_ns = self.clock.age_ns(message.sent_ns, message.echo_ns, heard_ns)
+        if age_ns is None:
             return "without an echo"
-        if bound_ns > self._longest_ns:
+        round_trip_ns = self.clock.round_trip_ns
+        round_trip_ms = None if round_trip_ns is None else round_trip_ns / NS_PER_MS
+        if age_ns > self._longest_age_ms(round_trip_ms) * NS_PER_MS:
             return "too old"
+        if heard_ns - message.echo_ns > self._longest_silence_ns:
+            return "unanswered"
         if self._newest is not None and message.sent_ns <= self._newest.sent_ns:
             return "overtaken"
         if max(message.pose_ns, message.buttons_ns) > message.sent_ns:

@@ -30,6 +30,9 @@ PATTERNS: dict[Haptic, tuple[tuple[float, Vibration], ...]] = {
     ),
     Haptic.FAULT: tuple((start_s, Vibration(0.16, 120.0, 1.0)) for start_s in (0.0, 0.24, 0.48)),
 }
+# A hold or a fault by the link ends with a long one.
+PATTERNS[Haptic.LINK_HOLD] = (*PATTERNS[Haptic.LIMIT], (0.14, Vibration(0.4, 160.0, 0.6)))
+PATTERNS[Haptic.LINK_FAULT] = (*PATTERNS[Haptic.FAULT], (0.72, Vibration(0.4, 160.0, 0.6)))
 
 
 class HapticPlayer:
@@ -42,7 +45,7 @@ class HapticPlayer:
 
     def start(self, haptic: Haptic, now_ns: int) -> None:
         """Play from now on."""
-        if self._pending and self._playing is Haptic.FAULT:
+        if self._pending and self._playing is not None and self._playing.is_fault:
             return
         self._playing = haptic
         self._pending = deque(

@@ -118,7 +118,7 @@ def findings(found: LinkMeasured) -> Iterator[str]:
         yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
     measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
     try:
-        longest_ms = LinkConfig(**measured_ms).longest_age_ms
+        longest_ms = LinkConfig(**measured_ms).longest_age_ms()
     except ValidationError:
         yield (
             f"latency {found.latency_ms:.0f} ms, jitter {found.jitter_ms:.0f} ms: no arm may be "

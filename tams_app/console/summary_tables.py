@@ -64,6 +64,9 @@ def link_table(link: Mapping[str, Any]) -> Table:
         f"{link['samples']['counted']} of {link['samples']['heard']} counted"
         + (f" ({refused})" if refused else ""),
     }
+    if stops := link["stops_per_minute"]:
+        listed = ", ".join(f"{reason} {number:g}" for reason, number in stops.items())
+        rows["Stopped by it"] = f"{listed} times a minute"
     return _named_rows(rows)
 
 

@@ -1,35 +1,137 @@
-"""How old what was heard is at most, and when it happened, without clocks that agree.
+"""The age of what was received, and its time on our clock, between clocks that do not agree.
 
 Everything here goes by stamps of the two monotonic clocks, whose difference is not known.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
-from tams_app.units import NS_PER_S
+# The most that the clocks' rates differ: two crystals of 50 ppm, or NTP's largest correction of one
+# (MAXFREQ in linux/timex.h). A clock that runs away faster is noticed (see `PeerClock`).
+LARGEST_DRIFT = 500e-6
 
-_WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
+
+@dataclass(frozen=True, slots=True)
+class ClockOffset:
+    """The other side's clock minus ours, and how far from the truth that may be [ns]."""
+
+    t_ns: int
+    offset_ns: int
+    uncertainty_ns: int
 
 
-def age_bound_ns(heard_ns: int, echo_ns: int, awake_ns: int = 0) -> int | None:
-    """The age that a message cannot exceed when it is heard: it is no older than its echo.
+@dataclass(frozen=True, slots=True)
+class _Interval:
+    """The offset is certainly between these, at `t_ns` of our clock [ns]."""
 
-    `echo_ns`: our own stamp that it carries. None where it tells nothing: before the first, and for
-    a stamp that we cannot have sent yet. And for one from before `awake_ns`, when our computer was
-    suspended last: our clock stood still then.
+    t_ns: int
+    least_ns: int
+    most_ns: int
+
+    def at(self, now_ns: int) -> _Interval:
+        """The same, widened by the drift until `now_ns`."""
+        drift_ns = math.ceil(max(0, now_ns - self.t_ns) * LARGEST_DRIFT)
+        return _Interval(max(now_ns, self.t_ns), self.least_ns - drift_ns, self.most_ns + drift_ns)
+
+
+class PeerClock:
+    """The other side's clock against ours, and with it the age of what was sent there.
+
+    Each exchange (we sent, the other side received, it sent, we received) bounds the offset of the
+    clocks: nothing was received before it was sent (as NTP has it, RFC 5905, 10, without the
+    assumption that both ways take equally long). The intervals are intersected as exchanges come
+    and widened by the drift, so that the fastest message of each way counts, and a queue on one way
+    does not make older what comes on the other.
+
+    An exchange that contradicts the interval (a clock was stepped, or runs away) voids all before
+    it. Until one does, an age may be short by what the other clock has gained, which is less than
+    the fastest message has taken since. A clock there that stands still makes messages older, never
+    newer; of our own `wake` must be told.
     """
-    if echo_ns <= 0 or echo_ns > heard_ns or echo_ns < awake_ns:
-        return None
-    return heard_ns - echo_ns
+
+    def __init__(self) -> None:
+        self._interval: _Interval | None = None
+        self._awake_ns = 0
+
+    def wake(self, now_ns: int) -> None:
+        """Our computer was suspended, and our clock stood still: nothing from before counts."""
+        self._awake_ns, self._interval = now_ns, None
+
+    def step(self, echo_ns: int, echo_received_ns: int, sent_ns: int, received_ns: int) -> None:
+        """Take in an exchange, in the order in which they end.
+
+        Args:
+            echo_ns: when we sent [ns, our clock]; 0: never.
+            echo_received_ns: when the other side received it [ns, its clock].
+            sent_ns: when it sent [ns, its clock].
+            received_ns: when we received that [ns, our clock].
+        """
+        if self._by_echo_ns(echo_ns, received_ns) is None or echo_received_ns <= 0:
+            return
+        found = _Interval(echo_ns, sent_ns - received_ns, echo_received_ns - echo_ns)
+        found = found.at(received_ns)  # its bounds held at some time since we sent
+        if echo_received_ns > sent_ns or found.least_ns > found.most_ns:
+            self._interval = None  # it received after it sent, or both ways took less than no time
+            return
+        if self._interval is not None:
+            before = self._interval.at(received_ns)
+            least_ns = max(before.least_ns, found.least_ns)
+            most_ns = min(before.most_ns, found.most_ns)
+            if least_ns <= most_ns:
+                found = _Interval(found.t_ns, least_ns, most_ns)
+        self._interval = found
+
+    def age_ns(self, sent_ns: int, echo_ns: int, now_ns: int) -> int | None:
+        """The age that a message cannot exceed: by its echo, or by the clocks if that is less.
+
+        Args:
+            sent_ns: when the other side sent it [ns, its clock].
+            echo_ns: our newest stamp that had been received there [ns, our clock].
+            now_ns: the time [ns, our clock].
+
+        Returns:
+            The bound [ns]; None where nothing bounds it: before the first echo, for one that we
+            cannot have sent yet, or sent before our computer was suspended.
+        """
+        by_echo_ns = self._by_echo_ns(echo_ns, now_ns)
+        if by_echo_ns is None or self._interval is None:
+            return by_echo_ns
+        by_clock_ns = now_ns - sent_ns + self._interval.at(now_ns).most_ns
+        if by_clock_ns < 0:  # by its clock it is yet to be sent
+            return by_echo_ns
+        # It may be older than the exchanges: the drift since it was sent counts as well.
+        return min(by_echo_ns, math.ceil(by_clock_ns / (1.0 - LARGEST_DRIFT)))
+
+    @property
+    def offset(self) -> ClockOffset | None:
+        """The middle of the interval, when it was found; None before the first exchange."""
+        found = self._interval
+        if found is None:
+            return None
+        width_ns = found.most_ns - found.least_ns
+        return ClockOffset(found.t_ns, found.least_ns + width_ns // 2, -(-width_ns // 2))
+
+    @property
+    def round_trip_ns(self) -> int | None:
+        """What the fastest messages of both ways have taken together, at most; None: not known."""
+        found = self._interval
+        return None if found is None else found.most_ns - found.least_ns
+
+    def _by_echo_ns(self, echo_ns: int, now_ns: int) -> int | None:
+        """The time since our stamp was sent; None for one that cannot be."""
+        if echo_ns <= 0 or echo_ns > now_ns or echo_ns < self._awake_ns:
+            return None
+        return now_ns - echo_ns
 
 
 class LeastOffset:
     """The least difference between two stamps of a message over the last `window_ns`.
 
-    Of the time when messages are heard and their `sent_ns` it is the offset of the clocks plus the
-    shortest delay on the way: what it is added to is as if nothing had been queued.
+    Of the time when messages are received and their `sent_ns` it is the offset of the clocks plus
+    the shortest delay on the way: what it is added to is as if nothing had been queued.
     """
 
     def __init__(self, window_ns: int) -> None:
@@ -45,44 +147,3 @@ class LeastOffset:
             least.pop()
         least.append((now_ns, difference_ns))
         return least[0][1]
-
-
-@dataclass(frozen=True, slots=True)
-class ClockOffset:
-    """The other side's clock minus ours, and how far from the truth that may be [ns]."""
-
-    t_ns: int
-    offset_ns: int
-    uncertainty_ns: int
-
-
-class OffsetEstimate:
-    """The clocks' offset from the exchange with the shortest round trip (as NTP, RFC 5905, 10).
-
-    Half of that round trip is the uncertainty: the way there may have taken any part of it.
-    """
-
-    def __init__(self) -> None:
-        self._best: deque[tuple[int, int, int]] = deque()  # (when, round trip, offset)
-
-    def step(self, sent_ns: int, there_ns: int, back_ns: int, heard_ns: int) -> ClockOffset | None:
-        """One exchange: we sent, the other side heard and sent, we heard; each on its own clock."""
-        round_trip_ns = (heard_ns - sent_ns) - (back_ns - there_ns)
-        if round_trip_ns < 0 or sent_ns <= 0 or there_ns <= 0:
-            return self.now
-        offset_ns = ((there_ns - sent_ns) + (back_ns - heard_ns)) // 2
-        best = self._best
-        while best and heard_ns - best[0][0] > _WINDOW_NS:
-            best.popleft()
-        while best and best[-1][1] >= round_trip_ns:
-            best.pop()
-        best.append((heard_ns, round_trip_ns, offset_ns))
-        return self.now
-
-    @property
-    def now(self) -> ClockOffset | None:
-        """The estimate; None before the first exchange."""
-        if not self._best:
-            return None
-        when_ns, round_trip_ns, offset_ns = self._best[0]
-        return ClockOffset(when_ns, offset_ns, -(-round_trip_ns // 2))

@@ -16,6 +16,7 @@ import os
 import selectors
 import socket
 import struct
+import sys
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
@@ -47,6 +48,9 @@ _STEP_S = 0.05
 _EVENT_NS = 500 * NS_PER_MS
 _LOOK_NS = 50 * NS_PER_MS
 _KEYS_NS = 500 * NS_PER_MS
+# Traffic classes (RFC 8837): an interface whose queue has priorities lets messages pass first.
+_MESSAGE_CLASS = 46 << 2  # EF
+_MEDIA_CLASS = 34 << 2  # AF41
 
 
 class Routes(msgspec.Struct, frozen=True):
@@ -131,6 +135,10 @@ class Carrier:
         self._end: Final = end
         self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
+        v6 = outer.family == socket.AF_INET6
+        self._class_option = (
+            (socket.IPPROTO_IPV6, socket.IPV6_TCLASS) if v6 else (socket.IPPROTO_IP, socket.IP_TOS)
+        )
         self._now_ns = now_ns
         self._answering = Answering()
         self._sessions = 0
@@ -267,14 +275,18 @@ class Carrier:
             except BlockingIOError:
                 return
             if self._streams.is_ours(source):
-                self._send(self._end.media(packet, self._now_ns()))
+                self._send(self._end.media(packet, self._now_ns()), _MEDIA_CLASS)
             else:
                 self._end.counts["of another program"] += 1
 
-    def _send(self, addressed: tuple[bytes, Address] | None) -> None:
+    def _send(
+        self, addressed: tuple[bytes, Address] | None, traffic_class: int = _MESSAGE_CLASS
+    ) -> None:
         if addressed is not None:
+            datagram, address = addressed
+            told = [(*self._class_option, traffic_class.to_bytes(4, sys.byteorder))]
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
-                self._outer.sendto(*addressed)
+                self._outer.sendmsg([datagram], told, 0, address)
 
     def _hand_over(self, content: bytes) -> bool:
         """Hand something to the application; whether it can be. Full: it stalls, newer follow."""

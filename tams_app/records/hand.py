@@ -21,6 +21,8 @@ class ControllerStatus(StrEnum):
     ROLE_SWAPPED = "role swapped"  # another device plays the operator's hand now
     TRACKING_FRAME_CHANGED = "tracking frame changed"  # recentred: directions may have turned
     LINK_LOST = "link lost"  # to the computer that has the controller
+    LINK_GAP = "link gap"  # nothing usable comes from there for a moment
+    OPERATOR_AWAY = "operator away"  # their side has not begun yet, or has ended
     LINK_GAPS = "link gaps"  # too many, beyond what is bridged
 
 
@@ -77,3 +79,10 @@ class Haptic(StrEnum):
     RELEASE = "release"
     LIMIT = "limit"
     FAULT = "fault"
+    LINK_HOLD = "link hold"
+    LINK_FAULT = "link fault"
+
+    @property
+    def is_fault(self) -> bool:
+        """True if the arm stays stopped until they confirm."""
+        return self in (Haptic.FAULT, Haptic.LINK_FAULT)

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 
 from hw.link.controller import LinkController
 from tams_app.config import Config
-from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
 from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
 from tams_app.recording.journal import Journal
@@ -48,8 +47,6 @@ class LinkedHand:
         self._damaged = dict.fromkeys(self._views, False)
         self._confirms = self._stops = self._menu_presses = 0
         self._episodes: tuple[int, ...] = ()
-        self._awake_ns = 0  # since this computer was suspended last
-        self._offset = OffsetEstimate()
         self._notified: set[str] = set()
 
     def follow(self, sent: Mapping[str, SentFrames]) -> None:
@@ -60,11 +57,6 @@ class LinkedHand:
     def is_simulated(self) -> bool:
         """True if no person holds the controller, as far as is known."""
         return self.message is None or self.message.simulated
-
-    @property
-    def offset(self) -> ClockOffset | None:
-        """The operator's clock against ours; None before the first exchange."""
-        return self._offset.now
 
     def steered_by(self, view: str) -> SteeredBy:
         """Of the frame that counts there; its age counts from its capture here until now.
@@ -79,7 +71,6 @@ class LinkedHand:
 
     def wake(self, now_ns: int) -> None:
         """This computer was suspended: what is from before is too old."""
-        self._awake_ns = now_ns
         self.controller.wake(now_ns)
 
     def take(self, received: Received, key: str) -> None:
@@ -106,7 +97,6 @@ class LinkedHand:
     def _begin(self, session: int, key: str) -> None:
         self._session = session
         self.controller.let_go()
-        self._offset = OffsetEstimate()
         self._shown = dict.fromkeys(self._views)
         self._damaged = dict.fromkeys(self._views, False)
         whose = f", with the key of {key}" if key else ""
@@ -117,7 +107,6 @@ class LinkedHand:
             self.hand = message.hand
             self._log.fact(HAND_FACT, message.hand)
         refusal = self.controller.take(message, heard_ns)
-        self._offset.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
         self.message, self.heard_ns = message, heard_ns
         for view, timestamp in zip(self._views, message.shown, strict=False):
             self._shown[view] = timestamp
@@ -151,9 +140,9 @@ class LinkedHand:
         if message.confirms <= self._confirms:
             return
         self._confirms = message.confirms
-        bound_ns = age_bound_ns(heard_ns, message.echo_ns, self._awake_ns)
-        ago_ns = (bound_ns or 0) + message.sent_ns - message.confirmed_ns
-        if bound_ns is not None and 0 <= ago_ns <= CONFIRMED_AGO_NS:
+        age_ns = self.controller.clock.age_ns(message.sent_ns, message.echo_ns, heard_ns)
+        ago_ns = (age_ns or 0) + message.sent_ns - message.confirmed_ns
+        if age_ns is not None and 0 <= ago_ns <= CONFIRMED_AGO_NS:
             self._signals.confirm()
         else:
             self._log.note("warning", TOO_LONG_AGO)

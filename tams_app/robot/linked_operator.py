@@ -9,7 +9,6 @@ from dataclasses import asdict
 from hw.controller import Controller
 from tams_app import __version__
 from tams_app.config import Config
-from tams_app.link.age import age_bound_ns
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
 from tams_app.link.messages import PROTOCOL, STATE_RATE_HZ, Welcome, encode
@@ -153,7 +152,7 @@ class LinkedOperator(StreamedOperator):
             hand.take(received, gateway.event.operator)
         event = gateway.event
         if event.left:
-            hand.controller.let_go()
+            hand.controller.let_go(left=not event.revoked)
         if event.revoked and not self._revoked:
             name = event.operator
             self._log.note("warning", f"the key of {name} was revoked: its operator is let go")
@@ -182,13 +181,16 @@ class LinkedOperator(StreamedOperator):
             self._log.record(self._health(now_ns))
 
     def _health(self, now_ns: int) -> LinkHealth:
-        clock, event, message = self._hand.offset, self.event, self._hand.message
+        event, message, clock = self.event, self._hand.message, self._hand.controller.clock
+        offset, age_ns = clock.offset, None
+        if message is not None:
+            age_ns = clock.age_ns(message.sent_ns, message.echo_ns, now_ns)
         return LinkHealth(
             t_ns=now_ns,
             connected=self.is_there,
-            age_bound_ns=None if message is None else age_bound_ns(now_ns, message.echo_ns),
-            offset_ns=None if clock is None else clock.offset_ns,
-            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            age_bound_ns=age_ns,
+            offset_ns=None if offset is None else offset.offset_ns,
+            uncertainty_ns=None if offset is None else offset.uncertainty_ns,
             refused=dict(self._hand.controller.refused),
             ignored={} if event is None else dict(event.counts),
         )

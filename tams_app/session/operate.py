@@ -101,7 +101,7 @@ class OperatorSide:
         return replace(state, views=self.station.views(state.views, state.now_ns, offset_ns))
 
     def stop_arm(self, failed: bool) -> None:
-        """Let go: the robot's side receives that the controller is put down, and stops."""
+        """Let go: the robot's side receives that the operator leaves, and stops."""
         if self.link.controller is not None:
             self.link.controller = None
             clock = self.session.clock

@@ -9,7 +9,7 @@ from functools import partial
 
 from hw.controller import Controller
 from tams_app.config import VideoConfig
-from tams_app.link.age import ClockOffset, OffsetEstimate, age_bound_ns
+from tams_app.link.age import ClockOffset, PeerClock
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway, Received
 from tams_app.link.messages import (
@@ -40,8 +40,9 @@ from tams_app.video.live.udp import ViewPorts
 _HEALTH_NS = NS_PER_S // 10
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
 _AWAY = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
+    ControllerStatus.OPERATOR_AWAY, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
+_FAILED = replace(_AWAY, status=ControllerStatus.DISCONNECTED)
 _ASLEEP = replace(_AWAY, status=ControllerStatus.LINK_LOST)
 _ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts as fresh
 _SLEPT = "this computer was suspended: what the controller told before is not sent, the arm stops"
@@ -79,7 +80,7 @@ class LinkedRobot:
         self._identity, self._driven_with = identity, hand
         self._haptics: int | None = None
         self._noted: int | None = None
-        self._offset = OffsetEstimate()
+        self._robots_clock = PeerClock()
         self._health_due_ns = 0
         self._sleep = SleepWatch(clock)
         self._asleep_until_ns = 0  # no sample is sent that may be from before we were suspended
@@ -112,7 +113,7 @@ class LinkedRobot:
     @property
     def offset(self) -> ClockOffset | None:
         """The robot's clock minus ours; None before the first exchange."""
-        return self._offset.now
+        return self._robots_clock.offset
 
     # --- in the hand's thread -------------------------------------------------------------------
 
@@ -131,6 +132,7 @@ class LinkedRobot:
         if self._sleep.slept():
             self._asleep_until_ns = now_ns + _ASLEEP_NS
             self._requests.forget_confirmation()
+            self._robots_clock.wake(now_ns)
             self._log.note("warning", _SLEPT)
         self.sample = self._sample_now(now_ns)
         self._gateway.send(encode(self._hand(self.sample)))
@@ -150,7 +152,9 @@ class LinkedRobot:
 
     def _sample_now(self, now_ns: int) -> ControllerSample:
         controller = self.controller
-        if controller is None or self._requests.has_failed:
+        if self._requests.has_failed:
+            return _FAILED
+        if controller is None:
             return _AWAY
         sample = controller.sample(now_ns)
         if now_ns < self._asleep_until_ns:
@@ -168,14 +172,16 @@ class LinkedRobot:
         before, self.state = self.state, state
         self.state_received_ns = received.heard_ns
         if before is not None:
-            self._offset.step(state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns)
+            self._robots_clock.step(
+                state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns
+            )
         self._log.record(StateHeard(received.heard_ns, state.sent_ns, state.echo_ns))
         self._feel(state)
         self._notify(state)
 
     def _begin(self, session: int) -> None:
         self._session = session
-        self._offset = OffsetEstimate()
+        self._robots_clock = PeerClock()
         self.state = None
         self._log.note("info", "connected to the robot")
 
@@ -227,13 +233,16 @@ class LinkedRobot:
         )
 
     def _health(self, now_ns: int) -> LinkHealth:
-        state, event, clock = self.state, self.event, self._offset.now
+        state, event, offset = self.state, self.event, self.offset
+        age_ns = None
+        if state is not None:
+            age_ns = self._robots_clock.age_ns(state.sent_ns, state.echo_ns, now_ns)
         return LinkHealth(
             t_ns=now_ns,
             connected=event.connected and not event.left,
-            age_bound_ns=None if state is None else age_bound_ns(now_ns, state.echo_ns),
-            offset_ns=None if clock is None else clock.offset_ns,
-            uncertainty_ns=None if clock is None else clock.uncertainty_ns,
+            age_bound_ns=age_ns,
+            offset_ns=None if offset is None else offset.offset_ns,
+            uncertainty_ns=None if offset is None else offset.uncertainty_ns,
             refused={},
             ignored=dict(event.counts),
         )

@@ -8,6 +8,7 @@ is the uncertainty of every figure that spans both computers.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -23,6 +24,7 @@ from tams_app.summary.summarise import summarise
 from tams_app.summary.tables import Integers, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+_BY_LINK = "link "  # so the labels of these reasons begin
 SESSION_FACT = "link_session"  # the same in both logs
 ROBOT_FOLDER_FACT = "robot_folder"  # of the operator's side: name of the other log's folder
 OPERATOR_FACT = "link_operator"  # of the operator's side: the number in what it sends
@@ -156,6 +158,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
             np.array([one.t_ns - one.echo_ns for one in received if one.echo_ns > 0]) / NS_PER_MS,
             _PERCENTILES,
         ),
+        "stops_per_minute": _stops_per_minute(robot),
         "video": {
             "packets": reported or None,
             "loss_fraction": ratio(sum(one.lost for one in robot.uplink), reported),
@@ -165,6 +168,16 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
             "operator": operator.link_health[-1].ignored if operator.link_health else {},
         },
     }
+
+
+def _stops_per_minute(robot: SessionLog) -> dict[str, float]:
+    """How often the link stopped the arm, by reason."""
+    counts = Counter(stop.reason for stop in robot.stops if stop.reason.startswith(_BY_LINK))
+    ticks = robot.ticks
+    if not counts or len(ticks) < 2:
+        return {}
+    minutes = (ticks[-1].started_ns - ticks[0].started_ns) / NS_PER_S / 60.0
+    return {reason: round(number / minutes, 2) for reason, number in counts.items()}
 
 
 def _posed(robot: SessionLog) -> list[HandHeard]:

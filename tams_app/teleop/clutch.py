@@ -19,6 +19,8 @@ _NO_BUTTONS = frozenset(
         ControllerStatus.STANDBY,
         ControllerStatus.RUNTIME_QUIT,
         ControllerStatus.LINK_LOST,
+        ControllerStatus.LINK_GAP,
+        ControllerStatus.OPERATOR_AWAY,
     }
 )
 

@@ -173,7 +173,7 @@ class Teleop:
             orientation_mode=self._drive.orientation_mode,
             speed_scale=scale * self._drive.joint_scale,
             braking=self._drive.braking,
-            haptic=_haptic(before, state),
+            haptic=_haptic(before, state, self._arming.reason),
             refusal=refusal,
             lasting=self._arming.lasting,
         )
@@ -220,13 +220,14 @@ def _ranked(reasons: list[Reason]) -> tuple[Reason, ...]:
     return tuple(sorted(reasons, key=_PRECEDENCE.__getitem__))
 
 
-def _haptic(before: ArmingState, state: ArmingState) -> Haptic | None:
+def _haptic(before: ArmingState, state: ArmingState, reason: Reason | None) -> Haptic | None:
     if state is before:
         return None
     if state is ArmingState.FAULT:
-        return Haptic.FAULT
+        return Haptic.LINK_FAULT if reason is Reason.LINK_LOST else Haptic.FAULT
     if state is ArmingState.HOLDING:
-        return Haptic.LIMIT
+        by_link = reason in (Reason.LINK_GAP, Reason.LINK_GAPS)
+        return Haptic.LINK_HOLD if by_link else Haptic.LIMIT
     if state is ArmingState.ENGAGED:
         return Haptic.ENGAGE
     return Haptic.RELEASE if before is ArmingState.ENGAGED else None

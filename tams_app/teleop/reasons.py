@@ -120,7 +120,14 @@ class Reason(Enum):
         "link lost",
         "Nothing usable comes from the operator's computer: check the network between the two "
         "computers, wait until the link is back, {release}, then confirm.",
-        "The link to the operator's computer is back: {release}, then confirm.",
+        "Connected again; the arm is locked since the link was away: {release}, confirm to clear, "
+        "confirm again to arm.",
+    )
+    OPERATOR_LEFT = _fault(
+        "operator left",
+        "The operator has left while the arm was armed: wait for the next one.",
+        "The operator before left while the arm was armed: {release}, confirm to clear, confirm "
+        "again to arm.",
     )
     CONTROLLER_DISCONNECTED = _fault(
         "controller disconnected",
@@ -176,6 +183,17 @@ class Reason(Enum):
         "bad input",
         "The values of {device} make no sense: {check}, then {release}.",
         "The values of {device} make sense again: {release}.",
+    )
+    NO_OPERATOR = _hold(
+        "no operator",
+        "No operator is connected: start `run_tams.py operate` at the operator's computer.",
+        "An operator is connected.",
+    )
+    LINK_GAP = _hold(
+        "link gap",
+        "Nothing usable comes from the operator's computer for the moment: wait until the link is "
+        "back, then {release}.",
+        "The link to the operator's computer is back: {release}.",
     )
     LINK_GAPS = _hold(
         "link gaps",

@@ -18,6 +18,7 @@ _MOST_SANE = 100.0  # [m, rad]: nothing tracked or reported is that far away
 
 _LOST = {
     ControllerStatus.LINK_LOST: Reason.LINK_LOST,
+    ControllerStatus.OPERATOR_AWAY: Reason.OPERATOR_LEFT,
     ControllerStatus.DISCONNECTED: Reason.CONTROLLER_DISCONNECTED,
     ControllerStatus.RUNTIME_QUIT: Reason.RUNTIME_QUIT,
     ControllerStatus.ROLE_SWAPPED: Reason.ROLE_SWAPPED,
@@ -32,7 +33,13 @@ _AWAY = {
     ControllerStatus.TRACKING_LOST: Reason.TRACKING_LOST,
     ControllerStatus.STANDBY: Reason.CONTROLLER_STANDBY,
     ControllerStatus.DASHBOARD: Reason.DASHBOARD_OPEN,
+    ControllerStatus.LINK_GAP: Reason.LINK_GAP,
     ControllerStatus.LINK_GAPS: Reason.LINK_GAPS,
+}
+# Whoever has not armed the arm yet, or not come yet, leaves nothing behind by going.
+_AWAY_DISARMED = {
+    ControllerStatus.LINK_LOST: Reason.NO_OPERATOR,
+    ControllerStatus.OPERATOR_AWAY: Reason.NO_OPERATOR,
 }
 
 
@@ -50,7 +57,8 @@ class Watch:
         """Faults that hold now, beside what the session reports in `tick.faults`."""
         found = [reason for reason in tick.faults if reason.is_fault]
         if tick.sample.status in _LOST:
-            found.append(_LOST[tick.sample.status])
+            if not _is_merely_away(tick.sample, state):
+                found.append(_LOST[tick.sample.status])
         elif state is ArmingState.ENGAGED and self._pose_is_frozen(tick):
             found.append(Reason.POSE_FROZEN)
         if tick.link.failure:
@@ -62,6 +70,8 @@ class Watch:
     def holds(self, tick: TeleopInput, state: ArmingState) -> list[Reason]:
         """Holds that apply now, beside what the session reports in `tick.faults`."""
         found = [reason for reason in tick.faults if not reason.is_fault]
+        if _is_merely_away(tick.sample, state):
+            found.append(_AWAY_DISARMED[tick.sample.status])
         found += self._sample_holds(tick.sample, tick.now_ns)
         if state is ArmingState.READY and self._pose_is_frozen(tick):
             found.append(Reason.POSE_FROZEN)  # engaging would be a fault at once
@@ -129,6 +139,11 @@ class Watch:
         if state.is_armed and waited_ns > reply_limit_ns:
             found.append(Reason.ARM_REPLY_LATE)
         return found
+
+
+def _is_merely_away(sample: ControllerSample, state: ArmingState) -> bool:
+    """True if no operator is there, of an arm that none of them has armed."""
+    return state is ArmingState.DISARMED and sample.status in _AWAY_DISARMED
 
 
 def _is_sane(sample: ControllerSample, now_ns: int) -> bool:

@@ -14,25 +14,34 @@ from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 REST_M_S = 0.001
+_BY_LINK = (Reason.LINK_GAP.label, Reason.LINK_LOST.label)  # a reason may have details
+_STOPPED = (ArmingState.HOLDING, ArmingState.FAULT)
+_RESTS_WITHIN_NS = 100 * NS_PER_MS  # the stop profile of a hold
 _BEFORE = 10  # reports: a tenth of a second
 _RESTS_FOR_NS = 100 * NS_PER_MS  # a report or two of the same place are no rest yet
 
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """How the arm stopped after a link that was lost.
+    """How the arm stopped after a link that was away.
 
-    sample_ns: when the last sample that counted was heard; fault_ns: the first tick in fault;
+    sample_ns: when the last sample that counted was heard; stop_ns: the first tick on hold or in
+    fault, with its reason;
     rest_ns: from when on the arm rested, by its own reports; speed_mm_s: its speed when the last
     sample came; travel_mm: how far it went from then until it rested.
     """
 
     sample_ns: int
-    fault_ns: int
+    stop_ns: int
     reason: str
     rest_ns: int
     speed_mm_s: float
     travel_mm: float
+
+    @property
+    def zero_ns(self) -> int:
+        """From then on nothing is commanded, be it a hold or a fault."""
+        return self.stop_ns + _RESTS_WITHIN_NS
 
     def rest_after_ms(self, lost_after_ms: float) -> float:
         """From when the samples' time was up until the arm rested."""
@@ -40,12 +49,10 @@ class Outage:
 
 
 def outage(log: SessionLog, from_ns: int) -> Outage:
-    """The first fault after `from_ns`; StopIteration if there is none."""
-    fault = next(
-        tick for tick in log.ticks if tick.started_ns > from_ns and tick.arming == ArmingState.FAULT
-    )
+    """The first stop after `from_ns`; StopIteration if there is none."""
+    stop = next(tick for tick in log.ticks if tick.started_ns > from_ns and tick.arming in _STOPPED)
     heard = [one.t_ns for one in log.hands_received if not one.refusal]
-    sample_ns = max(t_ns for t_ns in heard if t_ns < fault.started_ns)
+    sample_ns = max(t_ns for t_ns in heard if t_ns < stop.started_ns)
     t_ns, at_m = arm_way(log.ticks)
     speeds = np.linalg.norm(np.diff(at_m, axis=0), axis=1) / np.diff(t_ns) * NS_PER_S
     first = int(np.searchsorted(t_ns, sample_ns))
@@ -62,8 +69,8 @@ def outage(log: SessionLog, from_ns: int) -> Outage:
     travel_m = float(np.linalg.norm(at_m[rest] - at_m[first]))
     return Outage(
         sample_ns,
-        fault.started_ns,
-        fault.reason,
+        stop.started_ns,
+        stop.reason,
         int(t_ns[rest]),
         float(before_m_s) * 1000.0,
         travel_m * 1000.0,
@@ -71,14 +78,14 @@ def outage(log: SessionLog, from_ns: int) -> Outage:
 
 
 def losses(log: SessionLog, from_ns: int, to_ns: int) -> list[int]:
-    """When [ns], between these times, an arm that was in no fault lost the link."""
+    """When [ns], between these times, the link stopped an arm that had not stopped."""
     return [
         after.started_ns
         for before, after in pairwise(log.ticks)
         if from_ns < after.started_ns < to_ns
-        and before.arming != ArmingState.FAULT
-        and after.arming == ArmingState.FAULT
-        and after.reason.startswith(Reason.LINK_LOST.label)
+        and before.arming not in _STOPPED
+        and after.arming in _STOPPED
+        and after.reason.startswith(_BY_LINK)
     ]
 
 

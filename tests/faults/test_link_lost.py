@@ -76,7 +76,7 @@ def told(tmp_path_factory: pytest.TempPathFactory, turn: int) -> Told:
             after = side.arming
             side.engages()
             before_end = len(robot.lines)
-        robot.says("fault, controller disconnected", before_end)  # put down as it leaves
+        robot.says("fault, operator left", before_end)
         log = robot.interrupted()
     return Told(log, cut_ns, held_ns, let_go_ns, after, str(busy.value), second.said, notes)
 
@@ -85,18 +85,18 @@ def told(tmp_path_factory: pytest.TempPathFactory, turn: int) -> Told:
 def test_an_arm_whose_link_is_cut_stops_for_that_reason_and_rests_in_time(told: Told):
     found = outage(told.log, told.cut_ns)
     assert found.speed_mm_s > 150.0
-    assert found.reason == Reason.LINK_LOST.label
+    assert found.reason == Reason.LINK_GAP.label
     assert found.rest_after_ms(LOST_AFTER_MS) < REST_MS + SLACK_MS
-    assert any(stop.reason == Reason.LINK_LOST.label for stop in told.log.stops)
+    assert any(stop.reason == Reason.LINK_GAP.label for stop in told.log.stops)
 
 
-def test_the_operator_is_told_that_the_link_was_lost_and_what_to_do(told: Told):
-    assert any(note.startswith("fault, link lost") for note in told.notes)
+def test_the_operator_is_notified_of_the_gap_and_what_to_do(told: Told):
+    assert any(note.startswith("holding, link gap") for note in told.notes)
 
 
 def test_samples_kept_back_for_two_seconds_move_nothing_when_they_come_at_once(told: Told):
     found = outage(told.log, told.held_ns)
-    assert found.fault_ns < told.let_go_ns
+    assert found.zero_ns < told.let_go_ns
     assert commanded_mm(told.log, told.let_go_ns)[0] == 0.0
     assert travelled_mm(told.log, told.let_go_ns) < STILL_MM
     late = [
@@ -105,14 +105,14 @@ def test_samples_kept_back_for_two_seconds_move_nothing_when_they_come_at_once(t
         if told.held_ns < one.sent_ns < told.let_go_ns - NS_PER_S and one.t_ns > told.let_go_ns
     ]
     assert len(late) > 50
-    assert set(late) == {"too old"}
+    assert set(late) <= {"too old", "unanswered"}
 
 
 def test_the_arm_does_not_go_on_by_itself_when_the_link_is_back(told: Told):
-    assert told.after_burst == ArmingState.FAULT
+    assert told.after_burst == ArmingState.HOLDING
 
 
-def test_a_confirmation_with_the_trigger_up_arms_it_again(told: Told):
+def test_a_release_and_a_press_move_it_again(told: Told):
     after = {tick.arming for tick in told.log.ticks if tick.started_ns > told.let_go_ns}
     assert {ArmingState.READY, ArmingState.ENGAGED} <= after
 
@@ -120,7 +120,7 @@ def test_a_confirmation_with_the_trigger_up_arms_it_again(told: Told):
 def test_an_operator_who_leaves_leaves_the_arm_stopped(told: Told):
     last = told.log.ticks[-1]
     assert last.arming == ArmingState.FAULT
-    assert last.reason.startswith(Reason.CONTROLLER_DISCONNECTED.label)
+    assert last.reason.startswith(Reason.OPERATOR_LEFT.label)
 
 
 def test_a_second_operator_is_told_that_there_is_one_and_drives_nothing(told: Told):

@@ -63,7 +63,7 @@ class RobotSide(Application):
         return only_log(self.out)
 
     def _is_started(self) -> bool:
-        return any(line.startswith("fault, link lost") for line in self.lines)
+        return any("DISARMED" in line and Reason.NO_OPERATOR.label in line for line in self.lines)
 
 
 class OperateSide(Application):
@@ -203,8 +203,8 @@ class HandSide:
         cut_ns = cut()
         time.sleep(seconds)
         restore()
-        self.becomes(ArmingState.FAULT)
-        assert self.reason.startswith(Reason.LINK_LOST.label), self.reason
+        until(lambda: self.reason.startswith(Reason.LINK_GAP.label), "the gap to be reported")
+        assert self.arming == ArmingState.HOLDING
         return cut_ns
 
     def helper(self, name: str) -> psutil.Process:

@@ -16,7 +16,16 @@ import pytest
 
 from tams_app.errors import HelperError
 from tams_app.link.ends import RobotEnd
-from tams_app.link.gateway import EVENT, MESSAGE, RECEIVED, Carrier, LinkEvent, Routes, Streams
+from tams_app.link.gateway import (
+    _MEDIA_CLASS,
+    EVENT,
+    MESSAGE,
+    RECEIVED,
+    Carrier,
+    LinkEvent,
+    Routes,
+    Streams,
+)
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.handshake import COOKIE, INITIATION, RESPONSE
 from tams_app.link.keys import LOOPBACK_KEY, new_key, read_key, revoke_key
@@ -85,6 +94,43 @@ def test_seconds_of_messages_wait_for_an_application_that_stalls(stack: ExitStac
     received = gateway.receive()
     assert [one.content for one in received] == sent
     assert [one.heard_ns for one in received] == list(range(250))
+
+
+@pytest.mark.parametrize(
+    ("family", "host", "asked", "option"),
+    [
+        (socket.AF_INET, LOOPBACK, (socket.IPPROTO_IP, socket.IP_RECVTOS), socket.IP_TOS),
+        (
+            socket.AF_INET6,
+            "::1",
+            (socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS),
+            socket.IPV6_TCLASS,
+        ),
+    ],
+)
+def test_messages_have_a_higher_traffic_class_than_video(
+    stack: ExitStack, family: int, host: str, asked: tuple[int, int], option: int
+) -> None:
+    outer, other = (stack.enter_context(socket.socket(family, socket.SOCK_DGRAM)) for _ in "ab")
+    outer.bind((host, 0))
+    other.bind((host, 0))
+    other.settimeout(30.0)
+    other.setsockopt(*asked, 1)
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+    stack.callback(theirs.close)
+    streams = Streams()
+    carrier = Carrier(RobotEnd({}, b"", os.urandom), outer, ours, streams)
+    stack.callback(carrier.close)
+
+    def traffic_class() -> int:
+        _, told, _, _ = other.recvmsg(100, 100)
+        (value,) = (data for level, kind, data in told if (level, kind) == (asked[0], option))
+        return value[0]
+
+    address = other.getsockname()
+    carrier._send((b"a message", address))
+    carrier._send((b"a packet", address), _MEDIA_CLASS)
+    assert (traffic_class(), traffic_class()) == (0xB8, 0x88)
 
 
 def test_streams_reach_the_ports_that_their_sources_have(stack: ExitStack, pair: Pair) -> None:

@@ -185,6 +185,8 @@ def test_a_lost_link_is_told_as_one_and_found_again():
     sides.run(1.0)
     sides.cut(True)
     sides.run(0.3)
+    assert sides.sample.status is ControllerStatus.LINK_GAP
+    sides.run(3.0)
     assert sides.sample.status is ControllerStatus.LINK_LOST
     sides.cut(False)
     sides.run(0.3)

@@ -423,6 +423,25 @@ def test_the_hand_feels_what_happens(bench: Bench) -> None:
     assert bench.tick().haptic is Haptic.RELEASE
 
 
+@pytest.mark.parametrize(
+    ("status", "haptic"),
+    [
+        (ControllerStatus.LINK_GAP, Haptic.LINK_HOLD),
+        (ControllerStatus.LINK_GAPS, Haptic.LINK_HOLD),
+        (ControllerStatus.LINK_LOST, Haptic.LINK_FAULT),
+        (ControllerStatus.OPERATOR_AWAY, Haptic.FAULT),
+        (ControllerStatus.TRACKING_LOST, Haptic.LIMIT),
+    ],
+)
+def test_the_hand_feels_that_it_was_the_link(
+    bench: Bench, status: ControllerStatus, haptic: Haptic
+) -> None:
+    bench.make_ready()
+    bench.engage()
+    bench.hand.status = status
+    assert bench.tick().haptic is haptic
+
+
 # --- staleness and limits -------------------------------------------------------------------------
 
 

@@ -160,6 +160,30 @@ def test_a_frozen_pose_is_a_fault_while_engaged_and_forbids_engaging() -> None:
     assert WATCH.faults(lost, ENGAGED) == []
 
 
+@pytest.mark.parametrize(
+    ("status", "fault"),
+    [
+        (ControllerStatus.LINK_LOST, Reason.LINK_LOST),
+        (ControllerStatus.OPERATOR_AWAY, Reason.OPERATOR_LEFT),
+    ],
+)
+@pytest.mark.parametrize("state", list(ArmingState))
+def test_an_operator_who_is_not_there_is_a_fault_but_of_an_arm_that_none_has_armed(
+    status: ControllerStatus, fault: Reason, state: ArmingState
+) -> None:
+    tick = with_sample(status=status, pose=None, pose_ns=0, buttons_ns=0)
+    away = state is DISARMED
+    assert WATCH.faults(tick, state) == ([] if away else [fault])
+    assert (Reason.NO_OPERATOR in WATCH.holds(tick, state)) == away
+
+
+@pytest.mark.parametrize("state", list(ArmingState))
+def test_a_gap_in_the_link_is_a_hold_in_any_state(state: ArmingState) -> None:
+    tick = with_sample(status=ControllerStatus.LINK_GAP, pose=None, pose_ns=0, buttons_ns=0)
+    assert WATCH.faults(tick, state) == []
+    assert Reason.LINK_GAP in WATCH.holds(tick, state)
+
+
 def test_disarmed_the_link_the_video_and_the_arms_mode_are_not_judged() -> None:
     tick = replace(
         FINE, arm_ready=False, video_age_ns=NS_PER_S * 9, link=replace(LINK, acknowledged_ns=0)

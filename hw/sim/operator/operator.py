@@ -1,8 +1,8 @@
 """Mind of the simulated operator: from percepts and haptic pulses to what the hand does.
 
 Operators do what they are taught: confirm, squeeze to move, let go when the image is gone or
-nothing follows, and never clear a fault by themselves. After a fault they wait until the
-experimenter has confirmed at the console.
+nothing follows, and clear no fault by themselves but that of a link that was away: after any other
+they wait until the experimenter has confirmed at the console.
 """
 
 from __future__ import annotations
@@ -99,6 +99,7 @@ class Operator:
         self._ever_engaged = False
         self._felt_hold = False
         self._felt_fault = False
+        self._link_was_away = False  # and the arm is locked since
         self._failures = 0
         self._steps = {
             Activity.WATCH: self._watch,
@@ -122,12 +123,13 @@ class Operator:
         """A pulse in the hand."""
         if haptic is Haptic.ENGAGE:
             self._felt_engage = self._ever_engaged = True
-            self._felt_fault = False
+            self._felt_fault = self._link_was_away = False
             self._felt_hold = False
-        elif haptic is Haptic.LIMIT:
+        elif haptic in (Haptic.LIMIT, Haptic.LINK_HOLD):
             self._felt_hold = True
-        elif haptic is Haptic.FAULT:
+        elif haptic.is_fault:
             self._felt_fault = True
+            self._link_was_away = haptic is Haptic.LINK_FAULT
 
     def step(self, now_ns: int) -> None:
         """Move the hand on to `now_ns`, which never goes back."""
@@ -175,7 +177,7 @@ class Operator:
     # --- activities -----------------------------------------------------------------------------
 
     def _watch(self, now_ns: int, sight: Sight | None) -> HandCommand:
-        if self._felt_fault:
+        if self._felt_fault and not self._link_was_away:
             self._begin(Activity.WARY, now_ns)
         elif sight is None or self._moves_by_itself(sight.percept):
             self._since_ns = now_ns
@@ -206,10 +208,14 @@ class Operator:
         if self._felt_engage and elapsed_ns >= _SQUEEZE_NS:
             self._begin(Activity.MOVE, now_ns)
         elif elapsed_ns >= _SQUEEZE_NS + self._reaction_ns:
-            return self._release_then(
-                Activity.WARY if self._felt_fault else Activity.PUZZLED, now_ns
-            )
+            return self._release_then(self._after_no_response(), now_ns)
         return HandCommand.still(trigger=True)
+
+    def _after_no_response(self) -> Activity:
+        """Confirm, once for each squeeze that the arm did not answer, where the link was away."""
+        if self._link_was_away and self._confirms:
+            return Activity.CONFIRM
+        return Activity.WARY if self._felt_fault else Activity.PUZZLED
 
     def _move(self, now_ns: int, sight: Sight | None) -> HandCommand:
         if self._felt_fault:

@@ -107,7 +107,8 @@ class Exchange:
         self.on_their_way: list[tuple[int, HandMessage]] = []
         self.sent: list[HandMessage] = []
         self.taken: list[str] = []  # why each one that arrived did not count
-        self._stamps: list[tuple[int, int]] = []  # heard there, stamp
+        self._stamps: list[tuple[int, int]] = []  # on their way: received there, stamp
+        self._echo = (0, 0)  # the newest stamp there, and when it was received by its clock
 
     def tick(self, interval_ns: int = TICK_NS) -> ControllerSample:
         """One control period at both sides; the sample at its end."""
@@ -129,7 +130,6 @@ class Exchange:
         """What has been sent, and old stamps: for hours of them."""
         self.sent.clear()
         self.taken.clear()
-        del self._stamps[:-100]
 
     def take(self, message: HandMessage) -> str:
         """A message arrives now."""
@@ -138,13 +138,18 @@ class Exchange:
     def message(self, **changes: object) -> HandMessage:
         """What the operator's side would send now."""
         there_ns = self.now_ns + self.offset_ns
-        fields = {"sent_ns": there_ns, "echo_ns": self._echo_ns(), "pose_ns": there_ns}
-        made = hand_message(self.hand.read(there_ns, 0.0), there_ns, self._echo_ns())
+        made = hand_message(self.hand.read(there_ns, 0.0), there_ns, *self._newest_echo())
+        fields = {"pose_ns": there_ns}
         values = {name: getattr(made, name) for name in HandMessage.__struct_fields__}
         return HandMessage(**{**values, **fields, **changes})
 
-    def _echo_ns(self) -> int:
-        return max((stamp for heard, stamp in self._stamps if heard <= self.now_ns), default=0)
+    def _newest_echo(self) -> tuple[int, int]:
+        received = [one for one in self._stamps if one[0] <= self.now_ns]
+        self._stamps = [one for one in self._stamps if one[0] > self.now_ns]
+        for received_ns, stamp_ns in sorted(received):
+            if stamp_ns > self._echo[0]:
+                self._echo = stamp_ns, received_ns + self.offset_ns
+        return self._echo
 
     def _send(self, interval_s: float) -> None:
         now_ns = self.now_ns
@@ -153,7 +158,7 @@ class Exchange:
         if down_ns is not None:
             self._stamps.append((now_ns + down_ns, now_ns))
         sample = self.hand.read(there_ns, interval_s)
-        message = hand_message(sample, there_ns, self._echo_ns())
+        message = hand_message(sample, there_ns, *self._newest_echo())
         self.sent.append(message)
         if up_ns is not None:
             self.on_their_way.append((now_ns + up_ns, message))

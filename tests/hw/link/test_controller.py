@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Callable
 from functools import partial
 from itertools import groupby, pairwise
@@ -20,13 +21,15 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Presses
 from tams_app.session.robot import for_robot
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.hw.link.exchange import HOUR_NS, TICK_NS, Exchange, queued
+from tests.hw.link.exchange import HOUR_NS, TICK_NS, Exchange, hand_message, queued
 from tests.teleop.rig import Bench, hand_for, make_config
 
 pytestmark = pytest.mark.untimed
 
 OK, LOST = ControllerStatus.OK, ControllerStatus.LINK_LOST
+GAP, LEFT = ControllerStatus.LINK_GAP, ControllerStatus.OPERATOR_AWAY
 DELAY_NS = 20 * NS_PER_MS
+REST_NS = 100 * NS_PER_MS  # in which a hold comes to rest
 JUMPS_NS = st.integers(0, HOUR_NS) | st.integers(-HOUR_NS, -150 * NS_PER_MS)
 
 
@@ -81,7 +84,7 @@ def test_times_never_go_back_and_are_newer_than_the_hand_by_no_more_than_a_way_s
     pose_ns = buttons_ns = 0
     for _ in range(len(delays_ms) + 10):
         sample = exchange.tick()
-        if sample.status is LOST:
+        if sample.status in (LOST, GAP):
             pose_ns = buttons_ns = 0
             continue
         newest_ns = exchange.now_ns + exchange.config.jitter_ms * NS_PER_MS
@@ -247,14 +250,23 @@ def test_pulses_go_out_only_while_it_is_in_use() -> None:
 # --- what does not count --------------------------------------------------------------------------
 
 
+def before(exchange: Exchange, ago_ns: int) -> dict[str, object]:
+    """What makes a message one that was sent so long ago."""
+    now = exchange.message()
+    names = ("sent_ns", "pose_ns", "buttons_ns", "echo_ns", "echo_heard_ns")
+    return {name: getattr(now, name) - ago_ns for name in names}
+
+
 @pytest.mark.parametrize(
     ("changes", "reason"),
     [
         (lambda e: {"echo_ns": 0}, "without an echo"),
         (lambda e: {"echo_ns": e.now_ns + 1}, "without an echo"),
         (lambda e: {"echo_ns": e.now_ns + HOUR_NS}, "without an echo"),
-        (lambda e: {"echo_ns": e.now_ns - 250 * NS_PER_MS - 1}, "too old"),
-        (lambda e: {"echo_ns": e.now_ns - HOUR_NS}, "too old"),
+        (lambda e: before(e, 300 * NS_PER_MS), "too old"),
+        (lambda e: before(e, HOUR_NS), "too old"),
+        (lambda e: {"echo_ns": e.now_ns - 1000 * NS_PER_MS - 1}, "unanswered"),
+        (lambda e: {"echo_ns": e.now_ns - HOUR_NS}, "unanswered"),
         (lambda e: {"sent_ns": e.sent[-4].sent_ns}, "overtaken"),
         (lambda e: {"sent_ns": e.sent[-10].sent_ns}, "overtaken"),
         (lambda e: {"pose_ns": e.now_ns + e.offset_ns + 1}, "from the future"),
@@ -268,17 +280,55 @@ def test_pulses_go_out_only_while_it_is_in_use() -> None:
 def test_what_does_not_count_changes_nothing_but_its_counter(
     exchange: Exchange, changes: Callable[[Exchange], dict[str, object]], reason: str
 ) -> None:
-    before = exchange.controller.sample(exchange.now_ns)
+    last = exchange.controller.sample(exchange.now_ns)
     exchange.now_ns += NS_PER_MS
     assert exchange.take(exchange.message(**changes(exchange))) == reason
     assert exchange.controller.refused[reason] > 0
-    assert exchange.controller.sample(exchange.now_ns) is before
+    assert exchange.controller.sample(exchange.now_ns) is last
     assert exchange.take(exchange.message()) == ""
 
 
-def test_a_sample_at_the_bound_counts(exchange: Exchange) -> None:
-    bound_ns = round(exchange.config.longest_age_ms * NS_PER_MS)
-    assert exchange.take(exchange.message(echo_ns=exchange.now_ns - bound_ns)) == ""
+def exchanged(ways_ms: int, ago_ns: int) -> tuple[str, int]:
+    """What becomes of a sample that was sent so long ago, and its age at most.
+
+    ways_ms: of an exchange before it, whose echo it carries as well.
+    """
+    controller = LinkController(LinkConfig(max_age_ms=100.0), lambda _: None, lambda _: None)
+    start_ns, ways_ns = HOUR_NS, ways_ms * NS_PER_MS
+    hand = Exchange().hand.read(0, 0.0)
+    echo_ns, echoed_ns = start_ns, start_ns + ways_ns
+    back_ns = start_ns + 2 * ways_ns
+    assert controller.take(hand_message(hand, echoed_ns, echo_ns, echoed_ns), back_ns) == ""
+    now_ns = start_ns + NS_PER_S // 2
+    sent_ns = now_ns - ago_ns
+    refusal = controller.take(hand_message(hand, sent_ns, echo_ns, echoed_ns), now_ns)
+    age_ns = controller.clock.age_ns(sent_ns, echo_ns, now_ns)
+    assert age_ns is not None
+    return refusal, age_ns
+
+
+@given(st.integers(0, 40), st.integers(0, 130 * NS_PER_MS) | st.integers(89_000_000, 100_000_000))
+def test_a_sample_counts_up_to_its_bound_by_the_clocks(ways_ms: int, ago_ns: int) -> None:
+    refusal, age_ns = exchanged(ways_ms, ago_ns)
+    assert refusal == ("" if age_ns <= 100 * NS_PER_MS else "too old")
+    assert ago_ns <= age_ns <= ago_ns + ways_ms * NS_PER_MS + NS_PER_MS
+
+
+def test_a_sample_at_the_bound_counts_and_none_beyond() -> None:
+    limit_ns = 100 * NS_PER_MS
+    ago_ns = bisect_right(range(limit_ns), limit_ns, key=lambda ago_ns: exchanged(0, ago_ns)[1])
+    assert exchanged(0, ago_ns - 1) == ("", limit_ns)
+    refusal, age_ns = exchanged(0, ago_ns)
+    assert refusal == "too old"
+    assert limit_ns < age_ns <= limit_ns + 2
+
+
+@pytest.mark.parametrize(("beyond_ns", "refusal"), [(0, ""), (1, "unanswered")])
+def test_a_sample_whose_sender_was_answered_a_second_ago_counts_and_none_later(
+    exchange: Exchange, beyond_ns: int, refusal: str
+) -> None:
+    echo_ns = exchange.now_ns - round(exchange.config.longest_silence_ms * NS_PER_MS)
+    assert exchange.take(exchange.message(echo_ns=echo_ns - beyond_ns)) == refusal
 
 
 HALF = 0.5**0.5
@@ -314,22 +364,61 @@ def test_a_position_that_is_no_number_reaches_the_safety_logic_which_holds() -> 
 # --- outages --------------------------------------------------------------------------------------
 
 
-def test_the_link_is_lost_after_its_time_and_not_before(exchange: Exchange) -> None:
-    heard_ns = exchange.now_ns
+def test_a_gap_begins_after_its_time_and_the_link_is_lost_after_its_own_and_not_before(
+    exchange: Exchange,
+) -> None:
+    heard_ns, config = exchange.now_ns, exchange.config
     assert exchange.take(exchange.message()) == ""
-    limit_ns = round(exchange.config.lost_after_ms * NS_PER_MS)
+    gap_ns = round(config.lost_after_ms * NS_PER_MS)
+    lost_ns = round(config.fault_after_ms * NS_PER_MS)
     exchange.on_their_way.clear()
-    assert exchange.controller.sample(heard_ns + limit_ns).status is OK
-    assert exchange.controller.sample(heard_ns + limit_ns + 1).status is LOST
+    after_ns = (gap_ns, gap_ns + 1, lost_ns - 1, lost_ns)
+    statuses = [exchange.controller.sample(heard_ns + ns).status for ns in after_ns]
+    assert statuses == [OK, GAP, GAP, LOST]
+
+
+def test_who_comes_back_within_a_gap_is_there_again_and_the_next_gap_has_its_own_time(
+    exchange: Exchange,
+) -> None:
+    for _ in range(3):
+        exchange.up = lambda _: None
+        assert {sample.status for sample in exchange.run_ms(2000)[20:]} == {GAP}
+        exchange.up = lambda _: DELAY_NS
+        assert {sample.status for sample in exchange.run_ms(2000)[5:]} == {OK}
+
+
+def test_who_has_left_is_gone_at_once_until_the_next_one_comes(exchange: Exchange) -> None:
+    exchange.controller.let_go(left=True)
+    exchange.on_their_way.clear()
+    exchange.up = lambda _: None
+    assert {sample.status for sample in exchange.run_ms(4000)} == {LEFT}
+    exchange.controller.let_go()
+    exchange.up = lambda _: DELAY_NS
+    assert exchange.tick().status is LOST
+    assert exchange.run_ms(200)[-1].status is OK
 
 
 def test_messages_that_do_not_count_do_not_keep_the_link(exchange: Exchange) -> None:
     exchange.down = lambda _: None  # so that echoes grow old
-    samples = exchange.run_ms(1000)
-    lost = [sample.status for sample in samples].index(LOST)
-    limit_ms = exchange.config.longest_age_ms + exchange.config.lost_after_ms
+    samples = exchange.run_ms(5000)
+    lost = [sample.status for sample in samples].index(GAP)
+    limit_ms = exchange.config.stopped_after_ms
     assert lost * TICK_NS < (limit_ms + 20) * NS_PER_MS
-    assert {sample.status for sample in samples[lost:]} == {LOST}
+    assert {sample.status for sample in samples[lost:]} == {GAP, LOST}
+    assert samples[-1].status is LOST
+
+
+def test_a_queue_on_the_way_back_makes_no_sample_old(exchange: Exchange) -> None:
+    """As the queue of the video does, behind which our stamps wait for the operator's side."""
+    exchange.down = lambda now_ns: DELAY_NS + 700 * NS_PER_MS
+    assert {sample.status for sample in exchange.run_ms(5000)} == {OK}
+    assert set(exchange.taken) == {""} | ({"without an echo"} & set(exchange.taken))
+
+
+def test_a_queue_on_the_hands_way_makes_samples_old(exchange: Exchange) -> None:
+    exchange.up = lambda now_ns: DELAY_NS + 260 * NS_PER_MS
+    assert GAP in {sample.status for sample in exchange.run_ms(1000)}
+    assert exchange.taken[-1] == "too old"
 
 
 def test_a_burst_of_what_was_queued_for_two_seconds_moves_nothing(exchange: Exchange) -> None:
@@ -345,8 +434,8 @@ def test_a_burst_of_what_was_queued_for_two_seconds_moves_nothing(exchange: Exch
         exchange.tick()
     refused = exchange.controller.refused.total()
     for message in old:
-        assert exchange.take(message) == "too old"
-        assert exchange.controller.sample(exchange.now_ns).status is LOST
+        assert exchange.take(message) in ("too old", "unanswered")
+        assert exchange.controller.sample(exchange.now_ns).status is GAP
     assert exchange.controller.refused.total() == refused + len(old)
     exchange.run_ms(100)
     assert exchange.tick().status is OK
@@ -368,7 +457,7 @@ def test_no_sample_that_counts_is_older_than_the_bound(
     if down_too:
         exchange.down = way
     sent_ns: dict[bytes, int] = {}
-    longest_ns = exchange.config.longest_age_ms * NS_PER_MS
+    longest_ns = exchange.config.longest_age_ms() * NS_PER_MS
     lost_ns = exchange.config.lost_after_ms * NS_PER_MS
     exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
     for _ in range(round((outage_ms + 500) * NS_PER_MS / TICK_NS)):
@@ -409,7 +498,7 @@ def test_once_an_operator_was_let_go_times_are_those_of_what_comes_then(exchange
 @pytest.mark.parametrize("gap_ms", [150, 2000])
 def test_after_a_gap_times_are_based_anew(exchange: Exchange, gap_ms: int) -> None:
     exchange.up = lambda _: None
-    assert exchange.run_ms(gap_ms)[-1].status is LOST
+    assert exchange.run_ms(gap_ms)[-1].status is GAP
     exchange.up = lambda _: 60 * NS_PER_MS  # the way back is longer
     sample = exchange.run_ms(200)[-1]
     assert sample.status is OK
@@ -441,7 +530,7 @@ def test_a_clock_that_jumps_never_makes_an_old_pose_new(
     exchange.offset_ns += jump_ns
     samples = exchange.run_ms(2000)
     if not moving:
-        lost = next((n for n, s in enumerate(samples) if s.status is LOST), len(samples))
+        lost = next((n for n, s in enumerate(samples) if s.status is GAP), len(samples))
         assert not new_poses(samples[:lost], frozen_ns)
         # once the link is lost the arm is stopped; that the hand keeps still is seen all the same
         assert len({sample.pose_ns for sample in samples[lost:] if sample.status is OK}) <= 1
@@ -452,13 +541,10 @@ def test_a_clock_that_jumps_never_makes_an_old_pose_new(
 
 
 @pytest.mark.parametrize("jump_ns", [-HOUR_NS, -NS_PER_S])
-def test_a_clock_that_jumps_back_loses_the_link_for_a_moment(
-    exchange: Exchange, jump_ns: int
-) -> None:
+def test_a_clock_that_jumps_back_makes_a_gap(exchange: Exchange, jump_ns: int) -> None:
     exchange.offset_ns += jump_ns
     statuses = [sample.status for sample in exchange.run_ms(400)]
-    assert LOST in statuses
-    first = statuses.index(LOST)
+    first = statuses.index(GAP)
     assert 100 <= first * TICK_NS / NS_PER_MS <= 150
     assert statuses[first + 2 :] == [OK] * len(statuses[first + 2 :])
 
@@ -759,26 +845,54 @@ def test_too_many_gaps_hold_until_the_trigger_was_released() -> None:
     assert bench.outputs[-1].arming is ArmingState.ENGAGED
 
 
-def test_two_seconds_of_outage_and_a_burst_are_a_fault_and_no_motion() -> None:
+@pytest.mark.parametrize(
+    ("outage_s", "stops"),
+    [
+        (2.0, [(ArmingState.HOLDING, Reason.LINK_GAP)]),
+        (3.5, [(ArmingState.HOLDING, Reason.LINK_GAP), (ArmingState.FAULT, Reason.LINK_LOST)]),
+    ],
+)
+def test_an_outage_and_its_burst_are_a_hold_then_a_fault_and_no_motion(
+    outage_s: float, stops: list[tuple[ArmingState, Reason]]
+) -> None:
     bench, exchange = engaged_bench()
     exchange.hand.velocity = hand_for((0.0, 0.25, 0.0), bench.config)
     run(bench, exchange, 400)
     start_ns = exchange.now_ns
-    exchange.up = exchange.down = queued(start_ns, start_ns + 2 * NS_PER_S, DELAY_NS)
+    end_ns = start_ns + round(outage_s * NS_PER_S)
+    exchange.up = exchange.down = queued(start_ns, end_ns, DELAY_NS)
     first = len(bench.outputs)
-    run(bench, exchange, 3000)
-    states = [output.arming for output in bench.outputs[first:]]
-    fault = states.index(ArmingState.FAULT)
+    run(bench, exchange, outage_s * 1000 + 1000)
+    after = bench.outputs[first:]
+    stopped = [(one.arming, one.reason) for one in after if one.arming is not ArmingState.ENGAGED]
+    assert list(dict.fromkeys(stopped)) == stops
+    held = len(after) - len(stopped)
     limit_ns = bench.config.link.lost_after_ms * NS_PER_MS + DELAY_NS + 2 * TICK_NS
-    assert fault * TICK_NS <= limit_ns
-    after = bench.outputs[first + fault :]
-    assert {(output.arming, output.reason) for output in after} == {
-        (ArmingState.FAULT, Reason.LINK_LOST)
-    }
-    assert after[0].stop
-    assert not np.any(bench.linear()[first + fault :])
-    assert not np.any(bench.angular()[first + fault :])
+    assert held * TICK_NS <= limit_ns
+    at_rest = first + held + round(REST_NS / TICK_NS)
+    assert not np.any(bench.linear()[at_rest:])
+    assert not np.any(bench.angular()[at_rest:])
+    faults = [one for one in after if one.arming is ArmingState.FAULT]
+    assert all(one.stop for one in faults[:1])
     assert exchange.tick().status is OK  # the link is back, the arm waits for the operator
+
+
+def test_after_a_gap_the_hand_goes_on_by_releasing_and_pressing() -> None:
+    bench, exchange = engaged_bench()
+    exchange.hand.velocity = hand_for((0.0, 0.25, 0.0), bench.config)
+    exchange.up = lambda _: None
+    run(bench, exchange, 2500)
+    exchange.up = lambda _: DELAY_NS
+    run(bench, exchange, 1000)
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    exchange.hand.trigger = 0.0
+    run(bench, exchange, 100)
+    assert bench.outputs[-1].arming is ArmingState.READY
+    assert not np.any(bench.linear()[-10:])
+    exchange.hand.trigger = 1.0
+    run(bench, exchange, 300)
+    assert bench.outputs[-1].arming is ArmingState.ENGAGED
+    assert np.linalg.norm(bench.linear()[-1]) > 0.1
 
 
 def test_a_hand_that_is_frozen_at_its_own_side_is_a_fault() -> None:
@@ -794,12 +908,34 @@ def test_a_hand_that_is_frozen_at_its_own_side_is_a_fault() -> None:
 @given(st.floats(0, 1000), st.floats(0, 400))
 def test_a_round_trip_as_configured_is_never_too_old(latency_ms: float, jitter_ms: float) -> None:
     link = LinkConfig(latency_ms=latency_ms, jitter_ms=jitter_ms)
-    assert link.longest_age_ms >= 2 * (latency_ms + jitter_ms) + 100
-    assert LinkConfig(latency_ms=latency_ms, max_age_ms=300).longest_age_ms == 300
+    assert link.longest_age_ms() >= 2 * (latency_ms + jitter_ms) + 100
+    assert link.longest_silence_ms >= link.longest_age_ms()
+    assert LinkConfig(latency_ms=latency_ms, max_age_ms=300).longest_age_ms(900) == 300
+
+
+@given(st.floats(0, 5000))
+def test_without_a_configuration_the_bound_follows_the_measured_round_trip(trip_ms: float) -> None:
+    link = LinkConfig()
+    assert link.longest_age_ms(trip_ms) == max(250.0, min(trip_ms + 200.0, 650.0))
+
+
+@pytest.mark.parametrize("way_ms", [100, 200])
+def test_without_a_configuration_a_far_link_works(way_ms: int) -> None:
+    """With 25 ms of jitter each way, in order."""
+    exchange, random = Exchange(), np.random.default_rng(4)
+
+    def way(_: int) -> int:
+        return round((way_ms + random.uniform(-25, 25)) * NS_PER_MS)
+
+    exchange.up = exchange.down = way
+    exchange.run_ms(1000)
+    exchange.taken.clear()
+    assert {sample.status for sample in exchange.run_ms(20_000)} == {OK}
+    assert set(exchange.taken) <= {"", "overtaken"}
 
 
 def test_no_configuration_lets_a_sample_of_more_than_three_seconds_move_the_arm() -> None:
-    assert LinkConfig(latency_ms=1000, jitter_ms=400).longest_age_ms == 3000
+    assert LinkConfig(latency_ms=1000, jitter_ms=400).longest_age_ms() == 3000
     with pytest.raises(ValidationError, match="jitter_ms"):
         LinkConfig(jitter_ms=401)
     with pytest.raises(ValidationError, match="max_age_ms"):

@@ -50,13 +50,14 @@ def test_a_new_pattern_cuts_off_the_old_one():
     assert [v for _, v in played(player, 1.0, 10 * NS_PER_MS)] == [PATTERNS[Haptic.ENGAGE][0][1]]
 
 
-def test_nothing_cuts_off_a_fault():
+@pytest.mark.parametrize("fault", [Haptic.FAULT, Haptic.LINK_FAULT])
+def test_nothing_cuts_off_a_fault(fault: Haptic):
     player = HapticPlayer()
-    player.start(Haptic.FAULT, 0)
+    player.start(fault, 0)
     player.due(0)
     player.start(Haptic.RELEASE, 10 * NS_PER_MS)
-    found = played(player, 1.0, 10 * NS_PER_MS)
-    assert [v for _, v in found] == [v for _, v in PATTERNS[Haptic.FAULT][1:]]
+    found = played(player, 1.5, 10 * NS_PER_MS)
+    assert [v for _, v in found] == [v for _, v in PATTERNS[fault][1:]]
     player.start(Haptic.RELEASE, 2 * NS_PER_S)
     assert player.due(2 * NS_PER_S) == PATTERNS[Haptic.RELEASE][0][1]
 

@@ -10,7 +10,7 @@ from hw.sim.operator.operator import Activity
 from hw.sim.operator.perception import Percept
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
-from tams_app.records import ControllerSample, Pose
+from tams_app.records import ControllerSample, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
@@ -240,6 +240,22 @@ def test_a_fault_is_left_to_the_experimenter_at_the_console():
     assert not any(sample.menu for sample in samples)
     assert sum(sample.trigger > 0.0 for sample in samples) < 0.2 * len(samples)
     trial.robot.arming = "ready"
+    _work(trial)
+    assert trial.robot.placed()
+
+
+def test_a_link_that_was_away_is_confirmed_twice_and_the_task_goes_on():
+    """Each confirmation after a squeeze that showed that the arm does not answer."""
+    trial = _trial(0)
+    trial.run_until(Stage.LIFT)
+    trial.robot.fault(Haptic.LINK_FAULT)
+    assert trial.run(0.15)[-1].trigger == 0.0
+    samples = []
+    while trial.robot.arming != "engaged":
+        samples += trial.run(0.1)
+        assert len(samples) < 12 * 120
+    presses = [after.menu and not before.menu for before, after in pairwise(samples)]
+    assert sum(presses) == 2
     _work(trial)
     assert trial.robot.placed()
 

@@ -56,6 +56,7 @@ class ToyRobot:
         self._pending: deque[Vector] = deque([np.zeros(6)] * max(1, round(lag_s * 120)))
         self._last: ControllerSample | None = None
         self._menu_ns: int | None = None
+        self._fault = Haptic.FAULT
 
     def step(self, sample: ControllerSample) -> None:
         self._arm(sample)
@@ -77,12 +78,15 @@ class ToyRobot:
         if sample.menu and self.arming in ("ready", "engaged", "holding"):
             held_on = self._last is not None and self._last.menu
             assert held_on, "the operator stopped an armed robot with the menu button"
-        self._menu_ns = (self._menu_ns or sample.buttons_ns) if sample.menu else None
+        if not (sample.menu and self._last is not None and self._last.menu):
+            self._menu_ns = sample.buttons_ns if sample.menu else None
         if self._menu_ns and sample.buttons_ns - self._menu_ns > NS_PER_S and sample.trigger == 0:
+            self._menu_ns = None  # once for each press
             if self.arming == "disarmed":
                 self.arming = "ready"
             elif self.arming == "fault":
-                raise AssertionError("the operator cleared a fault alone")
+                assert self._fault is Haptic.LINK_FAULT, "the operator cleared a fault alone"
+                self.arming = "disarmed"
         squeezed = sample.status is ControllerStatus.OK and sample.trigger >= 0.6
         if self.arming == "ready" and squeezed:
             if self._last is not None and self._last.trigger < 0.6 and not self.held:
@@ -95,9 +99,10 @@ class ToyRobot:
         elif self.arming in ("engaged", "holding") and sample.trigger <= 0.4:
             self.arming = "ready"
 
-    def fault(self) -> None:
+    def fault(self, haptic: Haptic = Haptic.FAULT) -> None:
         self.arming = "fault"
-        self.pulses.append(Haptic.FAULT)
+        self._fault = haptic
+        self.pulses.append(haptic)
 
     def _command(self, sample: ControllerSample) -> Vector:
         """Base-frame velocity asked for, shape (6,), smoothed."""
