@@ -16,6 +16,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +44,8 @@ IMAGES = 8
 ROUNDS = 4  # of them, with other noise, before the first one comes again
 GREYS = 25  # between the frames
 GAIN = 0x0098_0913
-INTEGER, BOOLEAN, MENU = 1, 2, 3
+INTEGER, BOOLEAN, MENU, HEADING = 1, 2, 3, 6
+READ_ONLY, DISABLED = 4, 1
 _ERRORS = {error.__name__: error for error in (ConfigError, DeviceError)}
 
 
@@ -70,6 +72,7 @@ class FakeControl(ctypes.Structure):
         ("fallback", ctypes.c_int32),
         ("value", ctypes.c_int32),
         ("stubborn", ctypes.c_uint32),
+        ("flags", ctypes.c_uint32),
     )
 
 
@@ -84,7 +87,13 @@ class FakeCamera(ctypes.Structure):
         ("width", ctypes.c_uint32),
         ("height", ctypes.c_uint32),
         ("rate", ctypes.c_uint32),
+        ("period", ctypes.c_uint32),
+        ("widest", ctypes.c_uint32),
+        ("highest", ctypes.c_uint32),
+        ("slowest", ctypes.c_uint32),
+        ("open_error", ctypes.c_uint32),
         ("age_us", ctypes.c_uint32),
+        ("changes", ctypes.c_uint32),
         ("streams_started", ctypes.c_uint32),
         ("frames", ctypes.c_uint32),
         ("frame_bytes", ctypes.c_uint32),
@@ -147,13 +156,16 @@ class Machine:
         port: int = 1,
         raw: bool = False,
         metadata: bool = False,
-        rate: int = 30,
+        rate: int | Fraction = 30,
+        slowest: int = 0,
         video: VideoConfig = SMALL,
+        largest: tuple[int, int] = (0, 0),
         controls: Sequence[FakeControl] = WEBCAM_CONTROLS,
         images: Sequence[bytes] | None = None,
     ) -> FakeCamera:
         """Put a camera in, as /dev/video<number> on USB port `port`.
 
+        `slowest`, `largest`: of any rate from there to `rate`, any size from `video` to there.
         `images`: the JPEGs that it gives, all of one length; by default `jpegs`.
         """
         images = jpegs(video, ROUNDS) if images is None else images
@@ -164,7 +176,11 @@ class Machine:
             pixelformat=fourcc,
             width=video.width,
             height=video.height,
-            rate=rate,
+            rate=rate.numerator,
+            period=rate.denominator,
+            widest=largest[0],
+            highest=largest[1],
+            slowest=slowest,
             frame_bytes=len(images[0]),
             frame_count=len(images),
             control_count=len(controls),

@@ -28,13 +28,18 @@ struct control {
     char name[32];
     int32_t minimum, maximum, step, fallback, value;
     uint32_t stubborn; /* takes any value and keeps its own */
+    uint32_t flags;
 };
 
 struct camera {
     char card[32];
-    uint32_t behaviour, metadata, pixelformat, width, height, rate;
-    uint32_t age_us;                       /* of a frame when it is ready */
-    uint32_t streams_started, frames;    /* what was done */
+    uint32_t behaviour, metadata, pixelformat, width, height;
+    uint32_t rate, period;     /* frames in so many seconds */
+    uint32_t widest, highest;  /* of any size from the one above on, 0: it has that one alone */
+    uint32_t slowest;          /* of any rate up to the one above, 0: it has that one alone */
+    uint32_t open_error;       /* why it cannot be opened, 0: it can */
+    uint32_t age_us;                            /* of a frame when it is ready */
+    uint32_t changes, streams_started, frames;  /* what was done */
     uint32_t frame_bytes, frame_count; /* the JPEGs behind this struct, each this long */
     uint32_t control_count;
     struct control controls[MAX_CONTROLS];
@@ -106,7 +111,7 @@ static void *film(void *argument) {
     struct timespec due;
     clock_gettime(CLOCK_MONOTONIC, &due);
     for (;;) {
-        due.tv_nsec += 1000000000 / o->camera->rate;
+        due.tv_nsec += 1000000000LL * o->camera->period / o->camera->rate;
         if (due.tv_nsec >= 1000000000) due.tv_sec++, due.tv_nsec -= 1000000000;
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
         pthread_mutex_lock(&lock);
@@ -182,17 +187,29 @@ static int formats(struct camera *c, struct v4l2_fmtdesc *a) {
 
 static int sizes(struct camera *c, struct v4l2_frmsizeenum *a) {
     if (a->index || a->pixel_format != c->pixelformat) return refuse(EINVAL);
-    a->type = V4L2_FRMSIZE_TYPE_DISCRETE;
-    a->discrete.width = c->width;
-    a->discrete.height = c->height;
+    if (c->widest) {
+        a->type = V4L2_FRMSIZE_TYPE_STEPWISE;
+        a->stepwise = (struct v4l2_frmsize_stepwise){c->width, c->widest, 2, c->height, c->highest, 2};
+    } else {
+        a->type = V4L2_FRMSIZE_TYPE_DISCRETE;
+        a->discrete = (struct v4l2_frmsize_discrete){c->width, c->height};
+    }
     return 0;
 }
 
 static int intervals(struct camera *c, struct v4l2_frmivalenum *a) {
-    if (a->index || a->width != c->width || a->height != c->height) return refuse(EINVAL);
-    a->type = V4L2_FRMIVAL_TYPE_DISCRETE;
-    a->discrete.numerator = 1;
-    a->discrete.denominator = c->rate;
+    uint32_t widest = c->widest ? c->widest : c->width;
+    uint32_t highest = c->highest ? c->highest : c->height;
+    if (a->index || a->width < c->width || a->width > widest) return refuse(EINVAL);
+    if (a->height < c->height || a->height > highest) return refuse(EINVAL);
+    struct v4l2_fract fastest = {c->period, c->rate};
+    if (c->slowest) {
+        a->type = V4L2_FRMIVAL_TYPE_CONTINUOUS;
+        a->stepwise = (struct v4l2_frmival_stepwise){fastest, {1, c->slowest}, {1, 1}};
+    } else {
+        a->type = V4L2_FRMIVAL_TYPE_DISCRETE;
+        a->discrete = fastest;
+    }
     return 0;
 }
 
@@ -213,7 +230,7 @@ static int rate(struct camera *c, struct v4l2_streamparm *a) {
     if (a->type != V4L2_BUF_TYPE_VIDEO_CAPTURE) return refuse(EINVAL);
     memset(&a->parm, 0, sizeof a->parm);
     a->parm.capture.capability = V4L2_CAP_TIMEPERFRAME;
-    a->parm.capture.timeperframe.numerator = 1;
+    a->parm.capture.timeperframe.numerator = c->period;
     a->parm.capture.timeperframe.denominator = c->rate;
     return 0;
 }
@@ -279,6 +296,7 @@ static int describe_control(struct camera *c, struct v4l2_queryctrl *a) {
     a->maximum = found->maximum;
     a->step = found->step;
     a->default_value = found->fallback;
+    a->flags = found->flags;
     return 0;
 }
 
@@ -291,9 +309,19 @@ static int use_control(struct camera *c, struct v4l2_control *a, int set) {
     return 0;
 }
 
+static int changes(unsigned long number) {
+    switch (number) {
+    case VIDIOC_S_FMT: case VIDIOC_S_PARM: case VIDIOC_S_CTRL: case VIDIOC_S_EXT_CTRLS:
+    case VIDIOC_S_INPUT: case VIDIOC_S_STD: case VIDIOC_S_PRIORITY: case VIDIOC_S_SELECTION:
+    case VIDIOC_REQBUFS: case VIDIOC_STREAMON: case VIDIOC_STREAMOFF: return 1;
+    default: return 0;
+    }
+}
+
 static int answer(struct opened *o, unsigned long number, void *a) {
     struct camera *c = o->camera;
     if (!plugged(o)) return refuse(ENODEV);
+    c->changes += changes(number);
     switch (number) {
     case VIDIOC_QUERYCAP: return capability(o, a);
     case VIDIOC_ENUM_FMT: return formats(c, a);
@@ -324,6 +352,11 @@ static int open_camera(const char *path) {
     fstat(file, &about);
     struct camera *camera = mmap(NULL, about.st_size, PROT_READ | PROT_WRITE, MAP_SHARED, file, 0);
     REAL(close)(file);
+    if (camera->open_error) {
+        errno = camera->open_error;
+        munmap(camera, about.st_size);
+        return -1;
+    }
     pthread_mutex_lock(&lock);
     int fd = -1;
     for (int i = 0; i < MAX_OPEN && fd < 0; i++) {

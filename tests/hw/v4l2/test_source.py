@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from typing import Any
@@ -15,8 +16,12 @@ from tams_app.records import Frame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.v4l2.fake_cameras import (
+    DISABLED,
     GREYS,
+    HEADING,
     IMAGES,
+    INTEGER,
+    READ_ONLY,
     SMALL,
     WEBCAM_CONTROLS,
     Behaviour,
@@ -103,6 +108,36 @@ def test_cameras_are_listed_with_serial_links_and_modes(
     assert found[2].modes == (CameraMode("YUYV", False, 160, 120, (Fraction(30),)),)
 
 
+def test_ranges_of_sizes_and_rates_are_listed_as_the_driver_gives_them(
+    process: CameraProcess, machine: Machine
+) -> None:
+    machine.plug(raw=True, rate=Fraction(60000, 1001), slowest=5, largest=(1920, 1080))
+    rates = (Fraction(60000, 1001), Fraction(5))
+    ranges = CameraMode("YUYV", False, 160, 120, rates, any_rate=True, largest=(1920, 1080))
+    assert [info.modes for info in process.cameras()] == [(ranges,)]
+
+
+def test_cameras_are_not_changed_by_being_listed(process: CameraProcess, machine: Machine) -> None:
+    webcam = machine.plug()
+    process.cameras()
+    assert webcam.changes == 0
+
+
+@pytest.mark.parametrize(
+    ("error", "sentence"),
+    [
+        (errno.EACCES, "which you may not open: join the group video and log in again"),
+        (errno.EBUSY, "which cannot be opened: Device or resource busy"),
+    ],
+)
+def test_a_camera_that_cannot_be_opened_is_listed_with_the_reason(
+    process: CameraProcess, machine: Machine, error: int, sentence: str
+) -> None:
+    machine.plug().open_error = error
+    (info,) = process.cameras()
+    assert str(info) == f"'Webcam', serial S1 at {machine.node(0)}, {sentence}"
+
+
 def test_a_camera_is_opened_by_its_serial_whatever_its_number(
     machine: Machine, open_camera: Open
 ) -> None:
@@ -139,6 +174,11 @@ def test_frames_come_decoded_in_either_format(
     assert all(frame.image.shape == (120, 160, 3) for frame in frames)
     if not raw:
         assert len({(frame_number(f) - f.index) % IMAGES for f in frames}) == 1
+
+
+def test_a_camera_runs_at_its_own_fraction_of_a_rate(machine: Machine, open_camera: Open) -> None:
+    machine.plug(rate=Fraction(30000, 1001))
+    next_of(open_camera())
 
 
 def test_a_frame_was_taken_when_the_kernel_says(machine: Machine, open_camera: Open) -> None:
@@ -191,8 +231,13 @@ def test_exposure_white_balance_and_controls_are_set_in_the_camera(
 def test_a_control_the_camera_lacks_is_named_at_the_start(
     machine: Machine, open_camera: Open
 ) -> None:
-    machine.plug(controls=WEBCAM_CONTROLS[:1])
-    with pytest.raises(DeviceError, match=r"camera gt: .*no control zoom.*its controls: gain"):
+    cannot_be_set = (
+        FakeControl(0x0098_0001, HEADING, b"User Controls"),
+        FakeControl(0x0098_0914, INTEGER, b"Privacy", 0, 1, 1, 0, 0, 0, READ_ONLY),
+        FakeControl(0x0098_0915, INTEGER, b"Zoom, Relative", 0, 1, 1, 0, 0, 0, DISABLED),
+    )
+    machine.plug(controls=(WEBCAM_CONTROLS[0], *cannot_be_set))
+    with pytest.raises(DeviceError, match=r"camera gt: .*no control zoom.*its controls: gain$"):
         open_camera(name="Webcam", controls={"zoom": 3})
 
 
