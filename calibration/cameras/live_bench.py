@@ -10,9 +10,13 @@ from calibration.cameras.bench import Settings, Shot
 from calibration.cameras.flashes import Flashes, flashing_window
 from hw.gstreamer.camera import GstCamera
 from hw.sim.operator.at_cameras import Task
-from hw.v4l2.controls import EXPOSURE_ABSOLUTE, EXPOSURE_UNIT_US, WHITE_BALANCE_TEMPERATURE
+from hw.v4l2.controls import (
+    EXPOSURE_ABSOLUTE,
+    EXPOSURE_UNIT_US,
+    WHITE_BALANCE_TEMPERATURE,
+    present_values,
+)
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
-from hw.v4l2.ioctl import V4l2Device
 from hw.v4l2.source import V4l2Source
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
@@ -21,6 +25,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 _POLL_NS = 2 * NS_PER_MS
 _BY_PATH = "/v4l/by-path/"
+_CHOSEN_BY_ITSELF = (EXPOSURE_ABSOLUTE, WHITE_BALANCE_TEMPERATURE)
 
 
 @dataclass(slots=True)
@@ -101,9 +106,7 @@ class LiveBench:
 
     def chosen_settings(self, camera: str) -> Settings:
         try:
-            with V4l2Device(self._plugged[camera].info.node) as device:
-                exposure = _control(device, EXPOSURE_ABSOLUTE)
-                white = _control(device, WHITE_BALANCE_TEMPERATURE)
+            exposure, white = present_values(self._plugged[camera].info.node, _CHOSEN_BY_ITSELF)
         except OSError as error:
             raise DeviceError(f"{camera} does not tell its controls: {error.strerror}") from error
         return Settings(None if exposure is None else float(exposure * EXPOSURE_UNIT_US), white)
@@ -164,10 +167,3 @@ def bind(info: CameraInfo, found: Sequence[CameraInfo], video: VideoConfig) -> C
     else:
         keys = {"path": info.node}
     return CameraConfig.model_validate({**keys, "pixel_format": "mjpeg" if mjpeg else "raw"})
-
-
-def _control(device: V4l2Device, control_id: int) -> int | None:
-    """Its value, None if the camera has no such control."""
-    if all(control.id != control_id for control in device.controls()):
-        return None
-    return device.control(control_id)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from hw.v4l2.ioctl import Control, V4l2Device
+from linuxpy.video.device import ControlFlag, ControlType, Device, get_control, set_control
+
 from tams_app.config import CameraConfig
 from tams_app.errors import ConfigError, DeviceError
 
@@ -19,6 +21,19 @@ EXPOSURE_AUTO_PRIORITY = 0x009A_0903  # may lengthen the frame period in the dar
 MANUAL_EXPOSURE = 1  # of EXPOSURE_AUTO
 EXPOSURE_UNIT_US = 100
 
+_UNUSABLE = ControlFlag.DISABLED | ControlFlag.READ_ONLY | ControlFlag.HAS_PAYLOAD
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """A control of a camera, named as v4l2-ctl prints it."""
+
+    id: int
+    name: str
+    minimum: int
+    maximum: int
+    default: int
+
 
 @dataclass(frozen=True, slots=True)
 class Setting:
@@ -26,6 +41,26 @@ class Setting:
 
     control: Control
     value: int
+
+
+def controls_of(device: Device) -> list[Control]:
+    """Everything that can be set to a number, headings left out; OSError if it is pulled out."""
+    return [
+        Control(
+            found.id,
+            control_name(found.name.decode(errors="replace")),
+            found.minimum,
+            found.maximum,
+            found.default_value,
+        )
+        for found in device.info.controls
+        if found.type != ControlType.CTRL_CLASS and not found.flags & _UNUSABLE
+    ]
+
+
+def control_name(title: str) -> str:
+    """`Exposure Time, Absolute` → `exposure_time_absolute`."""
+    return re.sub(r"[^a-z0-9]+", "_", title.lower()).strip("_")
 
 
 def refuse_long_exposure(view: str, config: CameraConfig, fps: int) -> None:
@@ -72,11 +107,11 @@ def plan_settings(config: CameraConfig, has: Sequence[Control]) -> list[Setting]
     return plan + [_setting(by_name.get(name), name, value, has) for name, value in named]
 
 
-def apply_settings(device: V4l2Device, settings: Iterable[Setting]) -> None:
+def apply_settings(device: Device, settings: Iterable[Setting]) -> None:
     """Set them one by one; DeviceError names the one that the camera refuses."""
     for setting in settings:
         try:
-            device.set_control(setting.control.id, setting.value)
+            set_control(device, setting.control.id, setting.value)
         except OSError as error:
             raise DeviceError(
                 f"the camera refuses to set {setting.control.name} to {setting.value}: "
@@ -84,15 +119,22 @@ def apply_settings(device: V4l2Device, settings: Iterable[Setting]) -> None:
             ) from error
 
 
-def not_kept(device: V4l2Device, settings: Iterable[Setting]) -> list[str]:
+def not_kept(device: Device, settings: Iterable[Setting]) -> list[str]:
     """The settings that the camera has changed by itself, as the ends of sentences."""
     values = {setting.control: setting.value for setting in settings}
-    found = {control: device.control(control.id) for control in values}
+    found = {control: get_control(device, control.id) for control in values}
     return [
         f"keeps {control.name} at {found[control]} although {value} was set"
         for control, value in values.items()
         if found[control] != value
     ]
+
+
+def present_values(node: str, ids: Iterable[int]) -> list[int | None]:
+    """The values that these controls of a camera have now, None for those it lacks; OSError."""
+    with Device(node) as device:
+        there = {control.id for control in controls_of(device)}
+        return [get_control(device, number) if number in there else None for number in ids]
 
 
 def _setting(control: Control | None, what: str, value: int, has: Sequence[Control]) -> Setting:

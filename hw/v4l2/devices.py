@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
-from hw.v4l2.ioctl import V4l2Device
+from linuxpy.video.device import Device, iter_read, raw
+
 from tams_app.errors import DeviceError
 
 MJPEG = ("MJPG", "JPEG")
@@ -147,11 +148,10 @@ def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraIn
     modes: tuple[CameraMode, ...] = ()
     refusal = ""
     try:
-        with V4l2Device(str(node)) as device:
-            card, captures = device.card()
-            if not captures:
+        with Device(node) as device:
+            if raw.Capability.VIDEO_CAPTURE not in device.info.device_capabilities:
                 return None
-            name = name or card
+            name = name or device.info.raw_capabilities.card.decode(errors="replace")
             modes = tuple(_modes(device))
     except FileNotFoundError:
         return None
@@ -173,10 +173,41 @@ def _attribute(file: Path) -> str:
     return file.read_text(errors="replace").strip() if file.is_file() else ""
 
 
-def _modes(device: V4l2Device) -> Iterator[CameraMode]:
-    for pixel_format, compressed in device.formats():
+def _modes(device: Device) -> Iterator[CameraMode]:
+    """From the driver's answers: linuxpy's own lists of modes take rates through a float."""
+    asked = raw.v4l2_fmtdesc(type=raw.BufType.VIDEO_CAPTURE)
+    for found in iter_read(device, raw.IOC.ENUM_FMT, asked):
+        pixel_format = found.pixelformat
         fourcc = pixel_format.to_bytes(4, "little").decode("latin-1").strip()
-        for width, height, largest in device.frame_sizes(pixel_format):
-            found, any_rate = device.rates(pixel_format, *(largest or (width, height)))
-            rates = tuple(sorted(found, reverse=True))
+        compressed = bool(found.flags & raw.ImageFormatFlag.COMPRESSED)
+        for width, height, largest in _sizes(device, pixel_format):
+            found_rates, any_rate = _rates(device, pixel_format, *(largest or (width, height)))
+            rates = tuple(sorted(found_rates, reverse=True))
             yield CameraMode(fourcc, compressed, width, height, rates, any_rate, largest)
+
+
+def _sizes(device: Device, pixel_format: int) -> Iterator[tuple[int, int, tuple[int, int] | None]]:
+    """Width and height [px] of the frames, and up to where if it is a range."""
+    asked = raw.v4l2_frmsizeenum(pixel_format=pixel_format)
+    for found in iter_read(device, raw.IOC.ENUM_FRAMESIZES, asked):
+        if found.type != raw.Frmsizetypes.DISCRETE:  # a range stands alone
+            ends = found.stepwise
+            yield ends.min_width, ends.min_height, (ends.max_width, ends.max_height)
+            return
+        yield found.discrete.width, found.discrete.height, None
+
+
+def _rates(
+    device: Device, pixel_format: int, width: int, height: int
+) -> tuple[list[Fraction], bool]:
+    """The frame rates [1/s], and whether any between the two there are will do."""
+    asked = raw.v4l2_frmivalenum(pixel_format=pixel_format, width=width, height=height)
+    rates: list[Fraction] = []
+    for found in iter_read(device, raw.IOC.ENUM_FRAMEINTERVALS, asked):
+        any_rate = found.type != raw.Frmivaltypes.DISCRETE
+        ends = (found.stepwise.min, found.stepwise.max) if any_rate else (found.discrete,)
+        periods = [(end.numerator, end.denominator) for end in ends]
+        rates += [Fraction(parts, seconds) for seconds, parts in periods if seconds and parts]
+        if any_rate:
+            return rates, True
+    return rates, False

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from linuxpy.video.device import Device
+
 from hw.gstreamer.capture import GstCapture
 from hw.v4l2.controls import (
     Setting,
     apply_settings,
+    controls_of,
     not_kept,
     plan_settings,
     refuse_long_exposure,
 )
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
-from hw.v4l2.ioctl import V4l2Device
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
@@ -69,15 +71,15 @@ class V4l2Source:
         if self._info is None:
             return []
         try:
-            with V4l2Device(self._info.node) as device:
+            with Device(self._info.node) as device:
                 return not_kept(device, self._settings)
         except OSError as error:
             return [f"does not tell its controls: {error.strerror}"]
 
     def _set_controls(self, info: CameraInfo) -> None:
         try:
-            with V4l2Device(info.node) as device:
-                self._settings = plan_settings(self._config, list(device.controls()))
+            with Device(info.node) as device:
+                self._settings = plan_settings(self._config, controls_of(device))
                 apply_settings(device, self._settings)
         except OSError as error:
             raise DeviceError(f"{info} cannot be opened: {error.strerror}") from error

@@ -44,8 +44,8 @@ IMAGES = 8
 ROUNDS = 4  # of them, with other noise, before the first one comes again
 GREYS = 25  # between the frames
 GAIN = 0x0098_0913
-INTEGER, BOOLEAN, MENU, HEADING = 1, 2, 3, 6
-READ_ONLY, DISABLED = 4, 1
+INTEGER, BOOLEAN, MENU, HEADING, RECTANGLE = 1, 2, 3, 6, 0x0107
+DISABLED, READ_ONLY, HAS_PAYLOAD = 0x0001, 0x0004, 0x0100
 _ERRORS = {error.__name__: error for error in (ConfigError, DeviceError)}
 
 

@@ -279,6 +279,7 @@ static struct control *control_of(struct camera *c, uint32_t id) {
     for (uint32_t i = 0; i < c->control_count; i++) {
         struct control *found = &c->controls[i];
         if (!wants_next && found->id == id) return found;
+        if (found->type >= V4L2_CTRL_COMPOUND_TYPES && !(id & V4L2_CTRL_FLAG_NEXT_COMPOUND)) continue;
         if (wants_next && found->id > (id & V4L2_CTRL_ID_MASK) && (!next || found->id < next->id))
             next = found;
     }
@@ -297,6 +298,23 @@ static int describe_control(struct camera *c, struct v4l2_queryctrl *a) {
     a->step = found->step;
     a->default_value = found->fallback;
     a->flags = found->flags;
+    return 0;
+}
+
+static int describe_any_control(struct camera *c, struct v4l2_query_ext_ctrl *a) {
+    struct v4l2_queryctrl found = {.id = a->id};
+    if (describe_control(c, &found)) return -1;
+    memset(a, 0, sizeof *a);
+    a->id = found.id;
+    a->type = found.type;
+    memcpy(a->name, found.name, sizeof a->name);
+    a->minimum = found.minimum;
+    a->maximum = found.maximum;
+    a->step = found.step;
+    a->default_value = found.default_value;
+    a->flags = found.flags;
+    a->elem_size = 4;
+    a->elems = 1;
     return 0;
 }
 
@@ -337,6 +355,7 @@ static int answer(struct opened *o, unsigned long number, void *a) {
     case VIDIOC_STREAMON: return busy(o) ? refuse(EBUSY) : start(o);
     case VIDIOC_STREAMOFF: stop(o); return 0;
     case VIDIOC_QUERYCTRL: return describe_control(c, a);
+    case VIDIOC_QUERY_EXT_CTRL: return describe_any_control(c, a);
     case VIDIOC_G_CTRL: return use_control(c, a, 0);
     case VIDIOC_S_CTRL: return use_control(c, a, 1);
     default: return refuse(ENOTTY);

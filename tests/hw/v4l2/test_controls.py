@@ -12,10 +12,11 @@ from hw.v4l2.controls import (
     EXPOSURE_AUTO,
     EXPOSURE_AUTO_PRIORITY,
     WHITE_BALANCE_TEMPERATURE,
+    Control,
+    control_name,
     plan_settings,
     refuse_long_exposure,
 )
-from hw.v4l2.ioctl import Control, control_name
 from tams_app.config import CameraConfig
 from tams_app.errors import ConfigError, DeviceError
 

@@ -18,10 +18,12 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.v4l2.fake_cameras import (
     DISABLED,
     GREYS,
+    HAS_PAYLOAD,
     HEADING,
     IMAGES,
     INTEGER,
     READ_ONLY,
+    RECTANGLE,
     SMALL,
     WEBCAM_CONTROLS,
     Behaviour,
@@ -235,6 +237,7 @@ def test_a_control_the_camera_lacks_is_named_at_the_start(
         FakeControl(0x0098_0001, HEADING, b"User Controls"),
         FakeControl(0x0098_0914, INTEGER, b"Privacy", 0, 1, 1, 0, 0, 0, READ_ONLY),
         FakeControl(0x0098_0915, INTEGER, b"Zoom, Relative", 0, 1, 1, 0, 0, 0, DISABLED),
+        FakeControl(0x009A_0925, RECTANGLE, b"Region of Interest", flags=HAS_PAYLOAD),
     )
     machine.plug(controls=(WEBCAM_CONTROLS[0], *cannot_be_set))
     with pytest.raises(DeviceError, match=r"camera gt: .*no control zoom.*its controls: gain$"):
