@@ -86,8 +86,11 @@ def two(tmp_path: Path) -> Iterator[Two]:
         yield Two(tmp_path, stack)
 
 
-def lost(two: Two, *, there: bool, back: bool) -> tuple[Outage, int]:
-    """Cut so while the arm moves, and arm it anew; how it stopped, and when the cut was [ns]."""
+def lost(two: Two, reasons: set[str], *, there: bool, back: bool) -> tuple[Outage, int]:
+    """Cut so while the arm moves, and arm it anew; how it stopped, and when the cut was [ns].
+
+    It stopped for one of `reasons`, and the operator was notified of that.
+    """
     two.side.moves()
     before = len(two.side.notes)  # the robot's first sentence is that there is no link
     cut_ns = two.side.loses_the_link(
@@ -96,22 +99,24 @@ def lost(two: Two, *, there: bool, back: bool) -> tuple[Outage, int]:
         CUT_S,
     )
     two.side.moves()
-    assert any(note.startswith("holding, link gap") for note in two.side.notes[before:])
+    starts = tuple(f"holding, {reason}" for reason in reasons)
+    assert any(note.startswith(starts) for note in two.side.notes[before:])
     log = two.log()
-    assert any(stop.reason == Reason.LINK_GAP.label for stop in log.stops)
-    return outage(log, cut_ns), cut_ns
+    found = outage(log, cut_ns)
+    assert found.reason in reasons
+    assert any(stop.reason == found.reason for stop in log.stops)
+    return found, cut_ns
 
 
 def test_samples_that_no_longer_come_stop_the_arm(two: Two):
-    found, _ = lost(two, there=True, back=False)
-    assert found.reason == Reason.LINK_GAP.label
+    found, _ = lost(two, {Reason.LINK_GAP.label}, there=True, back=False)
     assert found.rest_after_ms(LINK.lost_after_ms) < REST_MS + SLACK_MS
 
 
 def test_an_operator_who_no_longer_hears_the_robot_moves_nothing_beyond_the_bound(two: Two):
-    """Their samples come, and with them no newer echo: after the bound they do not count."""
-    found, cut_ns = lost(two, there=False, back=True)
-    assert found.reason == Reason.LINK_GAP.label
+    """Their samples come, and with them neither a newer echo nor a frame that was shown."""
+    reasons = {Reason.LINK_GAP.label, Reason.STALE_VIDEO.label}
+    found, cut_ns = lost(two, reasons, there=False, back=True)
     limit_ms = LINK.stopped_after_ms + REST_MS + SLACK_MS
     assert (found.rest_ns - cut_ns) / NS_PER_MS < limit_ms
 

@@ -27,6 +27,7 @@ HOST = "127.0.0.1"
 FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
 _CONFIRM_EACH_S = 1.0
 _PRESSED_S = 1.0
+_UNHINDERED_S = 0.3
 _RELEASED_S = 0.2  # what was pressed must be seen released before it counts again
 _WAY_TO_SPEED_MM = 60.0
 _WAY_S = 2.0
@@ -172,15 +173,21 @@ class HandSide:
         """Let go and arm, whatever has stopped the arm before; it waits, ready."""
         self.hand.trigger = 0.0
         time.sleep(_RELEASED_S)
-        asked_s, deadline_s = 0.0, time.monotonic() + PATIENCE_S
-        while not (self.arming == ArmingState.READY and not self.reason):
+        asked_s = 0.0
+        now_s = hindered_s = time.monotonic()
+        deadline_s = now_s + PATIENCE_S
+        while now_s - hindered_s < _UNHINDERED_S:  # the first video may come after READY
             self.session.poll()
             assert not self.session.failure, self.session.failure
-            assert time.monotonic() < deadline_s, f"{self.arming}: {self.reason}"
-            if time.monotonic() - asked_s > _CONFIRM_EACH_S:
-                asked_s = time.monotonic()
+            assert now_s < deadline_s, f"{self.arming}: {self.reason}"
+            armed = self.arming == ArmingState.READY
+            if not armed and now_s - asked_s > _CONFIRM_EACH_S:
+                asked_s = now_s
                 self.session.signals.confirm()
             time.sleep(0.02)
+            now_s = time.monotonic()
+            if not armed or self.reason:
+                hindered_s = now_s
 
     def moves(self) -> None:
         """Engage, and go at full speed towards the other side until the arm is under way."""
