@@ -1,4 +1,4 @@
-"""The seeing operator on perfect video: `python -m benchmarks.experiments.operator --seeds 40`.
+"""The seeing operator on perfect video: `python -m benchmarks.experiments.seeing_operator --seeds 40`.
 
 Their two free parameters were fitted by this: with lossless, undelayed frames they succeed on at
 least 95 % of the seeds, in about the times of the paper's participants under S1. Seed n is scene n
@@ -162,7 +162,7 @@ def report_calibration(tables: dict[str, dict[str, dict[str, float]]]) -> Table:
 
 def main() -> None:
     parser = argparse.ArgumentParser(
-        prog="python -m benchmarks.experiments.operator", description=__doc__
+        prog="python -m benchmarks.experiments.seeing_operator", description=__doc__
     )
     parser.add_argument("--seeds", type=int, default=40)
     parser.add_argument("--first", type=int, default=0, help="the first seed (default 0)")
@@ -182,7 +182,7 @@ def main() -> None:
     successes = sum(trial.success for trial in trials)
     summary = {
         "command": (
-            f"python -m benchmarks.experiments.operator --first {options.first} "
+            f"python -m benchmarks.experiments.seeing_operator --first {options.first} "
             f"--seeds {options.seeds}"
         ),
         "trials": len(trials),
