@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -12,11 +13,13 @@ from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.client import WINDOW, FaceClient
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import CommandRequest, Event, Facts
+from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.window.feeding import Feeding, feeding
-from tests.faces.window.xvfb import Screen, virtual_screen
+from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
 
 @dataclass
@@ -47,7 +50,7 @@ class ShownWindow:
 
 @pytest.fixture(scope="module")
 def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
-    """The window of the default configuration at 1280x720, with the focus."""
+    """The window of the default configuration at 1280x720, with the focus; its keys count."""
     folder = tmp_path_factory.mktemp("window")
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
     video = config.video
@@ -61,6 +64,8 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
             hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
             hearing.start()
             screen.focus("TAMS")
+            assert wait_for(lambda: client.keys is not None and client.keys.focused)
+            time.sleep(REPEAT_NS / NS_PER_S)  # a key sooner may have been down before the focus
             try:
                 yield shown
             finally:

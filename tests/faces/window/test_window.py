@@ -76,7 +76,6 @@ def test_the_primary_view_gets_the_large_place_with_its_own_picture(
 def test_a_pinned_view_is_large_whatever_is_primary_until_its_key_comes_again(
     window: ShownWindow, pictures: dict[str, Image]
 ) -> None:
-    time.sleep(1.0)  # after the focus
     window.put(pictures)
     window.show(changed(FACTS, primary_view="eih", t_s=time.monotonic()))
     assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
@@ -110,7 +109,6 @@ def test_that_the_block_is_placed_is_written_over_the_primary_view(
 
 
 def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
-    time.sleep(1.0)  # after the focus
     window.events.clear()
 
     def held() -> list[tuple[str, ...]]:
@@ -141,7 +139,6 @@ def test_space_escape_and_the_button_stop_and_q_ends(window: ShownWindow) -> Non
 
 
 def test_keys_and_pedals_ask_about_episodes_once_for_each_press(window: ShownWindow) -> None:
-    time.sleep(1.0)  # after the focus
     window.events.clear()
     window.screen.xdotool("keydown", "e")
     time.sleep(1.5)  # the server repeats it after 0.66 s
