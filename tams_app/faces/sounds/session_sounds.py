@@ -12,6 +12,7 @@ from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.worker import Worker
 
 DEVICE = "autoaudiosink"
+_WITHOUT = "the session goes on without sounds"
 
 
 class SessionSounds:
@@ -27,6 +28,7 @@ class SessionSounds:
         )
         self._worker = Worker("sounds", self._await_ready)
         self._choice, self._number = ToneChoice(), 0
+        self._plays = False
         self._stack = ExitStack()
 
     def launch(self) -> None:
@@ -45,7 +47,13 @@ class SessionSounds:
         """Nothing: sentences are to be read."""
 
     def refresh(self) -> None:
-        """Have a tone played if the arming state has changed to one that has a tone."""
+        """Have a tone played if the arming state has changed to one that has a tone.
+
+        Its process is watched as well: unlike that of a face which shows the video, it may end.
+        """
+        if self._plays and self._process.exit_code is not None:
+            self._plays = False
+            self._session.note("warning", f"the sounds' process ended unasked; {_WITHOUT}")
         tone = self._choice.step(self._session.state().arming)
         if tone is not None:
             self._number += 1
@@ -58,9 +66,10 @@ class SessionSounds:
     def _await_ready(self, stop: threading.Event) -> None:
         try:
             self._process.wait_ready()
+            self._plays = True
         except HelperError as error:
             if not stop.is_set():
-                self._session.note("warning", f"{error}; the session goes on without sounds")
+                self._session.note("warning", f"{error}; {_WITHOUT}")
 
 
 def sounds_of(

@@ -144,6 +144,30 @@ def test_a_computer_without_sound_says_so_once_and_the_session_goes_on(
     assert text.endswith("; the session goes on without sounds")
 
 
+def test_a_process_that_ends_unasked_is_noted_once_and_the_session_goes_on(tmp_path: Path) -> None:
+    arm: Any = Arm(tmp_path)
+    sounds = SessionSounds(arm, "fakesink")
+    sounds.launch()
+    sounds.open()
+    deadline_s = time.monotonic() + DEADLINE_S
+    while not sounds._plays:
+        assert time.monotonic() < deadline_s, arm.notes
+        time.sleep(0.02)
+    sounds.refresh()
+    assert arm.notes == []
+    os.kill(sounds._process.pid or 0, signal.SIGKILL)
+    while not arm.notes:
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+        sounds.refresh()
+    for arm.arming in ("holding", "ready", "fault") * 3:
+        sounds.refresh()
+    sounds.close()
+    assert arm.notes == [
+        ("warning", "the sounds' process ended unasked; the session goes on without sounds")
+    ]
+
+
 def test_a_session_that_ends_at_once_says_nothing_of_sounds(tmp_path: Path) -> None:
     arm: Any = Arm(tmp_path)
     sounds = SessionSounds(arm, "fakesink")
