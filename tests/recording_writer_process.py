@@ -29,7 +29,7 @@ def fail(thread: str, failure: BaseException) -> None:
 def main() -> None:
     clock, signals = MonotonicClock(), Signals()
     recorder = Recorder(Path(sys.argv[1]), header(), clock, 0, fail)
-    episodes = EpisodeKeeper(0.0, signals, Journal(clock, recorder))
+    episodes = EpisodeKeeper(0.0, signals, Journal(clock, recorder), lambda: None)
     recorder.start()
     for number in itertools.count():
         if number in BEGIN_OR_END:

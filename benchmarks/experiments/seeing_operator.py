@@ -1,4 +1,4 @@
-"""The seeing operator on perfect video: `python -m benchmarks.experiments.seeing_operator --seeds 40`.
+"""The seeing operator on perfect video: `python -m benchmarks.experiments.seeing_operator`.
 
 Their two free parameters were fitted by this: with lossless, undelayed frames they succeed on at
 least 95 % of the seeds, in about the times of the paper's participants under S1. Seed n is scene n

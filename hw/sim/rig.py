@@ -1,11 +1,13 @@
 """The simulated rig's world and arm controller, a helper process of its own.
 
 Specification: memory_name, seed, host, control_port, report_port, start_joints_deg.
-Ready facts: memory_name, control_port, report_port, scheduler.
+Ready facts: memory_name, control_port, report_port, scheduler. It may be sent put_back: how often
+the block was asked to be put back to its start so far.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -35,7 +37,17 @@ class PublishedWorld:
     clock.
     """
 
-    def __init__(self, world: World, writer: WorldWriter, clock: Clock) -> None:
+    def __init__(
+        self,
+        world: World,
+        writer: WorldWriter,
+        clock: Clock,
+        put_back: Callable[[], int] = lambda: 0,
+    ) -> None:
+        """`put_back`: how often the block was to be put back so far, which is done between two
+        cycles, as soon as nothing is in the way.
+        """
+        self._asked, self._put_back = put_back, 0
         self._world = world
         self._writer = writer
         self._clock = clock
@@ -43,6 +55,9 @@ class PublishedWorld:
         writer.publish(self._now_ns, world.state())
 
     def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
+        asked = self._asked()
+        if asked != self._put_back and self._world.put_back():
+            self._put_back = asked
         state = self._world.step(joints_target, closing, duration_ns)
         wall_ns = self._clock.now_ns()
         self._now_ns = min(self._now_ns + duration_ns, wall_ns)
@@ -70,7 +85,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | N
     clock = MonotonicClock()
     world = World(draw_layout(int(specification["seed"])), start_joints)
     writer = WorldWriter(name)
-    plant = PublishedWorld(world, writer, clock)
+    plant = PublishedWorld(world, writer, clock, lambda: int(side.received.get("put_back", 0)))
     server = ControllerServer(
         ControllerModel(plant, start_joints),
         str(specification["host"]),

@@ -68,6 +68,12 @@ class Devices:
     def ask_fps(self, fps: float) -> None:
         """Have all cameras give `fps` frames a second from now on; no real one is ever slowed."""
 
+    def put_back(self) -> None:
+        """Put the block back to its start, now or once nothing is in the way; never waits.
+
+        Beside a real arm nothing can: a person does it by hand.
+        """
+
     def close(self) -> None:
         """Let go of everything; may be called after a failed start."""
 

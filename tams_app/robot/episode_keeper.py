@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from tams_app.recording.journal import Journal
 from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Tick
 from tams_app.robot.control import Signals
@@ -43,10 +45,15 @@ class EpisodeKeeper(Listener):
     they move nothing: A stands for `NEXT`, B for `DISCARD`. All but `state` in the control thread.
     """
 
-    def __init__(self, countdown_s: float, signals: Signals, log: Journal) -> None:
-        """`signals`: has what is asked by key."""
+    def __init__(
+        self, countdown_s: float, signals: Signals, log: Journal, prepare: Callable[[], None]
+    ) -> None:
+        """`signals`: has what is asked by key.
+
+        `prepare` is called when an episode was asked for, before its countdown; it must not wait.
+        """
         self._episodes = Episodes(countdown_s)
-        self._signals, self._log = signals, log
+        self._signals, self._log, self._prepare = signals, log, prepare
         self._buttons = {EpisodeRequest.NEXT: LongPress(), EpisodeRequest.DISCARD: LongPress()}
         self.state: EpisodesState = self._episodes.state(0)
         self._state_due_ns = 0
@@ -62,6 +69,8 @@ class EpisodeKeeper(Listener):
             if answer.record is not None:
                 self._log.record(answer.record)
             self._log.note("info", answer.sentence)
+            if answer.begins:
+                self._prepare()
         if begun or requests or now_ns >= self._state_due_ns:
             self._state_due_ns = now_ns + _STATE_NS
             self.state = self._episodes.state(now_ns)

@@ -132,12 +132,13 @@ class TrialObserver(Listener):
         placed: Callable[[], None] = lambda: None,
     ) -> None:
         """`limited`: whether it ends when the block is placed or its time is over. A person takes
-        their time and goes on for as long as they like. `placed` is called once, when it is.
+        their time and goes on for as long as they like. `placed` is called when it is, once.
         """
         self._limited = limited
         self._placed = placed
-        self._placed_notified = False
-        self._judge = TrialJudge(config, build.task_geometry())
+        self._config = config
+        self._judge = self._new_judge()
+        self._first_placed: TrialJudge | None = None
         self._clock = clock
         self._arm = arm
         self._truth = truth
@@ -152,6 +153,14 @@ class TrialObserver(Listener):
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         if output.arming is ArmingState.ENGAGED:
             self._judge.engaged(now_ns)
+
+    def again(self) -> None:
+        """Judge anew, as the block is put back; the first trial that was placed stays the verdict.
+
+        In the control thread.
+        """
+        self._first_placed = self._first_placed or (self._judge if self._judge.placed else None)
+        self._judge = self._new_judge()
 
     def run(self, stop: threading.Event) -> None:
         rate = FixedRate(self._clock, TRIAL_RATE_HZ)
@@ -168,10 +177,11 @@ class TrialObserver(Listener):
         self._record(scene)
         state = self._arm.state()
         closed = state.gripper_closed if state is not None else None
-        if not self._judge.step(self._clock.now_ns(), scene, closed, self._limited()):
+        judge = self._judge
+        was_placed = judge.placed
+        if not judge.step(self._clock.now_ns(), scene, closed, self._limited()):
             return False
-        if self._judge.placed and not self._placed_notified:
-            self._placed_notified = True
+        if judge.placed and not was_placed:
             self._placed()
         if self._limited():
             self._ended()
@@ -182,4 +192,7 @@ class TrialObserver(Listener):
         """The verdict; `reason` says why the session ended."""
         if self._truth is None:
             return Outcome(None, None, None, None, reason)
-        return self._judge.outcome(reason)
+        return (self._first_placed or self._judge).outcome(reason)
+
+    def _new_judge(self) -> TrialJudge:
+        return TrialJudge(self._config, build.task_geometry())

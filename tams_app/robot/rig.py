@@ -39,6 +39,7 @@ class SimulatedRig(Devices):
         self.memory_name = new_block_name()
         self._reader: WorldReader | None = None
         self._ports: tuple[int, int] | None = None
+        self._put_back = 0
         world = {
             "memory_name": self.memory_name,
             "seed": config.seed,
@@ -82,6 +83,10 @@ class SimulatedRig(Devices):
 
     def ask_fps(self, fps: float) -> None:
         self.helpers["renderer"].send(fps=fps)
+
+    def put_back(self) -> None:
+        self._put_back += 1
+        self.helpers["rig"].send(put_back=self._put_back)
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None]:

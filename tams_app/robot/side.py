@@ -72,7 +72,9 @@ class RobotSide:
         self._board = StatusBoard(config.video.views, weights, config.video.fps)
         keeping = config.recording
         self._episodes = (
-            EpisodeKeeper(keeping.countdown_s, signals, log) if keeping.episodes else None
+            EpisodeKeeper(keeping.countdown_s, signals, log, self._put_back)
+            if keeping.episodes
+            else None
         )
 
     # --- start ----------------------------------------------------------------------------------
@@ -260,6 +262,14 @@ class RobotSide:
             if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
             self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
+
+    def _put_back(self) -> None:
+        """The scene of the next episode, in the control thread."""
+        if self._operator.is_simulated:  # places the block once, and knows of no episodes
+            return
+        self._devices.put_back()
+        self._engine.trial.again()
+        self._board.placed = False
 
     def _on_placed(self) -> None:
         self._board.placed = True

@@ -17,10 +17,14 @@ SHOWN = 5  # episodes that have ended, on the screen
 
 
 class Answer(NamedTuple):
-    """The effect of a request: a sentence for the operator, and what the log is to keep."""
+    """The effect of a request: a sentence for the operator, and what the log is to keep.
+
+    begins: another episode begins with this request, after its countdown.
+    """
 
     sentence: str
     record: Episode | None = None
+    begins: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +109,8 @@ class Episodes:
             return Answer(f"episode {self.number} begins in a moment; discard it to call it off")
         self._due_ns = now_ns + self._countdown_ns
         seconds = self._countdown_ns / NS_PER_S
-        return Answer(self.step(now_ns) or f"episode {self.number} begins in {seconds:g} s")
+        sentence = self.step(now_ns) or f"episode {self.number} begins in {seconds:g} s"
+        return Answer(sentence, begins=True)
 
     def _end(self, now_ns: int, *, kept: bool, success: bool | None = None) -> Answer:
         assert self._start_ns is not None, "one is recorded"
@@ -139,7 +144,9 @@ class Episodes:
         answer = self._end(now_ns, kept=False) if is_running else self._judge(now_ns, kept=False)
         if not redo:
             return answer
-        return Answer(f"{answer.sentence}; {self._begin(now_ns).sentence}", answer.record)
+        return Answer(
+            f"{answer.sentence}; {self._begin(now_ns).sentence}", answer.record, begins=True
+        )
 
     def _judge(self, now_ns: int, *, kept: bool = True, success: bool | None = None) -> Answer:
         """Another verdict on the last episode."""

@@ -19,11 +19,12 @@ UP = {"a": False, "b": False, "status": ControllerStatus.OK}
 
 
 class Kept:
-    """A keeper without a countdown, its log, and the ticks that it receives."""
+    """A keeper, its log, and the ticks that it receives."""
 
-    def __init__(self) -> None:
+    def __init__(self, countdown_s: float = 0.0) -> None:
         self.signals, self.log = Signals(), MemoryLog()
-        self.keeper = EpisodeKeeper(0.0, self.signals, self.log)
+        self.prepared = 0
+        self.keeper = EpisodeKeeper(countdown_s, self.signals, self.log, self._prepare)
         self.number = 0
 
     def ticks(self, number: int = 1, *, deadman: bool = False, **hand: object) -> None:
@@ -32,6 +33,14 @@ class Kept:
             sample = replace(base.controller, **{**UP, **hand})
             self.keeper.on_tick(replace(base, controller=sample, deadman=deadman))
             self.number += 1
+
+    def ask(self, *requests: EpisodeRequest) -> None:
+        for request in requests:
+            self.signals.episode(request)
+            self.ticks()
+
+    def _prepare(self) -> None:
+        self.prepared += 1
 
     def hold(self, **hand: object) -> None:
         """For a second, from up to up."""
@@ -129,3 +138,25 @@ def test_an_episode_that_the_end_of_the_session_cuts_off_is_none_and_that_is_sai
     kept.keeper.finish()
     assert kept.log.of(Episode) == []
     assert kept.log.notes[-1].startswith("episode 1 had not ended")
+
+
+@pytest.mark.parametrize("countdown_s", [0.0, 60.0])
+def test_the_scene_is_prepared_when_an_episode_is_asked_for_and_when_it_is_redone(
+    countdown_s: float,
+) -> None:
+    kept = Kept(countdown_s)
+    kept.ticks()
+    kept.ask(EpisodeRequest.NEXT)
+    assert kept.prepared == 1
+    if countdown_s:
+        kept.ask(EpisodeRequest.NEXT, EpisodeRequest.REDO)  # it begins already
+        kept.ask(EpisodeRequest.DISCARD)
+    else:
+        kept.ask(EpisodeRequest.REDO)
+        assert kept.prepared == 1  # once more, or nothing is lost
+        kept.ask(EpisodeRequest.REDO)
+        assert kept.prepared == 2
+        kept.ask(EpisodeRequest.SUCCESS, EpisodeRequest.FAILURE, *[EpisodeRequest.DISCARD] * 2)
+    prepared = kept.prepared
+    kept.ticks(10)
+    assert kept.prepared == prepared == (1 if countdown_s else 2)

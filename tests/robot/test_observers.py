@@ -155,6 +155,47 @@ def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
     assert trial.outcome("ended by q").completion_time_s == 0.0
 
 
+def test_a_block_that_is_put_back_is_judged_anew_and_the_first_placed_trial_is_the_verdict():
+    clock, told, geometry = VirtualClock(), [], build.task_geometry()
+    here = Pose(np.zeros(3), Rotation.identity())
+    inside = Pose(np.array([0.0, 0.0, geometry.block_rest_height]), Rotation.identity())
+    scene = SceneTruth(0, inside, here, here, 0.0, 0.016)
+    closed = [True]
+    arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=closed[0]))
+    trial = TrialObserver(
+        TrialConfig(),
+        clock,
+        arm,
+        lambda: scene,
+        lambda _scene: None,
+        lambda: told.append("ended"),
+        lambda: False,
+        lambda: told.append("placed"),
+    )
+
+    def places(after_s):
+        closed[0] = True
+        trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+        trial.look()
+        clock.advance_ns(after_s * NS_PER_S)
+        closed[0] = False
+        for _ in range(3):
+            trial.look()
+            clock.advance_ns(NS_PER_S)
+
+    trial.again()
+    assert trial.outcome("").completed is False
+    places(3)
+    assert told == ["placed"]
+    trial.again()
+    clock.advance_ns(20 * NS_PER_S)
+    assert told == ["placed"]
+    places(7)
+    assert told == ["placed", "placed"]
+    trial.again()
+    assert trial.outcome("ended by q").completion_time_s == 3.0
+
+
 def test_where_the_truth_is_not_known_the_trial_is_not_judged():
     records, ended = [], []
     trial = TrialObserver(

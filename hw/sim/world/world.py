@@ -53,6 +53,7 @@ class World:
         self._block_speed = memoryview(data.qvel)[block_speed : block_speed + 3]
         stiffness, damping = -model.actuator_biasprm[:count, 1:3].T
         self._lead_s = (damping / stiffness).tolist()
+        self._block = model.joint("block")
         block, container = model.body("block").id, model.body("container").id
         gripper, tcp = model.body("gripper").id, model.site("tcp").id
         self._poses = [
@@ -99,6 +100,30 @@ class World:
             mujoco.mj_step(self._model, self._data)
             self._watch_for_collision()
         return PlantState(self.joints, collision=self._strained_ns >= COLLISION_TIME_NS)
+
+    def put_back(self) -> bool:
+        """Put the block back to its start, at rest, out of the gripper if it is there.
+
+        False, and the block stays, while something is in the way there.
+        """
+        model, data = self._model, self._data
+        place, speed = int(self._block.qposadr[0]), int(self._block.dofadr[0])
+        places, speeds = slice(place, place + 7), slice(speed, speed + 6)
+        before = data.qpos[places].copy(), data.qvel[speeds].copy()
+        data.qpos[places], data.qvel[speeds] = model.qpos0[places], 0.0
+        mujoco.mj_forward(model, data)
+        if is_free := not self._is_touched():
+            return is_free
+        data.qpos[places], data.qvel[speeds] = before
+        mujoco.mj_forward(model, data)
+        return is_free
+
+    def _is_touched(self) -> bool:
+        """True if the block touches anything that can move."""
+        model = self._model
+        body_of_geom = model.body_weldid[model.geom_bodyid]  # 0: fixed
+        pairs = body_of_geom[self._data.contact.geom]
+        return bool(((pairs == model.body("block").id).any(1) & pairs.all(1)).any())
 
     def state(self) -> WorldState:
         """This instant as bare numbers."""

@@ -25,7 +25,8 @@ class Rig:
         self.clock = VirtualClock()
         self.writer = WorldWriter(name)
         self.world = World(draw_layout(0), READY)
-        self.plant = PublishedWorld(self.world, self.writer, self.clock)
+        self.asked = 0
+        self.plant = PublishedWorld(self.world, self.writer, self.clock, lambda: self.asked)
         self.reader = WorldReader(name)
 
     def cycle(self, wall_ns: int = CYCLE_NS) -> tuple[int, WorldState]:
@@ -70,3 +71,26 @@ def test_a_standstill_is_left_out(rig: Rig) -> None:
 
 def test_simulated_time_is_never_ahead_of_the_clock(rig: Rig) -> None:
     assert rig.cycle(CYCLE_NS // 2)[0] == rig.clock.now_ns()
+
+
+def test_the_block_is_put_back_once_for_each_time_as_soon_as_it_can_be(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter((False, False, True, True))
+    tried: list[bool] = []
+
+    def put_back() -> bool:
+        tried.append(next(answers))
+        return tried[-1]
+
+    monkeypatch.setattr(rig.world, "put_back", put_back)
+    rig.cycle()
+    assert tried == []
+    rig.asked = 1
+    for _ in range(5):
+        rig.cycle()
+    assert tried == [False, False, True]
+    rig.asked = 2
+    for _ in range(5):
+        rig.cycle()
+    assert tried == [False, False, True, True]

@@ -94,3 +94,41 @@ def test_durations_other_than_whole_milliseconds_are_refused(duration_ns: int) -
     world = World(draw_layout(0), READY)
     with pytest.raises(ValueError, match="multiple"):
         world.step(READY, None, duration_ns)
+
+
+def test_the_block_is_put_back_out_of_the_gripper_and_out_of_the_container() -> None:
+    layout = draw_layout(1)
+    hand = ScriptedPick(World(layout, READY))
+    start = hand.world.truth(0)
+    hand.pick(layout)
+    assert hand.world.put_back()
+    hand.grip(True, 0.5)
+    truth = hand.world.truth(0)
+    assert truth.block.position == pytest.approx(start.block.position, abs=5e-4)
+    assert truth.fingers_opening < 0.001  # on nothing
+    hand.pick(layout)
+    hand.place(layout)
+    assert hand.block_in_container()
+    assert hand.world.put_back()
+    truth = hand.world.truth(0)
+    assert truth.block.position == pytest.approx(start.block.position, abs=1e-6)
+    assert (truth.block.rotation.inv() * start.block.rotation).magnitude() < 1e-6
+    assert not hand.collided
+
+
+def test_the_block_stays_where_it_is_while_the_gripper_stands_at_its_start() -> None:
+    layout = draw_layout(1)
+    hand = ScriptedPick(World(layout, READY))
+    start = hand.world.truth(0).block.position
+    x, y = layout.block.x, layout.block.y
+    hand.move([x + 0.03, y, 0.06], 0.0)
+    hand.move([x + 0.03, y, 0.015], 0.0)
+    hand.grip(True)
+    hand.move([x, y, 0.015], 0.0)  # pushes it away
+    before = hand.world.qpos
+    assert not hand.world.put_back()
+    assert np.array_equal(hand.world.qpos, before)
+    hand.move([x, y, 0.06], 0.0)
+    assert np.linalg.norm(hand.world.truth(0).block.position - start) > 0.005
+    assert hand.world.put_back()
+    assert hand.world.truth(0).block.position == pytest.approx(start, abs=1e-6)
