@@ -126,7 +126,7 @@ def _ask_host(ui: WizardUI, ours: Config, model: str) -> str:
             ui.print(found.description)
             return host
         ui.print(found.problem)
-        if ui.yes("Write this address all the same? (y/n)"):
+        if ui.yes("Write this address all the same?"):
             return host
 
 

@@ -63,7 +63,9 @@ class WizardUI:
 
     def choice(self, question: str, options: dict[str, str]) -> str:
         """Ask until the answer is a key of `options`, which say what each means."""
-        listed = ", ".join(f"{key} = {meaning}" for key, meaning in options.items())
+        listed = ", ".join(
+            key if meaning == key else f"{key} = {meaning}" for key, meaning in options.items()
+        )
         return self._ask(
             _Line,
             f"{question} ({listed})",

@@ -88,7 +88,8 @@ class Findings:
 @styled
 def draw_findings(found: Sequence[Findings], path: Path) -> None:
     """The views with what is known of each; TamsError if it cannot be written."""
-    figure = new_figure(WIDE_IN, 4.1)
+    lines = max(len(each.lines()) for each in found)
+    figure = new_figure(WIDE_IN, 3.0 + 0.16 * lines)
     for axes, each in zip(figure.subplots(1, len(found), squeeze=False)[0], found, strict=True):
         axes.set_title(f"{each.view.upper()}: {each.camera}")
         if each.image is not None:

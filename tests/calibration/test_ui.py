@@ -39,6 +39,16 @@ def test_a_question_stays_to_the_letter(monkeypatch):
     assert LIKE_MARKUP in console.file.getvalue()
 
 
+def test_a_choice_names_what_each_answer_means_unless_it_says_so_itself(monkeypatch):
+    console = Console(file=io.StringIO(), width=200, force_terminal=True, color_system=None)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("LEFT\n"))
+    monkeypatch.setattr(sys.stdin, "isatty", lambda: True, raising=False)
+    monkeypatch.setattr("builtins.input", lambda *_: sys.stdin.readline().rstrip())
+    with WizardUI(console) as ui:
+        assert ui.choice("Which?", {"left": "left", "0": "neither"}) == "left"
+    assert "Which? (left, 0 = neither)" in console.file.getvalue()
+
+
 @pytest.mark.parametrize("stdin", [io.StringIO("y\n"), None])
 def test_without_a_terminal_nobody_is_asked_or_waited_for(paper, monkeypatch, stdin):
     monkeypatch.setattr(sys, "stdin", stdin)
