@@ -61,8 +61,9 @@ def draw_rates(
     """Measured rate of each view as a line, its target dashed, the capacity estimate grey."""
     fill(cr, PANEL, 0, 0, width, height)
     scale = width / 540
-    left, right, top, bottom = 44 * scale, 44 * scale, 22 * scale, 6 * scale
-    write(cr, "kbit/s, last minute: sent ——  target - -", 6, 15 * scale, FAINT, 12 * scale)
+    left, right, top, bottom = 44 * scale, 44 * scale, 25 * scale, 6 * scale
+    legend = "kbit/s, last minute: sent ——  target - -  capacity, estimated — —"
+    write(cr, legend, 6, 15 * scale, FAINT, 12 * scale)
     if not history.states:
         return
     now_s = history.states[-1].t_s
@@ -188,7 +189,8 @@ def draw_workspace(
     """The arm's workspace from above, x up and y to the left, and at the side the TCP's height."""
     fill(cr, PANEL, 0, 0, width, height)
     (low_x, low_y, low_z), (high_x, high_y, high_z) = workspace.box_min_mm, workspace.box_max_mm
-    beam = 30.0
+    unit = height / 124
+    beam = 30.0 * unit
     back = min(low_x, 0.0) - 20
     scale = min((width - beam - 14) / (high_y - low_y), (height - 14) / (high_x - back))
     middle = (width - beam) / 2
@@ -212,8 +214,8 @@ def draw_workspace(
     cr.rectangle(*box)
     cr.stroke()
     fill(cr, FAINT, base[0] - 5, base[1] - 5, 10, 10)
-    fill(cr, LINE, width - beam, 7, 12, height - 14)
-    write(cr, "z", width - beam + 15, 16, FAINT, 11)
+    fill(cr, LINE, width - beam, 7, 12 * unit, height - 14)
+    write(cr, "z", width - beam + 15 * unit, 7 + 9 * unit, FAINT, 11 * unit)
     if state.tcp_mm is None:
         return
     tcp = place_of(state.tcp_mm[0], state.tcp_mm[1])
@@ -231,4 +233,4 @@ def draw_workspace(
     cr.stroke()
     share = (state.tcp_mm[2] - low_z) / (high_z - low_z)
     level = 7 + (height - 14) * (1 - min(max(share, 0.0), 1.0))
-    fill(cr, INK, width - beam - 3, level - 2, 18, 4)
+    fill(cr, INK, width - beam - 3, level - 2, 12 * unit + 6, 4)

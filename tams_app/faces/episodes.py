@@ -45,8 +45,8 @@ def keys_text(episodes: EpisodesState) -> str:
 
 
 def last_text(episodes: EpisodesState) -> str:
-    """The last ones: number, sign and length."""
-    return "   ".join(map(_ended, episodes.last))
+    """The last ones, the newest first: sign, number, verdict and length."""
+    return "   ".join(map(_ended, reversed(episodes.last)))
 
 
 def counts_text(episodes: EpisodesState) -> str:
@@ -64,4 +64,5 @@ def line(episodes: EpisodesState) -> str:
 
 def _ended(one: EpisodeState) -> str:
     sign = _SIGNS[one.success] if one.kept else _DISCARDED
-    return f"{sign} {one.number} {verdict(one)} {one.length_s:.0f} s"
+    word = verdict(one).removeprefix("kept, ")  # there is room for few words
+    return f"{sign} {one.number} {word} {one.length_s:.0f} s"

@@ -31,7 +31,7 @@ def _size(facts: Facts) -> str:
 
 def placed_text(opening: Opening) -> str:
     """The notice over the primary view once the block is placed."""
-    if opening.replay is not None or opening.blind:
+    if opening.replay is not None or opening.blind or opening.has_episodes:
         return "✔ The block is placed"
     return "✔ The block is placed · Q ends the session, or go on"
 

@@ -336,7 +336,8 @@ class OperatorWindow:
         if self._places.step(facts.state.primary_view, now_ns):
             self._show_textures(self._places.views)
         self._show_places()
-        self._pictures[0].notice(placed_text(self._opening) if facts.state.placed else "")
+        is_placed = facts.state.placed and facts.end is None
+        self._pictures[0].notice(placed_text(self._opening) if is_placed else "")
         self._end.show(facts.end)
         if now_ns - self._figures_ns >= _FIGURES_NS:
             self._figures_ns = now_ns

@@ -193,7 +193,9 @@ def test_each_state_of_an_episode_names_the_keys_that_mean_something(
     assert keys_text(state) == told
 
 
-def test_the_last_episodes_are_told_by_sign_word_and_length() -> None:
+def test_the_last_episodes_are_told_by_sign_word_and_length_and_the_newest_is_never_cut_off() -> (
+    None
+):
     last = (
         EpisodeState(1, 9.4),
         EpisodeState(2, 8.0, True, True),
@@ -201,7 +203,7 @@ def test_the_last_episodes_are_told_by_sign_word_and_length() -> None:
         EpisodeState(4, 6.0, False, True),
     )
     assert last_text(EpisodesState(5, "idle", last=last)) == (
-        "● 1 kept 9 s   ✔ 2 kept, success 8 s   ✖ 3 kept, failure 7 s   – 4 discarded 6 s"
+        "– 4 discarded 6 s   ✖ 3 failure 7 s   ✔ 2 success 8 s   ● 1 kept 9 s"
     )
 
 
@@ -316,7 +318,9 @@ def test_a_view_s_title_in_the_window_says_what_its_letters_mean() -> None:
 
 def test_the_notice_that_the_block_is_placed_names_the_key_where_it_ends_the_session() -> None:
     assert "Q ends the session" in placed_text(OPENING)
-    for other in (replace(OPENING, blind=True), replace(OPENING, replay=Outline(9.0, (), ()))):
+    replay = Outline(9.0, (), ())
+    for changes in ({"blind": True}, {"replay": replay}, {"has_episodes": True}):
+        other = replace(OPENING, **changes)
         assert placed_text(other) == "✔ The block is placed"
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tams_app.faces.banner import LOOKS
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import Keys
+from tams_app.faces.messages import Ended, Keys
 from tams_app.records import EpisodesState, EpisodeState, Image
 from tests.faces.window.conftest import ShownWindow
 from tests.faces.window.facts import FACTS, changed
@@ -97,8 +97,8 @@ def test_that_the_block_is_placed_is_written_over_the_primary_view(
 ) -> None:
     window.put(pictures)
 
-    def green(placed: bool) -> int:
-        window.show(changed(FACTS, arming="ready", placed=placed, t_s=time.monotonic()))
+    def green(**facts: object) -> int:
+        window.show(changed(FACTS, arming="ready", t_s=time.monotonic(), **facts))
         time.sleep(1.0)
         place = place_of(window.screen.photograph(), "eih")
         assert place is not None
@@ -106,6 +106,7 @@ def test_that_the_block_is_placed_is_written_over_the_primary_view(
 
     assert green(placed=False) < 500
     assert green(placed=True) > 5000
+    assert green(placed=True, end=Ended("Over")) < 500  # nothing can go on
 
 
 def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
