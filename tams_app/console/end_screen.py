@@ -71,8 +71,8 @@ def end_of(
     if summary is not None:
         told = task_verdict(summary)
         headline = headline if failure else told[:1].upper() + told[1:]
-        reason = summary["outcome"]["reason"] or "not known"
-        lines.append(f"{summary['duration_s']:.1f} s, end: {reason}")
+        reason = summary["outcome"]["reason"] or "why it ended is not known"
+        lines.append(f"{summary['duration_s']:.1f} s; {reason}")
         lines += _stop_lines(summary)
         lines.append(f"Report: {folder / PAGE_NAME}")
     else:

@@ -78,7 +78,8 @@ def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
 
 
 def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str = "") -> None:
-    console.print(seen_tables(summary) if "seen" in summary else summary_tables(summary))
+    of_operator = "seen" in summary
+    console.print(seen_tables(summary) if of_operator else summary_tables(summary, bool(join)))
     if "link" in summary:  # of two sides
         console.print(link_table(summary["link"]))
     if not summary["complete"]:

@@ -16,9 +16,13 @@ from tams_app.task.episodes import verdict
 _STOPS_NAMED = 5
 
 
-def summary_tables(summary: Mapping[str, Any]) -> RenderableType:
-    """The headline, the session's figures and one row per view of a summary.json."""
-    return Group(_headline(summary), _session_table(summary), _view_table(summary["views"]))
+def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> RenderableType:
+    """The headline, the session's figures and one row per view of a summary.json.
+
+    `seen_elsewhere`: the frames were shown by the other side of two, of which nothing is known.
+    """
+    views = _view_table(summary["views"], seen_elsewhere)
+    return Group(_headline(summary), _session_table(summary, seen_elsewhere), views)
 
 
 def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
@@ -96,7 +100,7 @@ def _headline(summary: Mapping[str, Any]) -> Text:
     )
 
 
-def _session_table(summary: Mapping[str, Any]) -> Table:
+def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
     control, arm, uplink = summary["control"], summary["arm"], summary["uplink"]
     stops = [stop["stop_time_ms"] for stop in arm["stops"] if stop["stop_time_ms"] is not None]
     rows: dict[str, str | Table] = {
@@ -115,7 +119,7 @@ def _session_table(summary: Mapping[str, Any]) -> Table:
         "Loss": f"{_percent(uplink['loss_fraction'], 2)} before repair, "
         f"{_percent(uplink['residual_loss_fraction'], 2)} after",
         "Freezes": _freezes(summary["views"]),
-        "Primary view": _quality(summary["primary_view"]),
+        "Primary view": "" if seen_elsewhere else _quality(summary["primary_view"]),
         "Load": f"application {known(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
         f"helpers {known(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
         f"{known(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
@@ -175,7 +179,7 @@ def _quality(primary: Mapping[str, Any]) -> str:
     return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
 
 
-def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
+def _view_table(views: Mapping[str, Mapping[str, Any]], seen_elsewhere: bool) -> Table:
     table = Table(
         box=None, header_style="dim", padding=(0, 1), collapse_padding=True, pad_edge=False
     )
@@ -200,7 +204,8 @@ def _view_table(views: Mapping[str, Mapping[str, Any]]) -> Table:
             known(entry["sent_kbps_mean"], "{:.0f}"),
             _percent(entry["tracking_error"], 1),
             f"{known(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
-            f"{entry['frames_shown']}/{entry['frames_captured']}",
+            f"{known(None if seen_elsewhere else entry['frames_shown'], '{:d}')}"
+            f"/{entry['frames_captured']}",
             known(latency["p50"], "{:.0f}"),
             known(latency["p95"], "{:.0f}"),
             known(freezes["count"], "{:d}") + _seconds(freezes["total_s"]),

@@ -49,7 +49,7 @@ def test_it_has_the_result_the_stops_with_their_reasons_and_where_the_report_is(
     end = ended()
     assert end.headline == "Completed in 34.5 s, drops: 0, success"
     assert end.lines == (
-        "48.2 s, end: placed",
+        "48.2 s; placed",
         "Stop at 12.1 s: stale video, at rest after 41 ms",
         f"Report: {FOLDER}/report.html",
     )

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from tams_app.cli import _main
 from tams_app.config import load_config
-from tams_app.console.report import report_session
+from tams_app.console.report import report_both, report_session
 from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
@@ -119,6 +119,20 @@ def last_line(folder: Path) -> tuple[str, str]:
     told, _, command = shown.splitlines()[-1].rpartition(": run_tams.py ")
     assert told == "seen by the operator: needs both logs"
     return shown, command
+
+
+def test_of_the_robots_side_alone_what_was_shown_is_not_known_rather_than_nothing(
+    sides: tuple[Path, Path],
+) -> None:
+    robot, operate = sides
+    alone, _ = last_line(robot)
+    (row,) = (line for line in alone.splitlines() if line.startswith(VIEWS[0].upper()))
+    assert " –/" in row
+    assert "SSIM received" not in alone
+    output = io.StringIO()
+    report_both(robot, operate, Console(file=output, width=80))
+    (row,) = (line for line in output.getvalue().splitlines() if line.startswith(VIEWS[0].upper()))
+    assert " –/" not in row
 
 
 def test_at_its_end_the_operators_side_has_its_table_and_the_command_that_joins_the_two_logs(
