@@ -226,3 +226,15 @@ def test_what_the_operator_saw_counts_for_the_phase_that_the_robot_was_in():
     robot, operator = in_order(robot, operator)
     (glance,) = joined(robot, operator, clock_offsets(robot, operator)).glances
     assert abs(glance.t_ns - (START_NS + NS_PER_S)) <= 3 * NS_PER_MS
+
+
+def test_before_and_after_the_operator_is_connected_no_rate_counts_as_off_its_target() -> None:
+    _, robot, _ = pair(seconds=6.0)
+    starved = START_NS + 2 * NS_PER_S
+    robot.packets = [
+        replace(one, size_bytes=one.size_bytes // 10) if one.entered_ns < starved else one
+        for one in robot.packets
+    ]
+    assert summarise(robot)["views"]["eih"]["tracking_error"] > 0.2
+    robot.hands_received = [one for one in robot.hands_received if one.t_ns > starved]
+    assert summarise(robot)["views"]["eih"]["tracking_error"] < 0.01

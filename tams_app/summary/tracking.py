@@ -3,7 +3,8 @@
 Windows are 8 consecutive frames, or as many as come nearest to 270 ms if that is more, sliding by
 one frame. The rate of a window is the IP bytes of its frames' media and repair packets over the
 time from its first capture to the one after its last. A frame that was dropped at the source counts
-with no bytes. No window spans a gap in which the camera missed two frames or more in a row.
+with no bytes. No window spans a gap in which the camera missed two frames or more in a row, or
+a time before or after the operator's side of two has been received.
 """
 
 from __future__ import annotations
@@ -68,7 +69,8 @@ def windows(
         return found
 
     durations_ns = end_ns - start_ns
-    left_out = total(np.isnan(target) | (durations_ns > GAP_INTERVALS * usual_ns))
+    gap = durations_ns > GAP_INTERVALS * usual_ns
+    left_out = total(np.isnan(target) | gap | _without_operator(log, start_ns))
     time_ns = (end_ns[last] - start_ns[first]).astype(np.float64)
     window_target = total(np.nan_to_num(target) * durations_ns) / time_ns
     whole = (left_out == 0) & (window_target > 0)
@@ -76,6 +78,16 @@ def windows(
     return Windows(
         start_ns[first][whole], end_ns[last][whole], sent_kbps[whole], window_target[whole]
     )
+
+
+def _without_operator(log: SessionLog, start_ns: Integers) -> Flags:
+    """Whether nobody could have received what was sent then; never on one computer."""
+    received_ns = [one.t_ns for one in log.hands_received]
+    if not received_ns:
+        return np.zeros(len(start_ns), dtype=np.bool_)
+    before: Flags = start_ns < min(received_ns)
+    after: Flags = start_ns > max(received_ns)
+    return before | after
 
 
 def wire_bytes(log: SessionLog, view: str, frames: FrameTable, packets: PacketTable) -> Floats:
