@@ -75,7 +75,11 @@ def link_table(link: Mapping[str, Any]) -> Table:
 
 
 def task_verdict(summary: Mapping[str, Any]) -> str:
-    """What came of the task."""
+    """What came of the task; of a session that is a row of episodes, how many there are."""
+    if episodes := summary.get("episodes"):
+        kept = sum(one["kept"] for one in episodes)
+        what = "episode" if kept == 1 else "episodes"
+        return f"{kept} {what} kept, {len(episodes) - kept} discarded"
     outcome = summary["outcome"]
     if outcome["completed"] is None:
         return "no verdict on the task"

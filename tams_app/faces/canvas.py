@@ -95,17 +95,18 @@ def draw_rates(
     long_dashes = (8 * scale, 4 * scale)
     points = [place_of(point) for point in capacity]
     _curve(cr, points, palette.CAPACITY_ESTIMATE, 1.4 * scale, long_dashes)
-    ends: list[float] = []
+    names: list[tuple[float, str, str]] = []
     for colour, name, sent, target in lines:
         _curve(
             cr, [place_of(point) for point in target], colour, 1.4 * scale, (4 * scale, 3 * scale)
         )
         _curve(cr, [place_of(point) for point in sent], colour, 2.2 * scale, ())
         if known := sent or target:
-            y = _apart(place_of(known[-1])[1] + 4 * scale, ends, 13 * scale)
-            ends.append(y)
-            fill(cr, colour, width - right + 4, y - 9 * scale, 4 * scale, 10 * scale)
-            write(cr, name, width - right + 11 * scale, y, INK, 12 * scale, bold=True)
+            names.append((place_of(known[-1])[1] + 4 * scale, name, colour))
+    names.sort(reverse=True)  # from below, so that they stand in the order of their curves
+    for y, (_, name, colour) in zip(apart([y for y, *_ in names], 13 * scale), names, strict=True):
+        fill(cr, colour, width - right + 4, y - 9 * scale, 4 * scale, 10 * scale)
+        write(cr, name, width - right + 11 * scale, y, INK, 12 * scale, bold=True)
 
 
 def _curve(
@@ -127,11 +128,12 @@ def _curve(
     cr.set_dash(())
 
 
-def _apart(y: float, others: Sequence[float], distance: float) -> float:
-    """`y`, or the nearest place above at which no label is closer than `distance`."""
-    while any(abs(y - other) < distance for other in others):
-        y -= 1.0
-    return y
+def apart(places: Sequence[float], distance: float) -> list[float]:
+    """The places from below, each moved up by what it lacks of `distance` to the one before."""
+    found: list[float] = []
+    for y in places:
+        found.append(min(y, found[-1] - distance) if found else y)
+    return found
 
 
 def _ceiling(kbps: float) -> float:

@@ -54,6 +54,18 @@ def counts_text(episodes: EpisodesState) -> str:
     return f"{episodes.kept} kept, {episodes.discarded} discarded"
 
 
+def strip_texts(episodes: EpisodesState, is_replay: bool, is_over: bool) -> tuple[str, ...]:
+    """The parts of the window's row: now, asked, keys, last, counts; "" for what is not there."""
+    has_keys = not (is_replay or is_over or episodes.armed)
+    return (
+        "" if is_over else now_text(episodes),
+        "" if is_over else asked_text(episodes),
+        keys_text(episodes) if has_keys else "",
+        last_text(episodes),
+        counts_text(episodes),
+    )
+
+
 def line(episodes: EpisodesState) -> str:
     """All of it in one line; what matters most comes first."""
     last = episodes.last[-1:]

@@ -58,6 +58,13 @@ def test_it_has_the_result_the_stops_with_their_reasons_and_where_the_report_is(
     assert "The arm has not been stopped." in ended(summary=summary(True, [])).lines
 
 
+def test_a_row_of_episodes_has_how_many_were_kept() -> None:
+    episodes = [{"kept": True}, {"kept": False}]
+    assert ended(summary=summary() | {"episodes": episodes}).headline == (
+        "1 episode kept, 1 discarded"
+    )
+
+
 def test_what_cannot_be_started_from_the_window_has_the_command_to_start_it_again() -> None:
     end = ended(may_repeat=False, arguments=["/x/run_tams.py", "run", "--config", "my arm.yaml"])
     assert end.lines[-1] == "To start again: run_tams.py run --config 'my arm.yaml'"

@@ -126,6 +126,8 @@ def test_episodes_are_listed_with_what_has_become_of_them() -> None:
         "2 at 7.0 s, 3.0 s long: discarded",
         "3 at 12.0 s, 3.0 s long: kept, failure",
     ]
+    assert ": 2 episodes kept, 1 discarded" in printed(log)
+    assert "completed" not in printed(log)  # which is of one trial
 
 
 def test_a_session_without_a_stop_or_a_freeze_has_no_line_for_them() -> None:

@@ -131,6 +131,9 @@ def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_h
     rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
     assert ["1", "0.50", "0.5", "discarded"] in rows
     assert ["2", "1.50", "0.5", "kept", "success"] in [row[:5] for row in rows]
+    tiles = [re.sub(r"<[^>]+>", " ", tile).split() for tile in told.split("<div><dt>")]
+    assert ["Episodes", "1", "kept", "1", "discarded"] in tiles
+    assert not [tile for tile in tiles if tile[:1] == ["Outcome"]]
 
 
 def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:

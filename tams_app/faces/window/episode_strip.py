@@ -28,14 +28,7 @@ class EpisodeStrip:
         self.widget.set_visible(state is not None)
         if state is None:
             return
-        keys = "" if facts.replay or state.armed else episodes.keys_text(state)
-        texts = (
-            episodes.now_text(state),
-            episodes.asked_text(state),
-            keys,
-            episodes.last_text(state),
-            episodes.counts_text(state),
-        )
+        texts = episodes.strip_texts(state, facts.replay is not None, facts.end is not None)
         for label, text in zip(self._labels, texts, strict=True):
             label.set_text(text)
             label.set_visible(bool(text) or label.get_hexpand())

@@ -16,8 +16,9 @@ from hw.make_controller import DEVICES
 from tams_app import palette
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.banner import LOOKS, banner_of, look_of
+from tams_app.faces.canvas import apart
 from tams_app.faces.commands import PHASE_KEYS, Command
-from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text
+from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text, strip_texts
 from tams_app.faces.figures import (
     hand_rows,
     marking_texts,
@@ -205,6 +206,26 @@ def test_the_last_episodes_are_told_by_sign_word_and_length_and_the_newest_is_ne
     assert last_text(EpisodesState(5, "idle", last=last)) == (
         "– 4 discarded 6 s   ✖ 3 failure 7 s   ✔ 2 success 8 s   ● 1 kept 9 s"
     )
+
+
+def test_a_session_that_is_over_has_its_episodes_but_no_next_one_and_no_keys() -> None:
+    state = EpisodesState(2, "recording", 3.0, "discard", 1, 0, (EpisodeState(1, 9.0),))
+    texts = strip_texts(state, is_replay=False, is_over=False)
+    assert [bool(text) for text in texts] == [True, True, False, True, True]
+    quiet = replace(state, armed="")
+    now, _, keys, *_ = strip_texts(quiet, is_replay=False, is_over=False)
+    assert (now, keys) == ("episode 2: RECORDING 3 s", keys_text(quiet))
+    assert strip_texts(quiet, is_replay=True, is_over=False)[:3] == (now, "", "")
+    assert strip_texts(state, is_replay=False, is_over=True) == (
+        *("", "", ""),
+        "● 1 kept 9 s",
+        "1 kept, 0 discarded",
+    )
+
+
+def test_names_beside_curves_that_are_close_stand_in_the_order_of_their_curves() -> None:
+    assert apart([90.0, 60.0, 30.0], 13.0) == [90.0, 60.0, 30.0]
+    assert apart([90.0, 88.0, 76.0, 10.0], 13.0) == [90.0, 77.0, 64.0, 10.0]
 
 
 def test_the_button_says_what_a_click_does() -> None:
