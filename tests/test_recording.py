@@ -35,7 +35,7 @@ from tams_app.recording import (
 )
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.mcap_stream import Gap
+from tams_app.recording.mcap_stream import Gap, damage_sentence
 from tams_app.recording.topics import HEADER, TOPICS
 from tams_app.records import (
     Activity,
@@ -675,3 +675,8 @@ def test_a_short_write_is_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert file.write(b"0123456789") == 10
     file.close()
     assert (tmp_path / "file").read_bytes() == b"0123456789"
+
+
+def test_gaps_that_lie_over_one_another_are_named_as_one() -> None:
+    missing = [(30.6, 33.0), (31.4, 33.9), (None, 2.0), (40.0, 41.0)]
+    assert "recorded at 0.0 to 2.0 s, 30.6 to 33.9 s, 40.0 to 41.0 s is" in damage_sentence(missing)

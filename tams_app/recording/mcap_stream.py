@@ -42,9 +42,15 @@ def damage_sentence(missing: Sequence[tuple[float | None, float | None]]) -> str
     missing: from when to when [s since the start], None where that is not known.
     """
     sentences = []
-    if lost := [
-        f"{from_s or 0:.1f} to {to_s:.1f} s" for from_s, to_s in missing if to_s is not None
-    ]:
+    stretches: list[tuple[float, float]] = []
+    for from_s, to_s in sorted(
+        (from_s or 0.0, to_s) for from_s, to_s in missing if to_s is not None
+    ):
+        if stretches and from_s <= stretches[-1][1]:  # chunks that lie over one another
+            from_s, before_s = stretches.pop()
+            to_s = max(to_s, before_s)
+        stretches.append((from_s, to_s))
+    if lost := [f"{from_s:.1f} to {to_s:.1f} s" for from_s, to_s in stretches]:
         sentences.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
     if cut := [from_s for from_s, to_s in missing if to_s is None]:
         sentences.append(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mcap.reader import SeekingReader
 
 from tams_app.config import load_config
 from tams_app.recording import LOG_NAME, Header
@@ -102,3 +103,20 @@ def shown_at(view: str, instant_ns: int) -> int:
 
 
 START_OF_GRID_NS = max(capture_ns(view, 0) for view in VIEWS)
+
+
+def damage(session: Path, at_s: float) -> None:
+    """Change a byte of the chunk in which that second is."""
+    path = session / LOG_NAME
+    wall_ns = START_NS + head().wall_offset_ns + round(at_s * NS_PER_S)
+    with path.open("rb") as file:
+        summary = SeekingReader(file).get_summary()
+    assert summary is not None
+    chunk = next(
+        one
+        for one in summary.chunk_indexes
+        if one.message_start_time <= wall_ns <= one.message_end_time
+    )
+    data = bytearray(path.read_bytes())
+    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
+    path.write_bytes(data)

@@ -15,7 +15,7 @@ from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Episode
 from tams_app.units import NS_PER_S
 from tests.calibration.weights_session import seen
-from tests.export.sessions import head, moving_session, moving_tick, shown_at
+from tests.export.sessions import damage, head, moving_session, moving_tick, shown_at
 from tests.synthetic_session import FPS, START_NS, VIEWS
 
 pytestmark = pytest.mark.untimed
@@ -96,6 +96,39 @@ def test_of_a_session_killed_in_its_third_episode_the_two_that_had_ended_are_who
         (2, True),
     ]
     assert [one["length"] for one in found] == [12, 8]
+
+
+def test_of_a_damaged_log_the_episodes_that_are_whole_are_taken_and_the_others_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = moving_session(tmp_path / "session", episodes=ROW)
+    damage(session, 1.1)
+    (found,) = exported(session)
+    assert (found["session_episode"], found["log_complete"], found["length"]) == (1, True, 12)
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "takes 1 of 3 episodes; without 3: The log is damaged: what was recorded at" in shown
+    assert "--with-damaged" in shown
+
+
+def test_of_a_damaged_episode_the_longest_whole_part_is_taken_if_that_is_wanted(
+    tmp_path: Path,
+) -> None:
+    session = moving_session(tmp_path / "session", episodes=[KEPT, ended(2, 0.7, 1.3)])
+    damage(session, 1.1)
+    first, second = exported(session, "--with-damaged")
+    assert (first["session_episode"], first["log_complete"], first["length"]) == (1, True, 12)
+    assert (second["session_episode"], second["log_complete"]) == (2, False)
+    assert 0.2 * FPS < second["length"] < 0.4 * FPS  # until the damage
+
+
+def test_a_row_of_episodes_of_which_none_is_whole_is_refused_in_a_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    session = moving_session(tmp_path / "session", episodes=[SUCCESS])
+    damage(session, 1.1)
+    assert _main(["export", str(session), "--format", "lerobot"]) == 2
+    assert "The log is damaged: what was recorded at" in capsys.readouterr().err
+    assert not (session / "lerobot").exists()
 
 
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ from tams_app.units import NS_PER_S
 from tests.calibration.weights_session import seen
 from tests.export.sessions import (
     PLACED,
+    damage,
     head,
     moving_session,
     moving_tick,
@@ -58,25 +59,6 @@ def rows_of(dataset: Path) -> list[dict[str, Any]]:
 
 def episodes_of(dataset: Path) -> list[dict[str, Any]]:
     return pq.read_table(dataset / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
-
-
-def damage(session: Path, at_s: float) -> None:
-    """Change a byte of the chunk in which that second is."""
-    path = session / "session.mcap"
-    wall_ns = START_NS + head().wall_offset_ns + round(at_s * NS_PER_S)
-    with path.open("rb") as file:
-        from mcap.reader import SeekingReader
-
-        summary = SeekingReader(file).get_summary()
-    assert summary is not None
-    chunk = next(
-        one
-        for one in summary.chunk_indexes
-        if one.message_start_time <= wall_ns <= one.message_end_time
-    )
-    data = bytearray(path.read_bytes())
-    data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
-    path.write_bytes(data)
 
 
 def test_a_damaged_log_is_refused_in_a_sentence_or_its_longest_whole_part_is_exported(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -21,6 +21,7 @@ from tams_app.records import Outcome, ServoMode
 from tams_app.units import NS_PER_S
 
 _MARGIN_NS = NS_PER_S  # of idle time at either end: a block counts as placed after half of it
+_WITH_DAMAGED = "--with-damaged exports the longest part that is whole."
 _NOT_JUDGED = Outcome(None, None, None, None, "")
 
 
@@ -94,6 +95,10 @@ class _Part(NamedTuple):
     end_ns: int
     keyframes_ns: dict[str, int]
 
+    def is_less_than(self, other: _Part | None) -> bool:
+        """Whether something of `other`, None for nothing, is not in it."""
+        return other is not None and (self.start_ns > other.start_ns or self.end_ns < other.end_ns)
+
 
 def read_episodes(
     path: Path, options: ExportOptions, notify: Callable[[str], None]
@@ -105,10 +110,8 @@ def read_episodes(
     log = read_log(path, only=(OutcomeGiven, EndedEpisode))
     # of a row of episodes a log that was cut off lacks none that had ended
     damage = "" if log.has_episodes and not log.gaps else log.damage
-    if damage and not options.with_damaged:
-        raise UnreadableLogError(
-            f"{path.parent}: {damage} --with-damaged exports the longest part that is whole."
-        )
+    if damage and not options.with_damaged and not log.has_episodes:
+        raise UnreadableLogError(f"{path.parent}: {damage} {_WITH_DAMAGED}")
     wanted = _kept(path, log, options) if log.has_episodes else []
     outcome = log.outcome or _NOT_JUDGED
     if options.only_success and not log.has_episodes and not outcome.success:
@@ -135,6 +138,11 @@ def read_episodes(
         if not parts:
             continue
         part = max(parts, key=lambda one: one.end_ns - one.start_ns)
+        is_cut = log.has_episodes and part.is_less_than(
+            _part((-np.inf, np.inf), one.when_ns, table.times_ns, captures)
+        )
+        if is_cut and not options.with_damaged:
+            continue
         rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
         grid_ns = _grid(part.start_ns, rows, shape.fps)
         found[one.number] = Episode(
@@ -146,17 +154,23 @@ def read_episodes(
             part.keyframes_ns,
             {view: _sizes(one, grid_ns) for view, one in captures.items()},
             one.outcome,
-            _remark(_name(path), log, damage, part),
+            _remark(_name(path), log, damage if is_cut or not log.has_episodes else "", part),
             one.number,
         )
+    lacks = "has no moment with the arm and a picture of every view"
+    if damage and log.has_episodes:
+        lacks = damage if options.with_damaged else f"{damage} {_WITH_DAMAGED}"
     if not found:
-        raise UnreadableLogError(
-            f"{path.parent}: has no moment with the arm and a picture of every view"
-        )
+        raise UnreadableLogError(f"{path.parent}: {lacks}")
     if log.has_episodes:
-        numbers = ", ".join(map(str, found))
-        notify(f"{_name(path)}: takes {numbers} of {len(log.judged_episodes)} episodes")
+        taken = f"takes {_listed(found)} of {len(log.judged_episodes)} episodes"
+        left = _listed(one.number for one in wanted if one.number not in found)
+        notify(f"{_name(path)}: {taken}" + (f"; without {left}: {lacks}" if left else ""))
     return list(found.values())
+
+
+def _listed(numbers: Iterable[int | None]) -> str:
+    return ", ".join(map(str, numbers))
 
 
 def _kept(path: Path, log: SessionLog, options: ExportOptions) -> list[_Wanted]:
