@@ -62,6 +62,7 @@ _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.tol
     ),
 }
 _SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
+_PRESS_AGAIN = "{release}, then press and hold {deadman} again"
 _STARTING = ("The session starts.", "F1 lists all keys")
 
 
@@ -114,6 +115,8 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
     banner = _banner_of(facts, _QUIET, words)
     if shift_is_dead and hand == "keyboard" and state.arming == "ready":
         return replace(banner, key=_SHIFT_IS_DEAD)
+    if state.arming == "ready" and state.deadman:  # pressed while something was in the way
+        return replace(banner, key=words.told(_PRESS_AGAIN))
     moves = words.moves if state.arming == "ready" else ""
     return replace(banner, key=banner.key + moves)
 

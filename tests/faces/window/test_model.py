@@ -586,6 +586,19 @@ def test_the_banner_says_what_to_do_about_a_shift_that_is_dead(hand: str, arming
     assert says == (hand == "keyboard" and arming == "ready")
 
 
+@pytest.mark.parametrize("hand", sorted(set(HANDS) - {SIMULATED}))
+def test_who_pressed_the_deadman_while_something_was_in_the_way_is_told_to_press_it_again(
+    hand: str,
+) -> None:
+    words = HANDS[hand]
+    held = banner_of(changed(FACTS, arming="ready", deadman=True), hand).key
+    assert held == words.told("{release}, then press and hold {deadman} again")
+    released = banner_of(changed(FACTS, arming="ready", deadman=False), hand).key
+    assert released.startswith(words.told("Press and hold {deadman} to move it"))
+    engaged = banner_of(changed(FACTS, arming="engaged", deadman=True), hand).key
+    assert "again" not in engaged
+
+
 US_W = (Symbol(0, 0, "w", ord("w")), Symbol(0, 1, "W", ord("W")))
 RU_W = (Symbol(1, 0, "Cyrillic_tse", ord("ц")), Symbol(1, 1, "Cyrillic_TSE", ord("Ц")))
 SHIFTS_TOGGLE = (Symbol(0, 0, "Shift_L", 0), Symbol(0, 1, "ISO_Prev_Group", 0))
