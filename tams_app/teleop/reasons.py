@@ -125,7 +125,8 @@ class Reason(Enum):
     )
     OPERATOR_LEFT = _fault(
         "operator left",
-        "The operator has left while the arm was armed: wait for the next one.",
+        "The operator has left while the arm was armed: wait for the next one, {release}, then "
+        "confirm.",
         "The operator before left while the arm was armed: {release}, confirm to clear, confirm "
         "again to arm.",
     )
@@ -186,8 +187,9 @@ class Reason(Enum):
     )
     NO_OPERATOR = _hold(
         "no operator",
-        "No operator is connected: start `run_tams.py operate` at the operator's computer.",
-        "An operator is connected.",
+        "No operator is connected: start `run_tams.py operate` at the operator's computer, then "
+        "{release}.",
+        "An operator is connected: {release}.",
     )
     LINK_GAP = _hold(
         "link gap",
