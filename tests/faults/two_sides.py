@@ -210,8 +210,7 @@ class HandSide:
         cut_ns = cut()
         time.sleep(seconds)
         restore()
-        until(lambda: self.reason.startswith(Reason.LINK_GAP.label), "the gap to be reported")
-        assert self.arming == ArmingState.HOLDING
+        self.becomes(ArmingState.HOLDING)  # for the gap, and then perhaps for the video
         return cut_ns
 
     def helper(self, name: str) -> psutil.Process:
