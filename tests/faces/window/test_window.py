@@ -107,6 +107,7 @@ def test_that_the_block_is_placed_is_written_over_the_primary_view(
     assert green(placed=False) < 500
     assert green(placed=True) > 5000
     assert green(placed=True, end=Ended("Over")) < 500  # nothing can go on
+    assert green(placed=False) < 500  # what shares this window finds it live
 
 
 def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> None:
