@@ -23,7 +23,7 @@ _LOST = ControllerSample(
 )
 _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _GAP = replace(_LOST, status=ControllerStatus.LINK_GAP)
-_LEFT = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
+_AWAY = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 _WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
 _SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
@@ -155,8 +155,8 @@ class LinkController(Controller):
         last, was_in_break = self._newest, self._in_break
         self._in_break = False
         if last is not None:
-            age_ns = heard_ns - (last.sent_ns + self._offset_ns)
-            self._in_break = age_ns > self._bridge_ns + self._jitter_ns()
+            beyond_ns = heard_ns - (last.sent_ns + self._offset_ns) - self._bridge_ns
+            self._in_break = beyond_ns > 0 and beyond_ns > self._jitter_ns()
         if self._in_break and not was_in_break:
             self._breaks.append(heard_ns)
 
@@ -194,8 +194,8 @@ class LinkController(Controller):
         Args:
             left: they have said so.
         """
-        self._let_go, self._absent = True, _LEFT if left else _LOST
-        self.clock = PeerClock()
+        self._let_go, self._absent = True, _AWAY if left else _LOST
+        self.clock.forget()
         self._gap_until_ns = 0
         self._forget()
 

@@ -58,7 +58,7 @@ _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.tol
     ),
     "link lost": (
         "The robot stops by itself.",
-        "Wait until the link is back, {release}, then Enter",
+        "{release} and wait until the link is back",
     ),
 }
 _SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
@@ -83,7 +83,7 @@ _SIMULATED = {  # who watches can do that much
         "The simulated operator drives.",
         "Space: emergency stop · to drive yourself: --hand keyboard",
     ),
-    "link lost": (_QUIET["link lost"][0], "Wait until the link is back, then Enter"),
+    "link lost": (_QUIET["link lost"][0], "Wait until the link is back"),
 }
 
 

@@ -46,19 +46,27 @@ class PeerClock:
     and widened by the drift, so that the fastest message of each way counts, and a queue on one way
     does not make older what comes on the other.
 
-    An exchange that contradicts the interval (a clock was stepped, or runs away) voids all before
-    it. Until one does, an age may be short by what the other clock has gained, which is less than
-    the fastest message has taken since. A clock there that stands still makes messages older, never
-    newer; of our own `wake` must be told.
+    An exchange that contradicts the interval (a clock was stepped, or runs away) voids it, and what
+    we had sent until then counts for no other one. Until one does, an age may be short by what the other clock has gained, which is less than
+    the fastest message has taken since. A clock there that stands still makes later messages older;
+    those that were sent before the newest exchange are judged by their echo alone. `wake` is for
+    our own.
     """
 
     def __init__(self) -> None:
         self._interval: _Interval | None = None
+        self._since_ns = 0  # an exchange that began before counts for no interval
+        self._sent_from_ns = 0  # of what was sent before, on its clock, the interval says nothing
         self._awake_ns = 0
+
+    def forget(self) -> None:
+        """The other side is another one: nothing is known of its clock."""
+        self._interval, self._sent_from_ns = None, 0
 
     def wake(self, now_ns: int) -> None:
         """Our computer was suspended, and our clock stood still: nothing from before counts."""
-        self._awake_ns, self._interval = now_ns, None
+        self._awake_ns = now_ns
+        self.forget()
 
     def step(self, echo_ns: int, echo_received_ns: int, sent_ns: int, received_ns: int) -> None:
         """Take in an exchange, in the order in which they end.
@@ -71,18 +79,20 @@ class PeerClock:
         """
         if self._by_echo_ns(echo_ns, received_ns) is None or echo_received_ns <= 0:
             return
+        if echo_ns < self._since_ns:
+            return
         found = _Interval(echo_ns, sent_ns - received_ns, echo_received_ns - echo_ns)
         found = found.at(received_ns)  # its bounds held at some time since we sent
-        if echo_received_ns > sent_ns or found.least_ns > found.most_ns:
-            self._interval = None  # it received after it sent, or both ways took less than no time
-            return
         if self._interval is not None:
             before = self._interval.at(received_ns)
             least_ns = max(before.least_ns, found.least_ns)
-            most_ns = min(before.most_ns, found.most_ns)
-            if least_ns <= most_ns:
-                found = _Interval(found.t_ns, least_ns, most_ns)
-        self._interval = found
+            found = _Interval(found.t_ns, least_ns, min(before.most_ns, found.most_ns))
+        if echo_received_ns > sent_ns or found.least_ns > found.most_ns:
+            self.forget()
+            self._since_ns = received_ns + 1
+        else:
+            self._interval = found
+            self._sent_from_ns = max(self._sent_from_ns, echo_received_ns)
 
     def age_ns(self, sent_ns: int, echo_ns: int, now_ns: int) -> int | None:
         """The age that a message cannot exceed: by its echo, or by the clocks if that is less.
@@ -97,13 +107,12 @@ class PeerClock:
             cannot have sent yet, or sent before our computer was suspended.
         """
         by_echo_ns = self._by_echo_ns(echo_ns, now_ns)
-        if by_echo_ns is None or self._interval is None:
+        if by_echo_ns is None or self._interval is None or sent_ns < self._sent_from_ns:
             return by_echo_ns
         by_clock_ns = now_ns - sent_ns + self._interval.at(now_ns).most_ns
         if by_clock_ns < 0:  # by its clock it is yet to be sent
             return by_echo_ns
-        # It may be older than the exchanges: the drift since it was sent counts as well.
-        return min(by_echo_ns, math.ceil(by_clock_ns / (1.0 - LARGEST_DRIFT)))
+        return min(by_echo_ns, by_clock_ns)
 
     @property
     def offset(self) -> ClockOffset | None:

@@ -284,9 +284,9 @@ class Carrier:
     ) -> None:
         if addressed is not None:
             datagram, address = addressed
-            told = [(*self._class_option, traffic_class.to_bytes(4, sys.byteorder))]
+            ancillary = [(*self._class_option, traffic_class.to_bytes(4, sys.byteorder))]
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
-                self._outer.sendmsg([datagram], told, 0, address)
+                self._outer.sendmsg([datagram], ancillary, 0, address)
 
     def _hand_over(self, content: bytes) -> bool:
         """Hand something to the application; whether it can be. Full: it stalls, newer follow."""

@@ -88,9 +88,8 @@ def timeline_figure(log: SessionLog) -> Figure:
     for axis in (of_views[0], link, delay, quality):
         if axis.get_legend_handles_labels()[0]:
             ground: plots.Style = {"frameon": True, "facecolor": plots.GROUND, "edgecolor": "none"}
-            where = (
-                "best" if axis is quality else "lower right"
-            )  # few points, of which none is hidden
+            # the few points of quality: none is hidden
+            where = "best" if axis is quality else "lower right"
             axis.legend(loc=where, ncols=4, fontsize=plots.TINY_PT, framealpha=0.85, **ground)
     rows[-1].set_xlabel(plots.TIME_AXIS)
     rows[-1].set_xlim(0.0, max(ended_s, 0.1))

@@ -181,7 +181,7 @@ class LinkedRobot:
 
     def _begin(self, session: int) -> None:
         self._session = session
-        self._robots_clock = PeerClock()
+        self._robots_clock.forget()
         self.state = None
         self._log.note("info", "connected to the robot")
 

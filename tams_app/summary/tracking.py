@@ -81,7 +81,7 @@ def windows(
 
 
 def _without_operator(log: SessionLog, start_ns: Integers) -> Flags:
-    """Whether nobody could have received what was sent then; never on one computer."""
+    """Whether no operator was connected then; never on one computer."""
     received_ns = [one.t_ns for one in log.hands_received]
     if not received_ns:
         return np.zeros(len(start_ns), dtype=np.bool_)

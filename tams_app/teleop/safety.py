@@ -127,6 +127,8 @@ class Arming:
         blocked = _first(tuple(r for r in events.holds if r is not Reason.ARM_NOT_READY))
         self.reason = blocked
         request = Request.NONE
+        if Reason.NO_OPERATOR in events.holds:
+            self._consent_until_ns = None  # the next operator confirms for themselves
         if events.confirm and events.released and blocked is None:
             self._consent_until_ns = events.now_ns + ENABLE_CONSENT_NS
             if not events.arm_ready:

@@ -36,11 +36,8 @@ _AWAY = {
     ControllerStatus.LINK_GAP: Reason.LINK_GAP,
     ControllerStatus.LINK_GAPS: Reason.LINK_GAPS,
 }
-# Whoever has not armed the arm yet, or not come yet, leaves nothing behind by going.
-_AWAY_DISARMED = {
-    ControllerStatus.LINK_LOST: Reason.NO_OPERATOR,
-    ControllerStatus.OPERATOR_AWAY: Reason.NO_OPERATOR,
-}
+# A disarmed arm needs no operator.
+_NO_OPERATOR = (ControllerStatus.LINK_LOST, ControllerStatus.OPERATOR_AWAY)
 
 
 class Watch:
@@ -71,7 +68,7 @@ class Watch:
         """Holds that apply now, beside what the session reports in `tick.faults`."""
         found = [reason for reason in tick.faults if not reason.is_fault]
         if _is_merely_away(tick.sample, state):
-            found.append(_AWAY_DISARMED[tick.sample.status])
+            found.append(Reason.NO_OPERATOR)
         found += self._sample_holds(tick.sample, tick.now_ns)
         if state is ArmingState.READY and self._pose_is_frozen(tick):
             found.append(Reason.POSE_FROZEN)  # engaging would be a fault at once
@@ -142,8 +139,8 @@ class Watch:
 
 
 def _is_merely_away(sample: ControllerSample, state: ArmingState) -> bool:
-    """True if no operator is there, of an arm that none of them has armed."""
-    return state is ArmingState.DISARMED and sample.status in _AWAY_DISARMED
+    """True if no operator is there while the arm is disarmed."""
+    return state is ArmingState.DISARMED and sample.status in _NO_OPERATOR
 
 
 def _is_sane(sample: ControllerSample, now_ns: int) -> bool:

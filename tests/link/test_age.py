@@ -40,6 +40,14 @@ class Watch:
         shown_ns = int(runs_ns * Fraction(1_000_000 + self.drift_ppm, 1_000_000))
         return self.start_ns + shown_ns + (self.step_ns if after_ns >= 0 else 0)
 
+    def is_still(self, t_ns: int) -> bool:
+        """Whether it stands still then, and with it its computer, which sends and takes nothing."""
+        return self.still_ns > 0 and 0 <= t_ns - self.changed_ns <= self.still_ns
+
+    def awake_ns(self, t_ns: int) -> int:
+        """When what arrives then is taken in."""
+        return self.changed_ns + self.still_ns + 1 if self.is_still(t_ns) else t_ns
+
 
 DRIFT = st.integers(min_value=-DRIFT_PPM, max_value=DRIFT_PPM)
 START_NS = st.integers(10**13, 10**15)
@@ -114,8 +122,11 @@ def test_no_message_is_older_than_its_bound(
     start: int,
 ) -> None:
     """On our own clock, in any order, also where their computer is suspended."""
-    states, clock = trips(there, PERIOD_NS), PeerClock()
+    clock = PeerClock()
+    states = [Trip(one.sent_ns, theirs.awake_ns(one.heard_ns)) for one in trips(there, PERIOD_NS)]
     for hand in trips(back, PERIOD_NS // 2, start):
+        if theirs.is_still(hand.sent_ns):
+            continue
         stamps = stamps_of(hand, states, ours, theirs)
         bound_ns = taken(clock, stamps)
         if not stamps.echo_ns:
@@ -263,18 +274,20 @@ def test_the_interval_widens_by_the_drift_from_exchange_to_exchange() -> None:
     later_ns = 1000 + 20_000_000
     clock.step(later_ns - 10**6, 50_000 + later_ns, 50_000 + later_ns, later_ns + 10**6)
     assert clock.round_trip_ns == 2 * 10_500
-    assert clock.age_ns(50_000 + later_ns, later_ns - 10**6, later_ns + 10**6) == math.ceil(
-        (10**6 + 10_500) / (1 - LARGEST_DRIFT)
-    )
+    assert clock.age_ns(50_000 + later_ns, later_ns - 10**6, later_ns + 10**6) == 10**6 + 10_500
 
 
-def test_what_is_older_than_the_exchanges_is_older_by_the_drift_since() -> None:
+def test_what_was_sent_before_the_newest_exchange_is_as_old_as_its_echo() -> None:
+    """Their clock may have stood still between the two: it was suspended, say."""
     clock = PeerClock()
     clock.step(NS_PER_S, NS_PER_S, NS_PER_S, NS_PER_S)
-    assert clock.age_ns(0, 1, NS_PER_S) == NS_PER_S - 1  # by its echo
-    assert clock.age_ns(NS_PER_S // 2, 1, NS_PER_S) == math.ceil(
-        NS_PER_S // 2 / (1 - LARGEST_DRIFT)
-    )
+    assert clock.age_ns(NS_PER_S - 1, NS_PER_S // 2, NS_PER_S) == NS_PER_S // 2
+    assert clock.age_ns(NS_PER_S, NS_PER_S // 2, NS_PER_S) == 0
+    clock.step(NS_PER_S // 2, NS_PER_S // 2, NS_PER_S, NS_PER_S)  # an older one changes nothing
+    assert clock.age_ns(NS_PER_S - 1, NS_PER_S // 2, NS_PER_S) == NS_PER_S // 2
+    clock.forget()
+    clock.step(5, 5, 5, 5)
+    assert clock.age_ns(5, 1, 5) == 0
 
 
 @pytest.mark.parametrize(
@@ -282,11 +295,26 @@ def test_what_is_older_than_the_exchanges_is_older_by_the_drift_since() -> None:
     [(5000, 85_000, 85_000, 5000), (5000, 15_000, 15_000, 5000)],
     ids=["stepped forward", "stepped back"],
 )
-def test_an_exchange_that_contradicts_those_before_stands_alone(
+def test_an_exchange_that_contradicts_those_before_voids_them_and_what_had_been_sent_until_then(
     contradiction: tuple[int, int, int, int],
 ) -> None:
     before = (1000, 51_000, 51_000, 1000)
-    assert exchanged(before, contradiction) == exchanged(contradiction)
+    assert exchanged(before, contradiction) is None
+    begun_before = (5000, 55_000, 55_000, 6000)
+    assert exchanged(before, contradiction, begun_before) is None
+    begun_then = (5001, 85_001, 85_001, 5001)
+    assert exchanged(before, contradiction, begun_then) == ClockOffset(5001, 80_000, 0)
+
+
+def test_no_exchange_that_spans_a_step_counts_once_the_step_was_noticed() -> None:
+    """Also where it does not contradict itself, since its own message was slow."""
+    clock, step_ns = PeerClock(), 3_509_753
+    sent_ns, ms = 10**9 + step_ns, NS_PER_MS
+    clock.step(10**9, 10**9, sent_ns + 8 * ms, 10**9 + 8 * ms)
+    late_ns = 10**9 + 16 * ms + 3_500_002
+    clock.step(10**9, 10**9, sent_ns + 16 * ms, late_ns)
+    assert clock.offset is None
+    assert clock.age_ns(sent_ns + 16 * ms, 10**9, late_ns) == late_ns - 10**9
 
 
 @pytest.mark.parametrize(

@@ -123,8 +123,8 @@ def test_messages_have_a_higher_traffic_class_than_video(
     stack.callback(carrier.close)
 
     def traffic_class() -> int:
-        _, told, _, _ = other.recvmsg(100, 100)
-        (value,) = (data for level, kind, data in told if (level, kind) == (asked[0], option))
+        _, ancillary, _, _ = other.recvmsg(100, 100)
+        (value,) = (data for level, kind, data in ancillary if (level, kind) == (asked[0], option))
         return value[0]
 
     address = other.getsockname()

@@ -236,6 +236,16 @@ def test_an_arm_that_is_ready_already_is_not_enabled_again() -> None:
     assert Arming().step(events(confirm=True, **UP)) is Request.NONE
 
 
+def test_what_one_operator_confirmed_does_not_arm_the_arm_for_the_next() -> None:
+    arming = Arming()
+    assert arming.step(events(confirm=True, arm_ready=False, **UP)) is Request.ENABLE
+    arming.step(events(holds=(Reason.NO_OPERATOR,)))
+    arming.step(events(**UP))
+    assert arming.state is DISARMED
+    arming.step(events(confirm=True, **UP))
+    assert arming.state is READY
+
+
 def test_a_fault_withdraws_the_consent_to_enable() -> None:
     arming = Arming()
     arming.step(events(confirm=True, arm_ready=False, **UP))

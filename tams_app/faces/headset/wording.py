@@ -17,7 +17,7 @@ _KEYS = {
     "engaged": "{release} to stop · click {confirm}: emergency stop",
     "holding": "{release} · click {confirm}: emergency stop",
     "fault": "{release}, hold {confirm} 1 s to clear, again to arm",
-    "link lost": "Wait for the link, {release}, hold {confirm} 1 s",
+    "link lost": "{release} and wait for the link",
 }
 
 

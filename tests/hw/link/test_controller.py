@@ -481,6 +481,18 @@ def test_after_the_computer_was_suspended_only_what_answers_a_later_stamp_counts
     assert exchange.taken[-len(statuses) :].count("without an echo") == first
 
 
+def test_no_stamp_from_before_a_suspend_counts_for_the_next_operator_either(
+    exchange: Exchange,
+) -> None:
+    before_ns = exchange.now_ns
+    exchange.now_ns += 1
+    exchange.controller.wake(exchange.now_ns)
+    exchange.controller.let_go()
+    exchange.on_their_way.clear()
+    message = exchange.message(echo_ns=before_ns, echo_heard_ns=before_ns + exchange.offset_ns)
+    assert exchange.take(message) == "without an echo"
+
+
 def test_once_an_operator_was_let_go_times_are_those_of_what_comes_then(exchange: Exchange) -> None:
     """A pose is as old as it is, also where one of before was newer."""
     last = exchange.tick()
