@@ -9,7 +9,7 @@ from typing import Any
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
-from tams_app.faces.figures import placed_text, status_text, view_title
+from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
 from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Seek
 from tams_app.faces.pacing import Pacer
@@ -345,7 +345,7 @@ class OperatorWindow:
             self._panel.show(facts)
             self._timeline.show(facts)
             self._episodes.show(facts)
-            self._notice.set_text(facts.notices[-1].text if facts.notices else "")
+            self._notice.set_text(notice_text(facts))
             self._status.set_text(status_text(facts, self._opening))
 
     def _show_places(self) -> None:
