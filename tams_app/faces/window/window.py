@@ -24,6 +24,7 @@ from tams_app.faces.window.panels import (
     NumbersPanel,
     Timeline,
     TrialPanel,
+    framed,
     key_list,
 )
 from tams_app.faces.window.picture import PicturePlace, texture_of
@@ -134,13 +135,13 @@ class OperatorWindow:
         notices.add_css_class("said")
         notices.append(self._notice)
         notices.append(self._status)
-        self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
-        self._frame.add_css_class("frame")
+        inside = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
+        self._frame = framed(inside)
         main = self._main_part()
         self._episodes = EpisodeStrip()
         below = (self._timeline.widget, self._episodes.widget, notices)
         for part in (self._banner.widget, main, *below):
-            self._frame.append(part)
+            inside.append(part)
         for part in (main, self._timeline.widget):
             part.add_css_class(LIVE_CLASS)
         self._keys = key_list(self._key_help)

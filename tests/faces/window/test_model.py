@@ -242,7 +242,7 @@ def test_every_state_has_its_rule_in_the_style_sheet() -> None:
     sheet = style_sheet(1.0)
     for arming in (*LOOKS, "starting"):
         look = look_of(arming)
-        rule = f".{state_class(arming)}.frame {{ border-style: {look.border}; "
+        rule = f".{state_class(arming)} .edge {{ border-style: {look.border}; "
         assert rule + f"border-color: {look.colour}; }}" in sheet
 
 
