@@ -1,4 +1,4 @@
-"""Making capacity traces: outages, a step, a sawtooth, a Markov chain; seeded, 100 ms a row.
+"""Making capacity traces: outages, a step, a sawtooth, a Markov chain, LTE; 100 ms a row.
 
 `python -m benchmarks.trace_models outage --seed 1 > outage.csv` writes one.
 """
@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 from collections.abc import Callable, Iterator
 from itertools import islice
@@ -61,11 +62,55 @@ def markov_kbps(
         state = random.choice(neighbours)
 
 
+def lte_kbps(random: Random) -> Iterator[int]:
+    """An LTE uplink in a moving car, with the statistics of AT&T's of 2016 (Mahimahi).
+
+    The logarithm of the rate has a standard deviation of .91 and correlations of .45, .27 and .24
+    after .1, .2 and 1 s: a slow part and one that is new in nearly every row. One row in 40 is
+    empty by itself; outages of .8 to 4 s are 13 s apart.
+    """
+    rates = _log_normal_kbps(random, 1500.0, (0.5, 0.97), (0.76, 0.28))
+    while True:
+        for kbps in islice(rates, _rows(random.expovariate(1.0 / 13.0))):
+            yield 0 if random.random() < 0.025 else kbps
+        yield from [0] * _rows(random.triangular(0.8, 4.0, 1.0))
+
+
+def still_kbps(random: Random) -> Iterator[int]:
+    """An LTE uplink at rest: half as unsteady, with gaps of .2 to .8 s that are 20 s apart.
+
+    Like those of 2018 on which SCReAM and others were measured: a capacity that is known a round
+    trip late serves .9 of it with a queue of some 40 ms.
+    """
+    rates = _log_normal_kbps(random, 5500.0, (0.5, 0.975), (0.3, 0.6))
+    while True:
+        yield from islice(rates, _rows(random.expovariate(1.0 / 20.0)))
+        yield from [0] * _rows(random.uniform(0.2, 0.8))
+
+
+def _log_normal_kbps(
+    random: Random, median_kbps: float, *parts: tuple[float, float]
+) -> Iterator[int]:
+    """Rates of which the logarithm is a sum of stationary chains of the first order.
+
+    `parts`: of each its standard deviation and the correlation of one row with the next.
+    """
+    values = [random.gauss(0.0, deviation) for deviation, _ in parts]
+    while True:
+        values = [
+            kept * value + random.gauss(0.0, deviation * math.sqrt(1.0 - kept**2))
+            for value, (deviation, kept) in zip(values, parts, strict=True)
+        ]
+        yield min(round(median_kbps * math.exp(sum(values))), 40_000)
+
+
 MODELS: dict[str, Callable[[Random], Iterator[int]]] = {
     "outage": outage_kbps,
     "step": step_kbps,
     "sawtooth": sawtooth_kbps,
     "markov": markov_kbps,
+    "lte": lte_kbps,
+    "still": still_kbps,
 }
 
 

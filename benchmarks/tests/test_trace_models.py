@@ -1,6 +1,8 @@
 """Making capacity traces."""
 
+import math
 from itertools import groupby, pairwise
+from statistics import stdev
 
 import pytest
 
@@ -29,7 +31,7 @@ def test_a_trace_lasts_as_long_as_asked(model: str) -> None:
     assert parse_trace(generate(model, 1, 12.3), model).period_ns == round(12.3 * NS_PER_S)
 
 
-@pytest.mark.parametrize("model", ["outage", "markov"])
+@pytest.mark.parametrize("model", ["outage", "markov", "lte", "still"])
 def test_the_seed_makes_the_trace(model: str) -> None:
     assert generate(model, 5, 100) == generate(model, 5, 100) != generate(model, 6, 100)
 
@@ -60,3 +62,14 @@ def test_the_markov_walk_moves_between_neighbours_and_dwells() -> None:
     assert set(walk) == {0, 1, 2, 3}
     assert all(abs(second - first) <= 1 for first, second in pairwise(walk))
     assert sum(runs) / len(runs) / 10 == pytest.approx(2.0, rel=0.2)
+
+
+def test_the_models_of_lte_have_the_statistics_documented() -> None:
+    driving, still = rates("lte", seconds=2000), rates("still", seconds=2000)
+    for trace, deviation, mean in ((driving, 0.91, 1900), (still, 0.58, 6300)):
+        logarithms = [math.log(rate) for rate in trace if rate]
+        assert stdev(logarithms) == pytest.approx(deviation, rel=0.1)
+        assert sum(trace) / len(trace) == pytest.approx(mean, rel=0.25)
+    outages = [len(list(run)) for rate, run in groupby(driving) if rate == 0]
+    assert max(outages) == pytest.approx(40, abs=5)
+    assert sum(length >= 8 for length in outages) > 60

@@ -5,7 +5,8 @@ real encoders, jitter buffers and decoders over an emulated link in virtual time
 arm carries a block to and fro; `--rate-kbps N` in place of a trace. Without either, all cases run
 that way for up to 25 s with `feedback`, some of them with each budget and repair. `--model` runs
 them packet by packet without encoders, in a few minutes; there a trace is run with three delay
-targets.
+targets. `--field` runs links as they are in the field, those of docs/BUDGET.md, `--seeds N` each
+of them N times, of which the means are shown.
 `--json` writes the results.
 """
 
@@ -25,15 +26,17 @@ from rich.table import Table
 
 from benchmarks.uplink.cases import (
     DELAY_TARGETS_MS,
+    MODELLED_STRATEGY,
     MODES,
     Case,
     Target,
     cases,
+    field_cases,
     rate_case,
     trace_case,
 )
 from benchmarks.uplink.encoded import Result, Sender, run_encoded
-from benchmarks.uplink.measures import Measures, run
+from benchmarks.uplink.measures import Measures, run_all
 from tams_app.config import Network
 from tams_app.errors import TamsError
 from tams_app.study.unattended import TrialsProgress
@@ -44,9 +47,11 @@ COLUMNS = {
     "queue_p95_ms": ("p95", 1.0),
     "queue_max_ms": ("max", 1.0),
     "standing_p95_ms": ("standing p95", 1.0),
-    "overflow_fraction": ("overflow", 100.0),
+    "loss_fraction": ("lost", 100.0),
     "padding_fraction": ("padding", 100.0),
     "skipped_fraction": ("skipped", 100.0),
+    "even_fps": ("fps", 1.0),
+    "share": ("share", 100.0),
 }
 SEEN: dict[str, Callable[[Result], str]] = {
     "latency": lambda told: f"{told['latency_ms']['p95']:.0f}",
@@ -72,11 +77,12 @@ def main() -> None:
     )
     given = [trace_case(path, options.seconds, link) for path in options.trace]
     given += [rate_case(kbps, options.seconds, link) for kbps in options.rate_kbps]
-    chosen = given or [one for one in cases() if not options.case or options.case in one.name]
-    longest_s = options.seconds if given else CASE_S
+    known = field_cases() if options.field else cases()
+    chosen = given or [one for one in known if not options.case or options.case in one.name]
+    longest_s = options.seconds if given or options.field else CASE_S
     if options.model:
         modes = (options.budget,) if options.budget else MODES
-        modelled = model(chosen, bool(given), modes, console)
+        modelled = model(chosen, bool(given), modes, options.seeds, console)
         console.print(table(chosen, modelled))
         written: object = modelled
     else:
@@ -98,7 +104,9 @@ def main() -> None:
 def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.uplink", description=__doc__)
     parser.add_argument("--model", action="store_true", help="without encoders, packet by packet")
+    parser.add_argument("--field", action="store_true", help="links as they are in the field")
     parser.add_argument("--case", help="only cases with this in their names")
+    parser.add_argument("--seeds", type=int, default=1, help="of --model (default 1)")
     parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
     parser.add_argument("--rate-kbps", type=float, action="append", default=[], metavar="N")
     link = parser.add_argument_group("the link of --trace and --rate-kbps")
@@ -128,10 +136,11 @@ def _senders(options: argparse.Namespace, case: Case) -> list[Sender]:
         chosen = [one for one in COMPARED if options.budget in (None, one.budget)]
     if options.repair:
         chosen = [replace(one, repair=options.repair) for one in chosen]
+    modelled = case.setting.strategy
     changed = (
         replace(
             one,
-            strategy=options.strategy,
+            strategy=options.strategy if modelled == MODELLED_STRATEGY else modelled,
             delay_target_ms=options.delay_target_ms,
             seed=options.seed,
         )
@@ -156,18 +165,21 @@ def over_encoders(
 
 
 def model(
-    chosen: Sequence[Case], delay_targets: bool, modes: Sequence[str], console: Console
+    chosen: Sequence[Case], delay_targets: bool, modes: Sequence[str], seeds: int, console: Console
 ) -> dict[str, dict[str, Measures]]:
-    """Each case under each budget; `delay_targets`: `feedback` with each of them."""
+    """Each case under each budget, the means of `seeds` runs.
+
+    `delay_targets`: `feedback` with each of them.
+    """
     results: dict[str, dict[str, Measures]] = {}
     for case in track(chosen, description="cases", console=console, transient=True):
         row = results.setdefault(case.name, {})
         for mode in modes:
             if mode == "feedback" and delay_targets:
                 for target_ms in DELAY_TARGETS_MS:
-                    row[f"feedback, {target_ms:g} ms"] = run(case, mode, target_ms)
+                    row[f"feedback, {target_ms:g} ms"] = run_all(case, mode, seeds, target_ms)
             else:
-                row[mode] = run(case, mode)
+                row[mode] = run_all(case, mode, seeds)
     return results
 
 
@@ -184,7 +196,7 @@ def table(
     shown.add_column("targets")
     for case in chosen:
         for mode, measures in results[case.name].items():
-            cells = [_cell(measures[key], factor) for key, (_, factor) in columns.items()]
+            cells = [_cell(measures.get(key), factor) for key, (_, factor) in columns.items()]
             if seen:
                 cells += [told(seen[case.name][mode]) for told in SEEN.values()]
             ours = mode.startswith("feedback")

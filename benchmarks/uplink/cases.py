@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from benchmarks.trace_models import generate
 from benchmarks.uplink.model import Setting
 from tams_app.capacity import Capacity, TraceCapacity
 from tams_app.config import CONFIG_DIRECTORY, Network
@@ -14,7 +15,8 @@ from tams_app.video.live.traces import CSV_HEADER, parse_trace
 
 MODES = ("oracle", "sender", "feedback")
 DELAY_TARGETS_MS = (20.0, 40.0, 80.0)
-SHIPPED = ("step", "sawtooth", "markov", "outage")
+MODELLED_STRATEGY = "equal"
+SHIPPED = ("step", "sawtooth", "markov", "outage", "lte", "still")
 LINK = Network(latency_ms=40, jitter_ms=8)
 S3 = Network(latency_ms=80, jitter_ms=15, loss=0.01)
 
@@ -51,7 +53,8 @@ class Case:
     @property
     def encoders_can(self) -> bool:
         """Whether it has nothing that only the packet-level model can do."""
-        return self.setting == Setting(self.setting.network, self.setting.seconds)
+        setting = self.setting
+        return setting == Setting(setting.network, setting.seconds, strategy=setting.strategy)
 
     def capacity(self, start_ns: int) -> Capacity:
         """What the bottleneck carries from `start_ns` on."""
@@ -103,6 +106,40 @@ def cases() -> Iterator[Case]:
     for name in SHIPPED:
         shipped = trace_case(CONFIG_DIRECTORY / "traces" / f"{name}.csv", 60)
         yield replace(shipped, compared=name == "markov")
+
+
+def field_cases() -> Iterator[Case]:
+    """Links as they are in the field: jitter, far, very narrow, cellular, shared with others."""
+    clear = _used(0.90), Target("queue_p95_ms", at_most=20)
+    for kbps in (1000, 3000, 6000, 12_000):
+        for loss in (0.0, 0.003, 0.01):
+            name = f"{kbps / 1000:g} Mbit/s" + (f", {100 * loss:g} % loss" if loss else "")
+            yield Case(name, _rates((0, kbps)), Setting(_with(loss=loss)), clear)
+    unsteady = _used(0.80), Target("queue_p95_ms", at_most=50)
+    for kbps, latency, jitter, loss in (
+        (6000, 100, 25, 0.001),
+        (6000, 40, 30, 0.0),
+        (6000, 200, 30, 0.001),
+        (3000, 400, 50, 0.01),
+    ):
+        network = Network(latency_ms=latency, jitter_ms=jitter, loss=loss)
+        name = f"{kbps / 1000:g} Mbit/s, {latency} ± {jitter} ms"
+        yield Case(name, _rates((0, kbps)), Setting(network), unsteady)
+    narrow = _used(0.85), Target("loss_fraction", at_most=0.02), Target("queue_p95_ms", at_most=100)
+    for kbps in (350, 200, 100):
+        setting = Setting(LINK, strategy="tams+")
+        yield Case(f"{kbps} kbit/s", _rates((0, kbps)), setting, narrow)
+    cellular = _used(0.80), Target("queue_p95_ms", at_most=80)
+    for seed in (1, 2, 3):
+        yield Case(f"LTE driving {seed}", generate("lte", seed, 60), Setting(LINK), cellular)
+    for seed in (1, 2, 3):
+        yield Case(f"LTE at rest {seed}", generate("still", seed, 60), Setting(LINK), cellular)
+    share = Target("share", at_least=0.4), Target("share", at_most=0.6)
+    six = _rates((0, 6000))
+    yield Case("Cubic beside it", six, Setting(LINK, cubic=(10, 40)), share)
+    yield Case("second TAMS", six, Setting(LINK, second=(10, 60)), share)
+    named = {case.name: case for case in cases()}
+    yield from (named[name] for name in ("step down 12 → 3", "step up 3 → 12", "outage of 1 s"))
 
 
 def trace_case(path: Path, seconds: float, network: Network = LINK) -> Case:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 from benchmarks.uplink.cases import Case
 from benchmarks.uplink.model import Model, Trace, departed_bytes
@@ -15,15 +17,27 @@ Measures = dict[str, float | None]
 _HEARD_NS = 150 * NS_PER_MS  # the least time from an event at the link to a target
 
 
-def run(case: Case, mode: str, delay_target_ms: float | None = None) -> Measures:
+def run_all(case: Case, mode: str, seeds: int, delay_target_ms: float | None = None) -> Measures:
+    """The means of runs with the seeds from 1 on; of what was never reached, None."""
+    runs = [run(case, mode, delay_target_ms, seed) for seed in range(1, seeds + 1)]
+    return {key: _mean([one[key] for one in runs]) for key in runs[0]}
+
+
+def run(case: Case, mode: str, delay_target_ms: float | None = None, seed: int = 1) -> Measures:
     """One run of the model under the budget `mode`."""
+    case = replace(case, setting=replace(case.setting, seed=seed))
     policy = load_config(
         None, {"policy.budget.mode": mode, "policy.budget.delay_target_ms": delay_target_ms}
     ).policy
     capacity = case.capacity(Model.START_NS)
-    trace = Model(case.setting, capacity, make_budget(policy, capacity), policy).run()
+    trace = Model(case.setting, capacity, lambda: make_budget(policy, capacity), policy).run()
     standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
     return {**measure(case, trace, Model.START_NS), "standing_p95_ms": _percentile(standing, 0.95)}
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if len(known) == len(values) else None
 
 
 def measure(case: Case, trace: Trace, start_ns: int) -> Measures:
@@ -49,8 +63,12 @@ def measure(case: Case, trace: Trace, start_ns: int) -> Measures:
         "loss_fraction": lost / len(trace.packets),
         "padding_fraction": trace.padding_bytes / carried,
         "skipped_fraction": trace.skipped / trace.frames,
+        "even_fps": max(map(_even_fps, trace.kept.values()), default=0.0),
         "target_kbps_mean": sum(kbps for _, kbps in trace.targets) / len(trace.targets),
     }
+    for span in (case.setting.cubic, case.setting.tcp, case.setting.second):
+        if span is not None:
+            measures["share"] = _share(trace, start_ns, span)
     if case.change_s is not None:
         change_ns = start_ns + round(case.change_s * NS_PER_S)
         kbps = capacity.rate_kbps(change_ns)
@@ -62,6 +80,22 @@ def measure(case: Case, trace: Trace, start_ns: int) -> Measures:
         measures["below_ms"] = _since(below, change_ns)
         measures["drained_ms"] = _since(_drained_ns(trace.packets, change_ns), change_ns)
     return measures
+
+
+def _share(trace: Trace, start_ns: int, span: tuple[float, float]) -> float:
+    """Our part of all that left while another flow was there, but for its first 5 s."""
+    from_ns, to_ns = (
+        start_ns + round((span[0] + 5) * NS_PER_S),
+        start_ns + round(span[1] * NS_PER_S),
+    )
+    own = departed_bytes(trace.packets, from_ns, to_ns)
+    return own / max(own + departed_bytes(trace.others, from_ns, to_ns), 1)
+
+
+def _even_fps(kept_ns: Sequence[int]) -> float:
+    """Frames a second, by the longest gap but for one in twenty."""
+    gaps = sorted(after - before for before, after in pairwise(kept_ns))
+    return NS_PER_S / gaps[int(len(gaps) * 0.95)] if gaps else 0.0
 
 
 def _wait_ms(record: PacketRecord) -> float:

@@ -4,12 +4,15 @@ The link is the product's (`tams_app.video.core.link`), the budget too. What enc
 the size of a frame is its target's share times a constant bias and a random factor; a keyframe is
 larger, and the frames after it give back what it took, as the servo makes them. A frame enters the
 link in one burst. The receiver tells of all packets every 25 to 50 ms, and what it tells comes
-back with the link's delay; packets of the policy's padding are fed back as any other.
+back with the link's delay; packets of the policy's padding are fed back as any other. What is under
+way is bounded as in the product (`tams_app.video.core.flight`), and so are the frames of a view
+whose target would starve them.
 """
 
 from __future__ import annotations
 
 import heapq
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from random import Random
@@ -28,7 +31,9 @@ from tams_app.records import (
     UplinkReport,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.flight import FlightBound
 from tams_app.video.core.link import Link
+from tams_app.video.core.rate_control import SourceDrop
 
 VIEWS = ("eih", "gt", "gs")
 PADDING = "padding"
@@ -58,6 +63,9 @@ class Setting:
     limited: tuple[float, float, float] | None = None  # from, to [s]: views make this share
     constant_kbps: tuple[float, float, float] | None = None  # from, to [s], rate of another flow
     tcp: tuple[float, float] | None = None  # from, to [s]: a flow that fills the queue
+    cubic: tuple[float, float] | None = None  # the same with Cubic's window
+    second: tuple[float, float] | None = None  # from, to [s]: another sender with the same budget
+    strategy: str = "equal"
 
 
 @dataclass(slots=True)
@@ -69,9 +77,27 @@ class Trace:
     standing_ns: list[int] = field(default_factory=list)  # what each frame found in the queue
     targets: list[tuple[int, float]] = field(default_factory=list)  # all views together [kbit/s]
     capacities: list[tuple[int, float]] = field(default_factory=list)  # estimates
+    kept: dict[str, list[int]] = field(default_factory=lambda: {view: [] for view in VIEWS})
     padding_bytes: int = 0
     frames: int = 0
     skipped: int = 0
+
+
+class _Events:
+    """What is to happen, in the order of time."""
+
+    def __init__(self) -> None:
+        self._events: list[tuple[int, int, Callable[[int], None]]] = []
+        self._count = 0
+
+    def at(self, time_ns: int, action: Callable[[int], None]) -> None:
+        self._count += 1
+        heapq.heappush(self._events, (time_ns, self._count, action))
+
+    def run(self, end_ns: int) -> None:
+        while self._events and self._events[0][0] < end_ns:
+            now_ns, _, action = heapq.heappop(self._events)
+            action(now_ns)
 
 
 class Model:
@@ -80,56 +106,102 @@ class Model:
     START_NS = 100 * NS_PER_S
 
     def __init__(
-        self, setting: Setting, capacity: Capacity, budget: Budget, policy: PolicyConfig
+        self,
+        setting: Setting,
+        capacity: Capacity,
+        make_budget: Callable[[], Budget],
+        policy: PolicyConfig,
     ) -> None:
-        self._setting = setting
         names = (*VIEWS, PADDING, "constant", "tcp")
-        self._link = Link(setting.network, capacity, names, setting.seed)
+        names += tuple(f"{name}.2" for name in names) if setting.second else ()
+        link = Link(setting.network, capacity, names, setting.seed)
+        self._setting = setting
+        self._events = _Events()
+        self._link = link
+        self._sender = _Sender(setting, link, self._events, make_budget(), policy, "", Trace())
+        self.trace = self._sender.trace
+        self._second = make_budget() if setting.second else None
+        self._policy = policy
+
+    def run(self) -> Trace:
+        setting, events, others = self._setting, self._events, self.trace.others
+        start_ns = self.START_NS
+        end_ns = start_ns + round(setting.seconds * NS_PER_S)
+        self._sender.start(start_ns, end_ns)
+        if setting.constant_kbps is not None:
+            events.at(start_ns + round(setting.constant_kbps[0] * NS_PER_S), self._constant)
+        for span, flow in ((setting.tcp, TcpFlow), (setting.cubic, CubicFlow)):
+            if span is not None:
+                tcp = flow(self._link, events.at, others, start_ns + round(span[1] * NS_PER_S))
+                events.at(start_ns + round(span[0] * NS_PER_S), tcp.start)
+        if setting.second is not None and self._second is not None:
+            from_ns, to_ns = (start_ns + round(s * NS_PER_S) for s in setting.second)
+            trace = Trace(packets=others, others=self.trace.packets)
+            second = _Sender(setting, self._link, events, self._second, self._policy, ".2", trace)
+            events.at(from_ns, lambda now_ns: second.start(now_ns, to_ns))
+        events.run(end_ns)
+        return self.trace
+
+    def _constant(self, now_ns: int) -> None:
+        """A packet of the flow of a constant rate."""
+        assert self._setting.constant_kbps is not None
+        _, end_s, kbps = self._setting.constant_kbps
+        if now_ns - self.START_NS < end_s * NS_PER_S:
+            record = self._link.offer(now_ns, "constant", PacketKind.MEDIA, PACKET_BYTES, 0)
+            self.trace.others.append(record)
+            self._events.at(now_ns + round(PACKET_BYTES * 8 / kbps * NS_PER_MS), self._constant)
+
+
+class _Sender:
+    """The views of one robot, and their receiver."""
+
+    def __init__(
+        self,
+        setting: Setting,
+        link: Link,
+        events: _Events,
+        budget: Budget,
+        policy: PolicyConfig,
+        name: str,
+        trace: Trace,
+    ) -> None:
+        """`name` ends those of its streams at the link."""
+        self._setting = setting
+        self._link = link
+        self._at = events.at
         self._budget = budget
-        self._policy = Policy(make_strategy("equal", policy), budget, policy)
-        self._random = Random(f"{setting.seed}/sources")
-        self._receiver = Random(f"{setting.seed}/receiver")
-        self._events: list[tuple[int, int, Callable[[int], None]]] = []
-        self._count = 0
+        self._name = name
+        self._policy = Policy(make_strategy(setting.strategy, policy), budget, policy)
+        self._random = Random(f"{setting.seed}/sources{name}")
+        self._receiver = Random(f"{setting.seed}/receiver{name}")
+        self._flight = FlightBound(VIEWS)
+        self._drop = {view: SourceDrop(self._policy.source_drop_below_kbps) for view in VIEWS}
+        self._start_ns = self._end_ns = 0
         self._targets: dict[str, float] = dict.fromkeys(VIEWS, 0.0)
         self._owed = dict.fromkeys(VIEWS, 0.0)  # what keyframes took in advance [bytes]
-        self._keyframe_ns = {view: self.START_NS + index * NS_PER_S
-                             for index, view in enumerate(VIEWS, start=1)}  # fmt: skip
+        self._keyframe_ns = dict.fromkeys(VIEWS, 0)
         self._sent_bytes = 0
-        self._acknowledged_bytes = 0
+        self._reported_ns = 0  # when the newest packet left that was reported
         self._underway: list[PacketRecord] = []  # not told of by the receiver
         self._arrivals: list[PacketArrival] = []  # back at the sender
         self._receptions: list[Reception] = []
         self._received = (0, 0)  # packets arrived and lost since the last receiver report
-        self.trace = Trace()
+        self.trace = trace
 
-    def run(self) -> Trace:
-        setting = self._setting
-        end_ns = self.START_NS + round(setting.seconds * NS_PER_S)
+    def start(self, now_ns: int, end_ns: int) -> None:
+        """Send from now until `end_ns`."""
+        self._start_ns, self._end_ns = now_ns, end_ns
         period_ns = NS_PER_S // FPS
-        self._at(self.START_NS, self._tick)
+        self._at(now_ns, self._tick)
         for index, view in enumerate(VIEWS):
-            self._at(self.START_NS + index * period_ns // len(VIEWS), self._frames_of(view))
-        self._at(self.START_NS, self._pad)
-        self._at(self.START_NS + 30 * NS_PER_MS, self._feed_back)
-        self._at(self.START_NS + RECEPTION_NS, self._report)
-        if setting.constant_kbps is not None:
-            self._at(self.START_NS + round(setting.constant_kbps[0] * NS_PER_S), self._constant)
-        if setting.tcp is not None:
-            tcp = TcpFlow(self._link, self._at, self.trace.others,
-                          self.START_NS + round(setting.tcp[1] * NS_PER_S))  # fmt: skip
-            self._at(self.START_NS + round(setting.tcp[0] * NS_PER_S), tcp.start)
-        while self._events and self._events[0][0] < end_ns:
-            now_ns, _, action = heapq.heappop(self._events)
-            action(now_ns)
-        return self.trace
-
-    def _at(self, time_ns: int, action: Callable[[int], None]) -> None:
-        self._count += 1
-        heapq.heappush(self._events, (time_ns, self._count, action))
+            self._keyframe_ns[view] = now_ns + (index + 1) * NS_PER_S
+            self._at(now_ns + index * period_ns // len(VIEWS), self._frames_of(view))
+        self._at(now_ns, self._pad)
+        self._at(now_ns + 30 * NS_PER_MS, self._feed_back)
+        self._at(now_ns + RECEPTION_NS, self._report)
 
     def _seconds(self, now_ns: int) -> float:
-        return (now_ns - self.START_NS) / NS_PER_S
+        return (now_ns - Model.START_NS) / NS_PER_S
 
     # --- the sender -------------------------------------------------------------------------------
 
@@ -140,11 +212,14 @@ class Model:
         self._arrivals, self._receptions = [], []
         allocation = self._policy.step(Phase.REACH, report)
         self._targets = dict(allocation.target_kbps)
+        self._flight.set(self._policy.flight_limit_bytes(now_ns), allocation.target_kbps)
         self.trace.targets.append((now_ns, sum(self._targets.values())))
         self.trace.capacities.append((now_ns, allocation.capacity_kbps))
         self._at(now_ns + TICK_NS, self._tick)
 
     def _pad(self, now_ns: int) -> None:
+        if now_ns >= self._end_ns:
+            return
         padding = self._budget.padding_bytes(now_ns)
         self.trace.padding_bytes += padding
         self._send(now_ns, PADDING, padding)
@@ -152,20 +227,22 @@ class Model:
 
     def _frames_of(self, view: str) -> Callable[[int], None]:
         def frame(now_ns: int) -> None:
+            if now_ns >= self._end_ns:
+                return
             self._at(now_ns + NS_PER_S // FPS, frame)
             self.trace.frames += 1
-            limit = self._budget.flight_limit_bytes(now_ns)
-            if self._sent_bytes - self._acknowledged_bytes > limit:
+            if self._flight.exceeded(view, now_ns, self._sent_bytes, self._reported_ns):
                 self.trace.skipped += 1
-                return
-            if size := round(self._frame_bytes(now_ns, view)):
-                self._send(now_ns, view, size)
+            elif self._drop[view].keep(self._targets[view], NS_PER_S // FPS):
+                self.trace.kept[view].append(now_ns)
+                self._send(now_ns, view, max(1, round(self._frame_bytes(now_ns, view))))
 
         return frame
 
     def _frame_bytes(self, now_ns: int, view: str) -> float:
         setting = self._setting
-        mean = self._targets[view] * setting.bias * 1000 / 8 / FPS
+        kbps = self._drop[view].frame_target_kbps(self._targets[view], NS_PER_S // FPS)
+        mean = kbps * setting.bias * 1000 / 8 / FPS
         if setting.limited and setting.limited[0] <= self._seconds(now_ns) < setting.limited[1]:
             mean *= setting.limited[2]
         size = max(0.2, self._random.gauss(1.0, setting.noise)) * mean
@@ -185,7 +262,7 @@ class Model:
         while size_bytes > 0:
             packet = min(size_bytes, PACKET_BYTES)
             size_bytes -= packet
-            record = self._link.offer(now_ns, view, PacketKind.MEDIA, packet, 0)
+            record = self._link.offer(now_ns, view + self._name, PacketKind.MEDIA, packet, 0)
             self._sent_bytes += packet
             self.trace.packets.append(record)
             self._underway.append(record)
@@ -209,9 +286,9 @@ class Model:
         dropped = self._receiver.random() < self._setting.feedback_loss
 
         def arrive(_now_ns: int) -> None:
-            self._acknowledged_bytes += sum(arrival.size_bytes for arrival in arrivals)
             if not dropped:
                 self._arrivals += arrivals
+                self._reported_ns = max(self._reported_ns, arrivals[-1].sent_ns)
 
         self._at(back_ns, arrive)
 
@@ -238,17 +315,6 @@ class Model:
         jitter_ns = round(self._setting.network.jitter_ms * NS_PER_MS / 2)
         reception = Reception(VIEWS[0], lost / (arrived + lost), trip_ns, jitter_ns)
         self._at(back_ns, lambda _now_ns: self._receptions.append(reception))
-
-    # --- others -----------------------------------------------------------------------------------
-
-    def _constant(self, now_ns: int) -> None:
-        """A packet of the flow of a constant rate."""
-        assert self._setting.constant_kbps is not None
-        _, end_s, kbps = self._setting.constant_kbps
-        if self._seconds(now_ns) < end_s:
-            record = self._link.offer(now_ns, "constant", PacketKind.MEDIA, PACKET_BYTES, 0)
-            self.trace.others.append(record)
-            self._at(now_ns + round(PACKET_BYTES * 8 / kbps * NS_PER_MS), self._constant)
 
 
 class TcpFlow:
@@ -296,15 +362,23 @@ class TcpFlow:
     def _acknowledged(self, now_ns: int) -> None:
         self._underway -= 1
         self._heard_ns = now_ns
-        self._window += 1.0 if self._window < self._slow_start else 1.0 / self._window
+        self._window += 1.0 if self._window < self._slow_start else self._growth(now_ns)
         self._fill(now_ns)
+
+    def _growth(self, _now_ns: int) -> float:
+        """What one acknowledgement adds to the window beyond slow start."""
+        return 1.0 / self._window
+
+    def _cut(self) -> float:
+        """The window after a loss."""
+        return self._window / 2
 
     def _missing(self, sent_ns: int) -> Callable[[int], None]:
         def missing(now_ns: int) -> None:
             self._underway -= 1
             if sent_ns > self._cut_ns:
                 self._cut_ns = now_ns
-                self._window = self._slow_start = max(2.0, self._window / 2)
+                self._window = self._slow_start = max(2.0, self._cut())
             self._fill(now_ns)
 
         return missing
@@ -315,6 +389,22 @@ class TcpFlow:
         self._fill(now_ns)
         if now_ns < self._end_ns:
             self._at(now_ns + NS_PER_S, self._watch)
+
+
+class CubicFlow(TcpFlow):
+    """The same with the window of RFC 9438: C = .4, β = .7, without fast convergence."""
+
+    _lost_at = 0.0  # the window at the last loss
+
+    def _cut(self) -> float:
+        self._lost_at = self._window
+        return 0.7 * self._window
+
+    def _growth(self, now_ns: int) -> float:
+        since_s = (now_ns - self._cut_ns) / NS_PER_S
+        target = 0.4 * (since_s - math.cbrt(self._lost_at * 0.3 / 0.4)) ** 3 + self._lost_at
+        grown = (min(target, 1.5 * self._window) - self._window) / self._window
+        return max(grown, 0.53 / self._window)  # as Reno, where that is more
 
 
 def departed_bytes(records: Sequence[PacketRecord], start_ns: int, end_ns: int) -> int:
