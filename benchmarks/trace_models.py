@@ -77,11 +77,7 @@ def lte_kbps(random: Random) -> Iterator[int]:
 
 
 def still_kbps(random: Random) -> Iterator[int]:
-    """An LTE uplink at rest: half as unsteady, with gaps of .2 to .8 s that are 20 s apart.
-
-    Like those of 2018 on which SCReAM and others were measured: a capacity that is known a round
-    trip late serves .9 of it with a queue of some 40 ms.
-    """
+    """An LTE uplink at rest: half as unsteady, with gaps of .2 to .8 s that are 20 s apart."""
     rates = _log_normal_kbps(random, 5500.0, (0.5, 0.975), (0.3, 0.6))
     while True:
         yield from islice(rates, _rows(random.expovariate(1.0 / 20.0)))

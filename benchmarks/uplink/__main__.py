@@ -35,7 +35,7 @@ from benchmarks.uplink.cases import (
     rate_case,
     trace_case,
 )
-from benchmarks.uplink.encoded import Result, Sender, run_encoded
+from benchmarks.uplink.encoded import Result, Sender, mean_result, run_encoded
 from benchmarks.uplink.measures import Measures, run_all
 from tams_app.config import Network
 from tams_app.errors import TamsError
@@ -92,7 +92,7 @@ def main() -> None:
             if one.encoders_can
         ]
         runs = [(case, sender) for case in chosen for sender in _senders(options, case)]
-        encoded = over_encoders(runs, options.processes, console)
+        encoded = over_encoders(runs, options.seeds, options.processes, console)
         console.print(table(chosen, {c: {s: one["link"] for s, one in row.items()}
                                      for c, row in encoded.items()}, encoded))  # fmt: skip
         alone = len(runs) == 1
@@ -106,7 +106,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--model", action="store_true", help="without encoders, packet by packet")
     parser.add_argument("--field", action="store_true", help="links as they are in the field")
     parser.add_argument("--case", help="only cases with this in their names")
-    parser.add_argument("--seeds", type=int, default=1, help="of --model (default 1)")
+    parser.add_argument("--seeds", type=int, default=1, help="runs of each, whose means are shown")
     parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
     parser.add_argument("--rate-kbps", type=float, action="append", default=[], metavar="N")
     link = parser.add_argument_group("the link of --trace and --rate-kbps")
@@ -150,17 +150,22 @@ def _senders(options: argparse.Namespace, case: Case) -> list[Sender]:
 
 
 def over_encoders(
-    runs: Sequence[tuple[Case, Sender]], processes: int, console: Console
+    runs: Sequence[tuple[Case, Sender]], seeds: int, processes: int, console: Console
 ) -> dict[str, dict[str, Result]]:
-    """The results by case and sender."""
-    named = {f"run-{number}": run for number, run in enumerate(runs)}
+    """The results by case and sender, means of `seeds` runs."""
+    named = {
+        f"run-{number}-{turn}": (case, replace(sender, seed=sender.seed + turn))
+        for number, (case, sender) in enumerate(runs)
+        for turn in range(seeds)
+    }
     with tempfile.TemporaryDirectory(prefix="uplink-") as folder:
         console.print("recording the hand")
         with TrialsProgress(console, len(named)) as bar:
             found = run_encoded(named, Path(folder), processes, bar.trial_ended)
     results: dict[str, dict[str, Result]] = {}
-    for name, (case, sender) in named.items():
-        results.setdefault(case.name, {})[str(sender)] = found[name]
+    for number, (case, sender) in enumerate(runs):
+        alike = [found[f"run-{number}-{turn}"] for turn in range(seeds)]
+        results.setdefault(case.name, {})[str(sender)] = mean_result(alike)
     return results
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,6 +79,18 @@ def run_encoded(
     return {name: _result(case, out / name) for name, (case, _) in runs.items()}
 
 
+def mean_result(results: Sequence[Result]) -> Result:
+    """The mean of each figure; of one that a run has not, None."""
+
+    def mean(values: Sequence[Any]) -> Any:
+        if isinstance(values[0], dict):
+            return {key: mean([one[key] for one in values]) for key in values[0]}
+        return None if None in values else sum(values) / len(values)
+
+    found: Result = mean(results)
+    return found
+
+
 def _result(case: Case, folder: Path) -> Result:
     link = _measure_link(case, folder / LOG_NAME)
     summary = read_summary(folder)
@@ -105,8 +117,14 @@ def _measure_link(case: Case, log_path: Path) -> Measures:
     """The same measures as the model's, from the log of a trial."""
     log = read_log(log_path)
     packets = sorted(log.packets, key=lambda packet: packet.entered_ns)
+    dropped = {(one.view, one.index) for one in log.dropped}
+    kept: dict[str, list[int]] = {}
+    for frame in log.captured:
+        if (frame.view, frame.index) not in dropped:
+            kept.setdefault(frame.view, []).append(frame.capture_ns)
     trace = Trace(
         packets=packets,
+        kept=kept,
         targets=[(one.t_ns, sum(one.target_kbps.values())) for one in log.allocations],
         padding_bytes=sum(p.size_bytes for p in packets if p.kind is PacketKind.PADDING),
         frames=len(log.captured),

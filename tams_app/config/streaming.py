@@ -79,7 +79,8 @@ class BudgetConfig(Section):
     max_kbps: Positive = 20_000.0
     """Capacity at most; that of network `none`."""
     delay_target_ms: Annotated[float, Field(ge=5, le=150)] = 40.0
-    """`sender`, `feedback`: a packet that waits longer at the bottleneck has met congestion."""
+    """`sender`: a packet that waits longer at the bottleneck has met congestion; `feedback`: the
+    longest queue that it aims at, where delays vary."""
     start_kbps: Positive = 3_000.0
     """`sender`: capacity before the first report."""
     window_ms: Positive = 1000.0

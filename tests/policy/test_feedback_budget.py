@@ -124,15 +124,42 @@ def test_what_is_told_again_changes_nothing(later, times):
     assert estimates(replace(steady(6000), reports=again), 6) == estimates(steady(6000), 6)
 
 
-def test_a_longer_queue_that_is_not_ours_lowers_the_estimate_further():
+@pytest.mark.parametrize(("delay_ms", "jitter_ms"), [(40, 30), (100, 25), (200, 30)])
+def test_jitter_is_not_taken_for_a_queue(delay_ms, jitter_ms):
+    for seed in range(3):
+        far = replace(
+            steady(6000), delay_ms=lambda _t: delay_ms, jitter_ms=jitter_ms, random=Random(seed)
+        )
+        settled = between(far, 10, 40)
+        assert 0.8 * 6000 < sum(settled) / len(settled) < 1.1 * 6000
+
+
+@pytest.mark.parametrize("kbps", [350, 200, 100])
+def test_a_link_that_carries_less_than_the_floors_is_found_too(kbps):
+    settled = between(steady(kbps), 10, 40)
+    assert 0.75 * kbps < sum(settled) / len(settled) < 1.1 * kbps
+
+
+def test_beside_a_flow_that_fills_the_queue_it_keeps_a_share_and_has_the_link_again_after_it():
+    def delay_ms(t_s: float) -> float:
+        return 40 + (40 + 30 * math.sin(4 * t_s) if 10 < t_s < 30 else 0)
+
+    uplink = replace(steady(6000), delay_ms=delay_ms)
+    estimate = list(uplink.run(fresh(), 36))
+    beside = [kbps for t_s, kbps in estimate if 12 <= t_s < 30]
+    after = [kbps for t_s, kbps in estimate if t_s >= 34]
+    assert sum(beside) / len(beside) > 0.3 * 6000
+    assert sum(after) / len(after) > 0.9 * 6000
+
+
+def test_a_longer_queue_that_is_not_ours_lowers_what_is_allowed_further():
     def lowest(added_ms: float) -> float:
         grown = replace(steady(6000), delay_ms=lambda t: 40 + added_ms * (t > 5))
-        return min(between(grown, 5, 7.5))
+        return min(between(grown, 5, 6))
 
-    unmoved, short, longer, long = map(lowest, (10, 50, 60, 160))
-    assert unmoved > 0.95 * 6000
+    unmoved, short, longer, long = map(lowest, (0, 20, 50, 160))
     assert unmoved > short > longer > long
-    assert long == pytest.approx(START_KBPS)
+    assert long < 0.4 * 6000
 
 
 def test_a_queue_beyond_the_target_cuts_below_what_is_delivered():
@@ -146,27 +173,14 @@ def test_a_queue_beyond_the_target_cuts_below_what_is_delivered():
 @given(st.floats(0, 0.015), st.integers(0, 99))
 def test_independent_loss_below_two_per_cent_does_not_cut(share, seed):
     lossy = replace(steady(6000), lost=lambda r: r.random() < share, random=Random(seed))
-    assert min(between(lossy, 5, 15)) > 0.85 * 6000
+    settled = between(lossy, 5, 15)
+    assert sum(settled) / len(settled) > 0.95 * 6000
 
 
-def test_loss_that_comes_with_a_queue_cuts_where_neither_alone_does():
-    def lowest(added_ms: float, share: float) -> float:
-        uplink = replace(
-            steady(6000),
-            delay_ms=lambda t: 40 + added_ms * (t > 8),
-            lost=lambda r: r.random() < share,
-        )
-        return min(between(uplink, 8, 8.7))
-
-    queue, loss = lowest(30, 0), lowest(0, 0.04)
-    assert min(queue, loss) > 0.85 * 6000
-    assert lowest(30, 0.04) < 0.85 * min(queue, loss)
-
-
-def test_silence_decays_to_the_floors():
+def test_silence_lets_a_trickle_through_whatever_the_floors_are():
     silent = between(outage(6000, 5, 60), 5, 7)
     assert silent[0] > 5000
-    assert silent[-1] == pytest.approx(START_KBPS)
+    assert 0 < silent[-1] < START_KBPS / 4
     assert all(later <= earlier for earlier, later in pairwise(silent[8:]))
 
 
@@ -177,11 +191,10 @@ def test_the_return_of_feedback_recovers_within_a_second(outage_s):
     assert max(estimate) > 0.8 * 6000
 
 
-def test_after_silence_no_more_may_be_under_way_than_the_floors_need():
+def test_an_outage_takes_half_of_what_may_be_under_way_in_a_second():
     budget = fresh()
-    for _ in outage(12_000, 5, 60).run(budget, 7):
-        pass
-    assert budget.flight_limit_bytes(8 * NS_PER_S) < FLOORS_KBPS / 8 * 500  # half a second
+    limits = [budget.flight_limit_bytes(0) for _ in outage(12_000, 5, 60).run(budget, 10)]
+    assert limits[-1] == pytest.approx(limits[-21] / 2, rel=0.05)
 
 
 def test_silence_after_everything_was_told_of_means_nothing():

@@ -1,4 +1,4 @@
-"""Reported packets over a sliding window: rate of delivery and share lost."""
+"""Reported packets over a sliding window: rates of sending and delivery, share lost."""
 
 from __future__ import annotations
 
@@ -43,12 +43,15 @@ class Deliveries:
             self._reported.append(key)
             self.newest_sent_ns = max(self.newest_sent_ns, packet.sent_ns)
             new.append(packet)
+        arrived = []
         for packet in new:
             self._fates.append((packet.sent_ns, packet.size_bytes, packet.arrived_ns is None))
             if packet.arrived_ns is not None:
-                if self._arrived and abs(packet.arrived_ns - self._arrived[-1][0]) > CLOCK_JUMP_NS:
-                    self._arrived.clear()
-                self._arrived.append((packet.arrived_ns, packet.sent_ns, packet.size_bytes))
+                arrived.append((packet.arrived_ns, packet.sent_ns, packet.size_bytes))
+        for one in sorted(arrived):
+            if self._arrived and abs(one[0] - self._arrived[-1][0]) > CLOCK_JUMP_NS:
+                self._arrived.clear()
+            self._arrived.append(one)
         self._trim()
         return new
 
@@ -60,35 +63,37 @@ class Deliveries:
         while self._reported and self._reported[0][1] < self.newest_sent_ns - _KEPT_NS:
             self._seen.discard(self._reported.popleft())
 
+    def loss(self, window_ns: int = _WINDOW_NS) -> float:
+        """The share lost of what was sent in the last second at most; 0 if it is too little."""
+        since_ns = self.newest_sent_ns - window_ns
+        fates = [lost for sent_ns, _, lost in self._fates if sent_ns > since_ns]
+        return sum(fates) / len(fates) if len(fates) >= _ENOUGH else 0.0
+
+    def rates_kbps(self, window_ns: int) -> tuple[float, float]:
+        """The rate at which packets have arrived of late, and the one at which these were sent.
+
+        It counts from one arrival to another, at least `window_ns` apart; where not even a third
+        of that is known, both are 0. What was lost among them was sent as well. Feedback that is
+        missing is missing in both.
+        """
+        if not self._arrived:
+            return 0.0, 0.0
+        end_ns = self._arrived[-1][0]
+        arrived_bytes, sent_ns = 0, 0
+        first_ns, first_sent_ns, size_bytes = self._arrived[-1]
+        for first_ns, first_sent_ns, size_bytes in reversed(self._arrived):
+            if first_ns <= end_ns - window_ns:
+                break
+            arrived_bytes += size_bytes
+            sent_ns = max(sent_ns, first_sent_ns)
+        else:
+            arrived_bytes -= size_bytes
+        if end_ns - first_ns < window_ns // 3 or sent_ns <= first_sent_ns:
+            return 0.0, 0.0
+        sent_bytes = sum(size for t, size, _ in self._fates if first_sent_ns < t <= sent_ns)
+        elapsed_ns, sending_ns = end_ns - first_ns, sent_ns - first_sent_ns
+        return arrived_bytes * 8e6 / elapsed_ns, sent_bytes * 8e6 / sending_ns
+
     def forget_arrivals(self) -> None:
         """Begin anew after a gap, over which no rate means anything."""
         self._arrived.clear()
-
-    def loss(self) -> float:
-        """The share of the packets of the last second that are lost; 0 if they are too few."""
-        if len(self._fates) < _ENOUGH:
-            return 0.0
-        return sum(lost for *_, lost in self._fates) / len(self._fates)
-
-    def reported_bytes(self, after_ns: int, until_ns: int) -> int:
-        """Bytes of known fate, arrived or lost, of those sent in that part of the last second."""
-        return sum(size for sent_ns, size, _ in self._fates if after_ns < sent_ns <= until_ns)
-
-    def rate_kbps(self, window_ns: int) -> float:
-        """The rate of arrivals in at least the last `window_ns`, from one arrival to another."""
-        if not self._arrived:
-            return 0.0
-        end_ns = max(arrived_ns for arrived_ns, *_ in self._arrived)
-        cut_ns = end_ns - window_ns
-        total = sum(size for arrived_ns, _, size in self._arrived if arrived_ns > cut_ns)
-        earlier = (arrived_ns for arrived_ns, *_ in self._arrived if arrived_ns <= cut_ns)
-        return total * 8e6 / (end_ns - max(earlier, default=cut_ns))
-
-    def rate_of_kbps(self, after_ns: int, until_ns: int) -> float:
-        """The rate at which arrived what was sent then, from the arrival before it to its last."""
-        before_ns = max((a for a, sent_ns, _ in self._arrived if sent_ns <= after_ns), default=None)
-        sizes = [(a, size) for a, sent, size in self._arrived if after_ns < sent <= until_ns]
-        if before_ns is None or not sizes:
-            return 0.0
-        time_ns = max(arrived_ns for arrived_ns, _ in sizes) - before_ns
-        return sum(size for _, size in sizes) * 8e6 / time_ns if time_ns > 0 else 0.0

@@ -3,70 +3,113 @@
 from __future__ import annotations
 
 from collections import deque
-from itertools import pairwise
-from statistics import median
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from tams_app.policy.budget.deliveries import CLOCK_JUMP_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-_LEVEL_NS = 60 * NS_PER_MS  # longer than a frame period: some packet in it found little jitter
-_BASE_NS = 10 * NS_PER_S  # 100 ppm of drift are 1 ms in it
-_NOISE_STEPS = 2.0  # median steps between levels without a queue that the level exceeds the base by
-_NOISE_MAX_NS = 25 * NS_PER_MS
+_BURSTS = 9  # frames of three views in a tenth of a second: enough for quartiles
+_LEVEL_NS = 60 * NS_PER_MS  # two frame periods
+_JITTER_NS = 8 * NS_PER_MS  # a spread from which levels need longer to be comparable
+_LONGEST = 6  # times _LEVEL_NS
+_LOW = 0.2  # a low quantile moves with a queue that stands, and little with jitter
+_BASE_NS = 10 * NS_PER_S  # 100 ppm of drift are 1 ms in it, and some of it was without a queue
+_ALIKE = 0.5  # share of the present rate from which a past level is comparable
+_ENOUGH = 4  # of such levels
+_GAP_NS = NS_PER_MS  # between the packets of two bursts; those of one wait for each other
+_LONGEST_BURST_NS = 5 * NS_PER_MS  # less than a third of a frame period
+_KEPT = 64  # bursts: more than come in the longest level
+
+
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """What one step saw."""
+
+    t_ns: int
+    level_ns: int
+    spread_ns: int
+    sent_kbps: float
 
 
 class QueueingDelay:
-    """Level over base: the smallest delay of the last 60 ms over the smallest one of 10 s.
+    """A low quantile of delays now, above the same quantile of what it has been for 10 s.
 
-    Jitter delays single packets, and where order is kept also those behind them, so a single delay
-    says little. Even the level lies above the base by the jitter; that part is taken off, estimated
-    from how much the level changes from one window to the next, which a standing queue does not
-    affect. The clocks' offset is in level and base alike.
+    Only the first packet of each burst counts: those behind it wait for it. Jitter delays single
+    packets, and where order is kept those behind them, too, so no single delay says anything. How
+    far the delays of a few bursts lie apart says how much jitter there is; the more, the longer
+    the time that a quantile is taken of. Where order is kept, packets that follow closely hold
+    each other up and the least delays no longer occur: levels at less than half the present rate
+    are not compared with. A queue that stands moves all delays. The clocks' offset is in both
+    quantiles alike.
     """
 
     def __init__(self) -> None:
-        self._recent: deque[tuple[int, int]] = deque()  # (arrival, delay) with ascending delays
-        self._windows: deque[tuple[int, int]] = deque()  # (window, its smallest delay)
-        self._first_ns = 0  # arrivals are counted from it, so that windows know no clock
-        self._newest_ns: int | None = None
+        self._bursts: deque[tuple[int, int]] = deque(maxlen=_KEPT)  # (sent, delay) of the first
+        self._history: deque[_Level] = deque()
+        self._sent_ns = -_GAP_NS - 1
+        self._arrived_ns: int | None = None
+        self.level_ns = self.base_ns = self.spread_ns = 0
 
     def add(self, sent_ns: int, arrived_ns: int) -> None:
-        """Take in a packet; one that arrived long before the newest says nothing any more."""
-        if self._newest_ns is None or abs(arrived_ns - self._newest_ns) > CLOCK_JUMP_NS:
-            self._first_ns = self._newest_ns = arrived_ns
-            self._recent.clear()
-            self._windows.clear()
-        elif arrived_ns < self._newest_ns - _LEVEL_NS:
+        """Take in a packet, in the order of sending."""
+        if self._arrived_ns is None or abs(arrived_ns - self._arrived_ns) > CLOCK_JUMP_NS:
+            self._bursts.clear()
+            self._history.clear()
+        self._arrived_ns = arrived_ns
+        if (
+            not self._bursts
+            or sent_ns > self._sent_ns + _GAP_NS
+            or sent_ns > self._bursts[-1][0] + _LONGEST_BURST_NS
+        ):
+            self._bursts.append((sent_ns, arrived_ns - sent_ns))
+        self._sent_ns = max(sent_ns, self._sent_ns)
+
+    def step(self, now_ns: int, sent_kbps: float) -> None:
+        """Compare what has come.
+
+        Args:
+            now_ns: the time; it never decreases.
+            sent_kbps: the rate at which the newest packets were sent.
+        """
+        if not self._bursts:
             return
-        self._newest_ns = max(arrived_ns, self._newest_ns)
-        delay_ns = arrived_ns - sent_ns
-        while self._recent and self._recent[-1][1] >= delay_ns:
-            self._recent.pop()
-        self._recent.append((arrived_ns, delay_ns))
-        while self._recent[0][0] < self._newest_ns - _LEVEL_NS:
-            self._recent.popleft()
-        window = (arrived_ns - self._first_ns) // _LEVEL_NS
-        if not self._windows or window > self._windows[-1][0]:
-            self._windows.append((window, delay_ns))
-            while self._windows[0][0] < window - _BASE_NS // _LEVEL_NS:
-                self._windows.popleft()
-        elif window == self._windows[-1][0]:
-            self._windows[-1] = window, min(delay_ns, self._windows[-1][1])
+        delays = sorted(delay for _, delay in list(self._bursts)[-_BURSTS:])
+        spread_ns = _quantile(delays, 0.75) - _quantile(delays, 0.25)
+        self.level_ns = self._level_ns()
+        self._history.append(_Level(now_ns, self.level_ns, spread_ns, sent_kbps))
+        while self._history[0].t_ns < now_ns - _BASE_NS:
+            self._history.popleft()
+        alike = [past for past in self._history if past.sent_kbps >= _ALIKE * sent_kbps]
+        compared: Iterable[_Level] = alike if len(alike) >= _ENOUGH else self._history
+        self.base_ns = _quantile(sorted(past.level_ns for past in compared), _LOW)
+        self.spread_ns = _quantile(sorted(past.spread_ns for past in self._history), 0.5)
 
-    def queue_ns(self) -> float:
-        """Time that packets wait at the bottleneck beyond jitter [ns]; 0 before the first one."""
-        if not self._recent:
-            return 0.0
-        base_ns = min(delay_ns for _, delay_ns in self._windows)
-        return max(0.0, self._recent[0][1] - base_ns - self._noise_ns())
+    def _level_ns(self) -> int:
+        longer = min(max(1.0, self.spread_ns / _JITTER_NS), _LONGEST)
+        since_ns = self._bursts[-1][0] - longer * _LEVEL_NS
+        delays = [delay for sent_ns, delay in self._bursts if sent_ns > since_ns]
+        if len(delays) < _BURSTS:
+            delays = [delay for _, delay in list(self._bursts)[-_BURSTS:]]
+        return _quantile(sorted(delays), _LOW)
 
-    def _noise_ns(self) -> float:
-        steps = [abs(b - a) for (_, a), (_, b) in pairwise(self._windows)]
-        return min(_NOISE_STEPS * median(steps), _NOISE_MAX_NS) if len(steps) > 2 else 0.0
+    @property
+    def queue_ns(self) -> int:
+        """The time that packets wait at the bottleneck, beyond jitter [ns]."""
+        return max(0, self.level_ns - self.base_ns)
 
-    def forget(self) -> None:
-        """Take the level of now for the base: the route has become longer, or others fill it."""
-        if self._recent:
-            window = self._windows[-1][0]
-            self._windows.clear()
-            self._windows.append((window, self._recent[0][1]))
+    def resume(self) -> None:
+        """Begin levels anew after a gap; the base stays."""
+        self._bursts.clear()
+
+    def rebase(self, base_ns: int) -> None:
+        """From now on delays count from `base_ns`."""
+        if self._history:
+            newest = self._history[-1]
+            self._history.clear()
+            self._history.append(_Level(newest.t_ns, base_ns, newest.spread_ns, newest.sent_kbps))
+            self.base_ns, self.spread_ns = base_ns, newest.spread_ns
+
+
+def _quantile(ordered: Sequence[int], share: float) -> int:
+    return ordered[int(len(ordered) * share)]
