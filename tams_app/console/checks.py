@@ -192,21 +192,23 @@ def shared_memory(_: Config) -> Iterator[Finding]:
 
 
 def display(config: Config) -> Iterator[Finding]:
-    """Somewhere to show windows; without it TAMS runs with --headless."""
+    """Somewhere to show windows; without it TAMS runs with --headless, but for a keyboard."""
     if config.headless:
         return
+    needed = config.controller.device == "keyboard"  # its keys are the window's
+    without = f"{'choose another --hand and ' if needed else 'run with '}--headless"
     server = os.environ.get("WAYLAND_DISPLAY") or os.environ.get("DISPLAY")
     if server and not toolkit.is_installed():
-        fix = "apt-get install gir1.2-gtk-4.0, or run with --headless"
-        yield Finding("Display", False, "GTK 4 is missing", fix, essential=False)
+        fix = f"apt-get install gir1.2-gtk-4.0, or {without}"
+        yield Finding("Display", False, "GTK 4 is missing", fix, essential=needed)
         return
     reason = tried(_WINDOW) if server else ""
     yield Finding(
         "Display",
         bool(server) and not reason,
         reason or server or "none",
-        "run with --headless",
-        essential=False,
+        without,
+        essential=needed,
     )
 
 

@@ -16,6 +16,7 @@ from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.summary.joined import (
     OPERATOR_FACT,
+    OPERATOR_FOLDER_FACT,
     ROBOT_FOLDER_FACT,
     SESSION_FACT,
     clock_offsets,
@@ -29,6 +30,10 @@ from tams_app.summary.summarise import write_summary as save_summary_of
 
 FIGURE_NAME = "bitrates.png"
 PAGE_NAME = "report.html"
+_OTHERS_FOLDER = {  # by whether a log is the robot's: the fact, and what stands for it without
+    True: (OPERATOR_FOLDER_FACT, "FOLDER_OF_OPERATE"),
+    False: (ROBOT_FOLDER_FACT, "FOLDER_OF_ROBOT"),
+}
 _WRITING = "writing summary and report"
 
 
@@ -91,24 +96,34 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str 
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
     ]
     if join:
-        lines.append(f"seen by the operator: needs both logs: {join}")
+        lines.append(f"seen by the operator: needs both logs{_to_replace(join)}: {join}")
     for line in lines:
         console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)
 
 
 def join_command(log: SessionLog, folder: Path) -> str:
-    """How to join a log with that of the other side, of which the operator's knows the folder.
+    """How to join a log with that of the other side, whose folder was told when the link began.
 
-    "" for the log of a session on one computer.
+    It is looked for beside this one. "" for the log of a session on one computer.
     """
     facts = log.facts
     if SESSION_FACT not in facts:
         return ""
-    robot, operator = str(folder), "FOLDER_OF_OPERATE"
-    if OPERATOR_FACT in facts:
-        name = Path(facts.get(ROBOT_FOLDER_FACT, "")).name or "FOLDER_OF_ROBOT"
-        robot, operator = str(folder.parent / name), str(folder)
-    return shlex.join(["run_tams.py", "report", robot, operator])
+    is_robot = OPERATOR_FACT not in facts
+    fact, unknown = _OTHERS_FOLDER[is_robot]
+    name = Path(facts.get(fact, "")).name
+    other = str(folder.parent / name) if name else unknown
+    both = (str(folder), other) if is_robot else (other, str(folder))
+    return shlex.join(["run_tams.py", "report", *both])
+
+
+def _to_replace(join: str) -> str:
+    """What is still to be put into the command of `join_command`, in words."""
+    return "".join(
+        f" (in place of {unknown} its folder, copied here)"
+        for _, unknown in _OTHERS_FOLDER.values()
+        if unknown in join
+    )
 
 
 def write_summary(folder: Path) -> dict[str, Any]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Group, RenderableType
+from rich.console import Console as RichConsole  # noqa: TID251  draws nothing here
+from rich.console import ConsoleOptions, Group, RenderableType, RenderResult
+from rich.measure import Measurement
 from rich.table import Table
 from rich.text import Text
 
@@ -14,6 +16,7 @@ from tams_app.records import EpisodeState
 from tams_app.task.episodes import verdict
 
 _STOPS_NAMED = 5
+_ANY_WIDTH = 10_000  # columns; more than any row of a table
 
 
 def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> RenderableType:
@@ -21,7 +24,7 @@ def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> 
 
     `seen_elsewhere`: the frames were shown by the other side of two, of which nothing is known.
     """
-    views = _view_table(summary["views"], seen_elsewhere)
+    views = _ViewsTable(summary["views"], seen_elsewhere)
     return Group(_headline(summary), _session_table(summary, seen_elsewhere), views)
 
 
@@ -183,39 +186,55 @@ def _quality(primary: Mapping[str, Any]) -> str:
     return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
 
 
-def _view_table(views: Mapping[str, Mapping[str, Any]], seen_elsewhere: bool) -> Table:
-    table = Table(
-        box=None, header_style="dim", padding=(0, 1), collapse_padding=True, pad_edge=False
-    )
-    table.add_column("View")
-    for name in (
-        "target",
-        "sent kbit/s",
-        "error",
-        "fps",
-        "shown",
-        "p50 ms",
-        "p95 ms",
-        "freezes",
-        "SSIM",
-    ):
-        table.add_column(name, justify="right")
-    for view, entry in views.items():
-        latency, freezes = entry["latency_ms"], entry["freezes"]
-        table.add_row(
-            view.upper(),
-            known(entry["target_kbps_mean"], "{:.0f}"),
-            known(entry["sent_kbps_mean"], "{:.0f}"),
-            _percent(entry["tracking_error"], 1),
-            f"{known(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}",
-            f"{known(None if seen_elsewhere else entry['frames_shown'], '{:d}')}"
-            f"/{entry['frames_captured']}",
-            known(latency["p50"], "{:.0f}"),
-            known(latency["p95"], "{:.0f}"),
-            known(freezes["count"], "{:d}") + _seconds(freezes["total_s"]),
-            known(entry["received_ssim"], "{:.3f}"),
+class _ViewsTable:
+    """A row for each view; where the rows do not fit, each view's figures as a sentence."""
+
+    def __init__(self, views: Mapping[str, Mapping[str, Any]], seen_elsewhere: bool) -> None:
+        self._figures = {
+            view.upper(): _view_figures(entry, seen_elsewhere) for view, entry in views.items()
+        }
+
+    def __rich_console__(self, console: RichConsole, options: ConsoleOptions) -> RenderResult:
+        table = self._table()
+        needed = Measurement.get(console, options.update(width=_ANY_WIDTH), table).maximum
+        yield table if needed <= options.max_width else _named_rows(self._sentences())
+
+    def _table(self) -> Table:
+        table = Table(
+            box=None, header_style="dim", padding=(0, 1), collapse_padding=True, pad_edge=False
         )
-    return table
+        table.add_column("View")
+        for name, (unit, _) in next(iter(self._figures.values()), {}).items():
+            heading = f"{name}\n{unit}" if unit else name
+            table.add_column(heading, justify="right", no_wrap=True)
+        for view, figures in self._figures.items():
+            table.add_row(view, *(value for _, value in figures.values()))
+        return table
+
+    def _sentences(self) -> dict[str, str]:
+        return {
+            view: ", ".join(
+                f"{name} {value} {unit}".rstrip() for name, (unit, value) in figures.items()
+            )
+            for view, figures in self._figures.items()
+        }
+
+
+def _view_figures(entry: Mapping[str, Any], seen_elsewhere: bool) -> dict[str, tuple[str, str]]:
+    """Unit (where the value has none itself) and value of each figure of a view, by its name."""
+    latency, freezes = entry["latency_ms"], entry["freezes"]
+    shown = known(None if seen_elsewhere else entry["frames_shown"], "{:d}")
+    return {
+        "target": ("kbit/s", known(entry["target_kbps_mean"])),
+        "sent": ("kbit/s", known(entry["sent_kbps_mean"])),
+        "error": ("", _percent(entry["tracking_error"], 1)),
+        "fps": ("", f"{known(entry['fps']['given'], '{:.1f}')}/{entry['fps']['asked']:g}"),
+        "shown": ("", f"{shown}/{entry['frames_captured']}"),
+        "p50": ("ms", known(latency["p50"])),
+        "p95": ("ms", known(latency["p95"])),
+        "freezes": ("", known(freezes["count"], "{:d}") + _seconds(freezes["total_s"])),
+        "SSIM": ("", known(entry["received_ssim"], "{:.3f}")),
+    }
 
 
 def _percent(value: float | None, digits: int) -> str:

@@ -22,6 +22,11 @@ def status_text(facts: Facts, opening: Opening) -> str:
     return " · ".join(parts)
 
 
+def notice_text(facts: Facts) -> str:
+    """The newest sentence; none once the session is over, when it says what holds no longer."""
+    return facts.notices[-1].text if facts.notices and facts.end is None else ""
+
+
 def _size(facts: Facts) -> str:
     if facts.recorded_mb is None:
         return ""

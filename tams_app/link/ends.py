@@ -34,6 +34,7 @@ from tams_app.link.handshake import (
     filled,
     read_initiation,
     session_keys,
+    unfilled,
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import OVERHEAD_BYTES, NoiseError, Responder
@@ -156,6 +157,7 @@ class _Call:
     response: bytes
     session: Session
     address: Address
+    introduction: bytes
     answered_ns: int  # the first time
     answers: int = 0
 
@@ -178,6 +180,7 @@ class RobotEnd(End):
         """`keys`: those that are accepted, by identity. `welcome`: what an operator is told."""
         super().__init__(random)
         self.operator = ""  # the name of the key of the operator who is there, or was last
+        self.introduction = b""  # what their side has told with its call
         self._keys = keys
         self._key: Key | None = None  # theirs
         self._welcome = welcome
@@ -248,7 +251,15 @@ class RobotEnd(End):
             except NoiseError:  # its MAC was ours: the other side is not sound
                 return None
             session = Session(session_keys(split, initiator=False), now_ns)
-            call = _Call(initiation.key, initiation.noise, response, session, address, now_ns)
+            call = _Call(
+                initiation.key,
+                initiation.noise,
+                response,
+                session,
+                address,
+                unfilled(responder.payload),
+                now_ns,
+            )
             self._keep(name, call)
         call.answers += 1
         return call.response if call.answers <= _RESPONSES_TO_A_CALL else None
@@ -280,6 +291,7 @@ class RobotEnd(End):
             if message == GOODBYE:  # of a caller who has not become the operator
                 return Heard()
             self._peer, self._key, self.operator = peer, call.key, call.key.name
+            self.introduction = call.introduction
             self._rekeyed = self._question = None
             return Heard(message=message, connected=True)
         return None

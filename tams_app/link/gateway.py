@@ -5,8 +5,8 @@ the other computer, and hands over what comes from there and is authentic. Messa
 socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
 
 Specification: side (robot or operator), key (path, on the robot's side also of a folder, or null),
-host and port (to listen on, or to call), welcome (base64: what the robot's side sends an operator
-when the link begins), channel (descriptor).
+host and port (to listen on, or to call), welcome (base64: what this side tells the other when the
+link begins), channel (descriptor).
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
     sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
     key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
     let go because their key is accepted no longer. counts: datagrams that changed nothing, by
-    reason. welcome: what the robot's side sends.
+    reason. welcome: what the robot's side sends. introduction: what the operator's side did.
     """
 
     connected: bool
@@ -79,6 +79,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
     address: str
     counts: dict[str, int]
     welcome: bytes | None
+    introduction: bytes = b""
 
 
 class Streams:
@@ -213,6 +214,7 @@ class Carrier:
             address=f"{self._address[0]}:{self._address[1]}",
             counts=dict(end.counts),
             welcome=None if caller is None else caller.welcome,
+            introduction=b"" if isinstance(end, OperatorEnd) else end.introduction,
         )
 
     def _from_outside(self, outer: socket.socket) -> None:
@@ -323,9 +325,9 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     end: RobotEnd | OperatorEnd
     keys = None
+    welcome = base64.b64decode(specification["welcome"])
     if robot:
         keys = AcceptedKeys(path)
-        welcome = base64.b64decode(specification["welcome"])
         end = RobotEnd(keys.keys, welcome, os.urandom)
         outer = _udp(family, str(address[0]), port)
     else:
@@ -333,7 +335,7 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
         called = cast("Address", address)  # whole: of IPv6 with its scope
-        end, outer = OperatorEnd(key, called, os.urandom), _udp(family, anywhere, 0)
+        end, outer = OperatorEnd(key, called, os.urandom, welcome), _udp(family, anywhere, 0)
     stack.callback(outer.close)
     channel = socket.socket(fileno=int(specification["channel"]))
     channel.setblocking(False)

@@ -80,7 +80,7 @@ class Gateway:
         welcome: bytes,
         log_directory: Path | None,
     ) -> None:
-        """`welcome`: of the robot's side, what an operator receives when the link begins."""
+        """`welcome`: what the other side is told when the link begins; an operator's is short."""
         self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready

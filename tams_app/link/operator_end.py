@@ -34,6 +34,7 @@ from tams_app.link.handshake import (
     REKEY_PROLOGUE,
     RESPONSE,
     TAG_BYTES,
+    filled,
     initiation,
     read_answer,
     session_keys,
@@ -49,6 +50,7 @@ REDIAL_NS = 2 * NS_PER_S  # not heard for so long: call again
 REKEY_NS = 120 * NS_PER_S  # as WireGuard; long before `OUTWORN_NS`, when keys are not used any more
 assert REKEY_NS < OUTWORN_NS
 REFUSED_NS = 2 * NS_PER_S  # a stream of which nothing else has come for so long has lost its index
+LONGEST_INTRODUCTION_BYTES = 256
 _AGAIN_NS = 250 * NS_PER_MS  # between two initiations
 _JITTER_NS = 50 * NS_PER_MS  # more or less, so that nothing can keep step with them
 
@@ -85,8 +87,16 @@ class _Refusals:
 class OperatorEnd(End):
     """The end that calls."""
 
-    def __init__(self, key: Key, robot: Address, random: Callable[[int], bytes]) -> None:
+    def __init__(
+        self,
+        key: Key,
+        robot: Address,
+        random: Callable[[int], bytes],
+        introduction: bytes = b"",
+    ) -> None:
+        """`introduction`: what the robot's side is told with the call, if it is short enough."""
         super().__init__(random)
+        self._introduction = filled(introduction[:LONGEST_INTRODUCTION_BYTES], PADDING_BYTES)
         self.welcome: bytes | None = None  # what the robot's side said last
         self.busy = False  # the robot's side has another operator
         self._key, self._robot = key, robot
@@ -123,7 +133,7 @@ class OperatorEnd(End):
         attempt = self._attempt
         if attempt is None or now_ns - attempt.began_ns >= ATTEMPT_NS:
             again_ns = now_ns if attempt is None else attempt.again_ns
-            attempt = self._attempt = self._begin(PROLOGUE, bytes(PADDING_BYTES), now_ns, again_ns)
+            attempt = self._attempt = self._begin(PROLOGUE, self._introduction, now_ns, again_ns)
         if now_ns < attempt.again_ns:
             return []
         attempt.again_ns = self._next_ns(now_ns)

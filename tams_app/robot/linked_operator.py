@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
@@ -19,7 +20,7 @@ from tams_app.robot.linked_hand import LinkedHand
 from tams_app.robot.linked_state import LinkedState
 from tams_app.robot.operator import StreamedOperator
 from tams_app.runtime.clock import Clock
-from tams_app.summary.joined import SESSION_FACT
+from tams_app.summary.joined import OPERATOR_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.records import TeleopOutput
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrames
@@ -30,6 +31,7 @@ from tams_app.video.live.udp import ViewPorts
 _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10
 _FAREWELLS = 5
+_FOLDER = re.compile(rb"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")  # as a session's is called
 _WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
 
 
@@ -58,6 +60,7 @@ class LinkedOperator(StreamedOperator):
         self._hand = LinkedHand(config, signals, log, self._receive, self._state.pulse)
         self._sent: Mapping[str, SentFrames] = {}
         self._revoked = False
+        self._introduction = b""
         self._state_due_ns = self._health_due_ns = 0
 
     # --- start and end --------------------------------------------------------------------------
@@ -151,6 +154,10 @@ class LinkedOperator(StreamedOperator):
         for received in gateway.receive():
             hand.take(received, gateway.event.operator)
         event = gateway.event
+        if event.introduction != self._introduction:
+            self._introduction = event.introduction
+            if _FOLDER.fullmatch(event.introduction):
+                self._log.fact(OPERATOR_FOLDER_FACT, event.introduction.decode())
         if event.left:
             hand.controller.let_go(left=not event.revoked)
         if event.revoked and not self._revoked:

@@ -42,7 +42,7 @@ def operate(
 
     def compose(session: Session) -> OperatorSide:
         parts = session.parts
-        call = call_robot(config, clock, endpoint, parts, session, notify)
+        call = call_robot(config, clock, endpoint, parts, session, notify, folder.name)
         ours, views = call.config, call.config.video.views
         log = session.open_log(ours, is_real=not call.welcome.simulated)
         call.record(log)

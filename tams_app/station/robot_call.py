@@ -63,14 +63,15 @@ def call_robot(
     parts: Parts,
     ending: Ending,
     notify: Callable[[str], None],
+    name: str,
 ) -> RobotCall:
     """Wait for the robot's side to answer; TamsError if we are ended before, or cannot follow it.
 
-    `notify` shows a sentence at once.
+    `notify` shows a sentence at once. `name`: of the folder here, for the robot's side.
     """
     if config.rig.hand_trajectory is not None:
         raise ConfigError("rig.hand_trajectory: a recorded hand sees nothing, `operate` must see")
-    gateway = Gateway("operator", endpoint, b"", parts.logs)
+    gateway = Gateway("operator", endpoint, name.encode(), parts.logs)
     parts.stack.callback(gateway.close)
     gateway.launch()
     gateway.wait_ready()

@@ -27,6 +27,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 _BY_LINK = "link "  # so the labels of these reasons begin
 SESSION_FACT = "link_session"  # the same in both logs
 ROBOT_FOLDER_FACT = "robot_folder"  # of the operator's side: name of the other log's folder
+OPERATOR_FOLDER_FACT = "operator_folder"  # the same of the robot's side
 OPERATOR_FACT = "link_operator"  # of the operator's side: the number in what it sends
 _WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 _PERCENTILES = ("p50", "p95", "p99", "max")

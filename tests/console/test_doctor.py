@@ -245,6 +245,15 @@ def test_without_a_display_headless_is_the_way(monkeypatch: pytest.MonkeyPatch) 
     assert not list(checks.display(config(headless=True)))
 
 
+def test_a_keyboard_needs_a_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    (finding,) = checks.display(config(controller__device="keyboard"))
+    assert not finding.ok
+    assert finding.essential
+    assert finding.fix == "choose another --hand and --headless"
+
+
 def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":4711")

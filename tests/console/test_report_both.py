@@ -22,7 +22,7 @@ from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.session.viewing import viewers_of
-from tams_app.summary.joined import ROBOT_FOLDER_FACT
+from tams_app.summary.joined import OPERATOR_FOLDER_FACT, ROBOT_FOLDER_FACT
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS
 from tests.test_summary_joined import HOUR_NS, pair
@@ -59,6 +59,7 @@ def sides(tmp_path: Path) -> tuple[Path, Path]:
     """The folders of the robot's side and of the operator's."""
     _, robot, operator = pair()
     operator.facts[ROBOT_FOLDER_FACT] = "robot"
+    robot.facts[OPERATOR_FOLDER_FACT] = "operate"
     frames = [
         EncodedFrame(
             one.view,
@@ -117,7 +118,7 @@ def last_line(folder: Path) -> tuple[str, str]:
     report_session(folder, Console(file=output, width=80))
     shown = output.getvalue()
     told, _, command = shown.splitlines()[-1].rpartition(": run_tams.py ")
-    assert told == "seen by the operator: needs both logs"
+    assert told.startswith("seen by the operator: needs both logs")
     return shown, command
 
 
@@ -148,13 +149,22 @@ def test_at_its_end_the_operators_side_has_its_table_and_the_command_that_joins_
     assert _main(command.split()) == 0
 
 
-def test_at_its_end_the_robots_side_has_the_command_but_for_the_operators_folder(
-    sides: tuple[Path, Path],
-) -> None:
+def test_at_its_end_the_robots_side_has_the_whole_command_too(sides: tuple[Path, Path]) -> None:
     robot, operate = sides
-    _, command = last_line(robot)
-    assert command.split() == ["report", str(robot), "FOLDER_OF_OPERATE"]
-    assert _main(command.replace("FOLDER_OF_OPERATE", str(operate)).split()) == 0
+    shown, command = last_line(robot)
+    assert command.split() == ["report", str(robot), str(operate)]
+    assert "in place of" not in shown
+    assert _main(command.split()) == 0
+
+
+def test_of_a_folder_that_was_not_told_the_command_says_what_to_replace(tmp_path: Path) -> None:
+    _, robot, operator = pair()  # sides of before folders were told
+    of_robot = write(tmp_path / "robot", robot, robot.ticks)
+    of_operator = write(tmp_path / "operate", operator, operator.states_received)
+    for folder, unknown in ((of_robot, "FOLDER_OF_OPERATE"), (of_operator, "FOLDER_OF_ROBOT")):
+        shown, command = last_line(folder)
+        assert f"needs both logs (in place of {unknown} its folder, copied here): " in shown
+        assert {*command.split()} == {"report", str(folder), unknown}
 
 
 def test_the_operators_session_is_listed_with_how_it_ended(

@@ -80,6 +80,33 @@ def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns() -> None:
     assert [line.split()[0] for line in lines[-4:]] == ["View", "EIH", "GT", "GS"]
 
 
+@pytest.mark.parametrize("width", [30, 42, 60])
+def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(width: int) -> None:
+    log = Synthetic(40.0).log()
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    lines = [line.rstrip() for line in printed(log, width).splitlines()]
+    assert max(len(line) for line in lines) <= width
+    assert not any("…" in line for line in lines), "nothing is cut off"
+    assert not any(line.startswith("View") for line in lines)
+    first = next(number for number, line in enumerate(lines) if line.startswith("EIH "))
+    assert " ".join(" ".join(lines[first:]).split()) == " ".join(
+        f"{view} target {kbps} kbit/s, sent {kbps} kbit/s, error 0.0 %, fps 30.0/30, "
+        "shown 600/1200, p50 60 ms, p95 60 ms, freezes 20 (20.6 s), SSIM –"
+        for view, kbps in (("EIH", 1000), ("GT", 2000), ("GS", 2000))
+    )
+
+
+def test_no_figure_of_a_view_is_cut_on_terminals_from_narrow_to_wide() -> None:
+    log = Synthetic(40.0).log()
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    tables = summary_tables(summarise(log))
+    for width in range(42, 100):
+        output = io.StringIO()
+        Console(file=output, width=width).print(tables)
+        words = [word.rstrip(",") for word in output.getvalue().split()]
+        assert [words.count(figure) for figure in ("30.0/30", "600/1200", "s)")] == [3, 3, 3], width
+
+
 def stop(reason: str, at_s: float, rest_ms: int | None) -> StopRecord:
     seen_ns = START_NS + round(at_s * NS_PER_S)
     return StopRecord(reason, seen_ns, None if rest_ms is None else seen_ns + rest_ms * NS_PER_MS)

@@ -81,7 +81,7 @@ class Pair:
         """A gateway that is ready."""
         logs = self._logs / f"{side}-{len(self.heard)}"
         logs.mkdir(exist_ok=True)  # of one that has ended
-        welcome = b"welcome" if side == "robot" else b""
+        welcome = b"welcome" if side == "robot" else b"from the operator"
         made = Gateway(side, Endpoint(LOOPBACK, port, key), welcome, logs)  # type: ignore[arg-type]
         self._stack.callback(made.close)
         self.heard[made] = []

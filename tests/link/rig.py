@@ -83,8 +83,14 @@ def hostile(number: int, real: Sequence[bytes], draw: random.Random) -> bytes:
 class Desk:
     """An operator's end, where it is in the network, and all that it has sent."""
 
-    def __init__(self, key: Key = KEY, address: Address = DESK, seed: int = 0) -> None:
-        self.end = OperatorEnd(key, ROBOT, random.Random(seed).randbytes)
+    def __init__(
+        self,
+        key: Key = KEY,
+        address: Address = DESK,
+        seed: int = 0,
+        introduction: bytes = b"",
+    ) -> None:
+        self.end = OperatorEnd(key, ROBOT, random.Random(seed).randbytes, introduction)
         self.address = address
         self.sent: list[bytes] = []
         self.heard: list[bytes] = []

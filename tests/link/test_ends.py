@@ -15,13 +15,14 @@ from tams_app.link.handshake import (
     COOKIE,
     COOKIE_BYTES,
     INITIATION,
+    INITIATION_BYTES,
     MAC_BYTES,
     RESPONSE,
     TAG_BYTES,
     answer,
 )
 from tams_app.link.keys import Key
-from tams_app.link.operator_end import REDIAL_NS
+from tams_app.link.operator_end import LONGEST_INTRODUCTION_BYTES, REDIAL_NS, OperatorEnd
 from tams_app.link.peer import MESSAGE, Address
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
@@ -74,6 +75,39 @@ def test_an_operator_is_connected_after_two_round_trips() -> None:
     assert rig.gets_through(desk)
     assert [answer[0] for answer in rig.answers] == [COOKIE, RESPONSE]
     assert [datagram[0] for datagram in desk.sent[:2]] == [INITIATION, INITIATION]
+
+
+@pytest.mark.parametrize("told", [b"", b"20260101-120000-operate", bytes(range(256))])
+def test_the_robots_side_knows_what_the_operator_who_is_there_has_told_with_their_call(
+    told: bytes,
+) -> None:
+    rig, desk = Rig(), Desk(introduction=told)
+    rig.step(desk)
+    assert rig.sessions == 1
+    assert rig.robot.introduction == told
+    assert {len(one) for one in desk.sent if one[0] == INITIATION} == {INITIATION_BYTES}
+    rig.now_ns += 2 * LET_GO_NS
+    other = Desk(seed=1, introduction=b"another")
+    rig.at_robot(desk.sent[0], THIEF)
+    assert rig.robot.introduction == told, "a call alone does not say who is there"
+    rig.step(other)
+    assert rig.robot.introduction == b"another"
+
+
+def test_who_calls_without_a_word_tells_none() -> None:
+    rig, desk = Rig(), Desk()
+    desk.end = OperatorEnd(KEY, ROBOT, random.Random(1).randbytes)  # as `doctor --link` calls
+    assert rig.robot.introduction == b""
+    rig.step(desk)
+    assert rig.sessions == 1
+    assert rig.robot.introduction == b""
+
+
+def test_what_is_too_long_to_be_told_with_a_call_is_cut_and_the_call_answered() -> None:
+    rig, desk = Rig(), Desk(introduction=b"o" * 5000)
+    rig.step(desk)
+    assert rig.gets_through(desk)
+    assert rig.robot.introduction == b"o" * LONGEST_INTRODUCTION_BYTES
 
 
 def test_there_is_no_session_before_a_call() -> None:

@@ -85,6 +85,15 @@ def test_a_message_tells_when_it_was_heard_and_in_which_session(pair: Pair) -> N
     assert times == sorted(times)
 
 
+def test_each_application_is_told_what_the_other_one_s_has_to_say_as_the_link_begins(
+    pair: Pair,
+) -> None:
+    operator = pair.operator()
+    pair.passes(operator, pair.robot, b"there")
+    pair.until(lambda: pair.robot.event.introduction == b"from the operator")
+    assert operator.event.welcome == b"welcome"
+
+
 def test_seconds_of_messages_wait_for_an_application_that_stalls(stack: ExitStack) -> None:
     gateway = Gateway("robot", Endpoint(LOOPBACK, 0, None), b"", None)
     stack.callback(gateway.close)

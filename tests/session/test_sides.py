@@ -40,6 +40,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.requests import Requests
 from tams_app.station.welcome import follow
+from tams_app.summary.joined import OPERATOR_FOLDER_FACT
 from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -268,6 +269,23 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
     assert sides.robot_log.notes.count(revoked) == 1
     assert sides.sample is not None
     assert sides.sample.status is not ControllerStatus.OK
+
+
+@pytest.mark.parametrize(
+    "told",
+    [b"", b"../..", b".hidden", b"/etc", b"a b", b"a\n", b"\xff\xfe", b"\x1b[2J", b"n" * 101],
+)
+def test_the_robots_log_names_the_folder_of_the_operators_unless_it_can_be_none(told: bytes):
+    sides = Sides()
+    there = sides.there
+    there.event = msgspec.structs.replace(there.event, introduction=told)
+    sides.run(0.1)
+    assert OPERATOR_FOLDER_FACT not in sides.robot_log.facts
+    there.event = msgspec.structs.replace(there.event, introduction=b"20260101-120000-operate")
+    sides.run(0.1)
+    there.event = msgspec.structs.replace(there.event, introduction=told)
+    sides.run(0.1)
+    assert sides.robot_log.facts[OPERATOR_FOLDER_FACT] == "20260101-120000-operate"
 
 
 def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():

@@ -136,6 +136,20 @@ def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_h
     assert not [tile for tile in tiles if tile[:1] == ["Outcome"]]
 
 
+def test_numbers_of_stops_and_episodes_are_their_rows_names_and_stand_below_their_heading(
+    folder: Path, page: str
+) -> None:
+    log = read_log(folder / "session.mcap")
+    log.episodes = [Episode(second(1), 1, second(0.5), second(1), False)]
+    write_page(log, summarise(log), [], folder / "episodes.html")
+    told = (folder / "episodes.html").read_text(encoding="utf-8")
+    for numbered in ("Episodes", "Stops"):
+        _, _, table = told.partition(f"<h2>{numbered}</h2>")
+        head, _, rows = table.partition("</thead>")
+        assert re.findall(r"<th scope=\"col\"[^>]*>([^<]+)", head)[0] == "No."
+        assert '<tr><th scope="row">1</th>' in rows.partition("</table>")[0]
+
+
 def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:
     for name in ("Reach", "Align", "Pre-Release"):
         assert f"<strong>{name}</strong>" in page
@@ -231,7 +245,7 @@ def test_no_name_in_one_plot_is_a_name_in_another() -> None:
 
 
 def test_notes_are_told_with_their_levels(page: str) -> None:
-    assert '<td class="words warning">hold, stale video.</td>' in page
+    assert '<td class="words sentence warning">hold, stale video.</td>' in page
 
 
 def test_a_log_without_pictures_says_so(folder: Path, tmp_path: Path) -> None:

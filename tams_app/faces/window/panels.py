@@ -13,8 +13,27 @@ from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
 from tams_app.faces.history import History
 from tams_app.faces.messages import Ended, Facts, Outline, Workspace
 from tams_app.faces.window import strips
+from tams_app.faces.window.style import EDGES
 from tams_app.faces.window.toolkit import load
 from tams_app.records import SessionState
+
+
+def framed(inside: Any) -> Any:
+    """`inside` within the border that tells the state.
+
+    Each edge is a widget of its own: of one border around all, GTK draws all but a solid one as a
+    picture as large as the window, which in software takes a quarter of a second.
+    """
+    Gtk = load().Gtk
+    frame = Gtk.Grid()
+    frame.attach(inside, 1, 1, 1, 1)
+    places = ((0, 0, 3, 1), (0, 1, 1, 1), (2, 1, 1, 1), (0, 2, 3, 1))
+    for side, place in zip(EDGES, places, strict=True):
+        edge = Gtk.Box()
+        edge.add_css_class("edge")
+        edge.add_css_class(f"edge-{side}")
+        frame.attach(edge, *place)
+    return frame
 
 
 class BannerPanel:

@@ -8,6 +8,7 @@ from tams_app.faces.canvas import FAINT, GROUND, INK, PANEL
 
 DESIGN_HEIGHT = 720  # sizes below are for it; a higher window has all of it larger
 _BORDER_PX = 6
+EDGES = ("top", "left", "right", "bottom")  # each a widget of the classes `edge` and `edge-<side>`
 LIVE_CLASS, SILENT_CLASS = "live", "silent"  # what is live only, and in a window that is not
 
 
@@ -29,7 +30,7 @@ def style_sheet(scale: float) -> str:
 
     rules = [
         f"window {{ background: {GROUND}; color: {INK}; font-family: sans-serif; }}",
-        f".frame {{ border-width: {_BORDER_PX}px; }}",
+        *(f".edge-{side} {{ border-{side}-width: {_BORDER_PX}px; }}" for side in EDGES),
         f".banner {{ padding: {px(4)} {px(10)}; min-height: {px(66)}; }}",
         f".banner label {{ font-size: {px(17)}; }}",
         f".banner .sign {{ font-size: {px(30)}; min-width: {px(48)}; }}",
@@ -74,7 +75,7 @@ def style_sheet(scale: float) -> str:
     for arming in (*LOOKS, ""):
         look, name = look_of(arming), state_class(arming)
         rules.append(
-            f".{name}.frame {{ border-style: {look.border}; border-color: {look.colour}; }}"
+            f".{name} .edge {{ border-style: {look.border}; border-color: {look.colour}; }}"
         )
         rules.append(f".{name} .banner {{ background: {look.colour}; }}")
         rules.append(f".{name} .banner label {{ color: {look.ink}; }}")

@@ -9,7 +9,7 @@ from typing import Any
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
-from tams_app.faces.figures import placed_text, status_text, view_title
+from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
 from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Seek
 from tams_app.faces.pacing import Pacer
@@ -24,6 +24,7 @@ from tams_app.faces.window.panels import (
     NumbersPanel,
     Timeline,
     TrialPanel,
+    framed,
     key_list,
 )
 from tams_app.faces.window.picture import PicturePlace, texture_of
@@ -134,13 +135,13 @@ class OperatorWindow:
         notices.add_css_class("said")
         notices.append(self._notice)
         notices.append(self._status)
-        self._frame = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
-        self._frame.add_css_class("frame")
+        inside = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, spacing=_GAP_PX)
+        self._frame = framed(inside)
         main = self._main_part()
         self._episodes = EpisodeStrip()
         below = (self._timeline.widget, self._episodes.widget, notices)
         for part in (self._banner.widget, main, *below):
-            self._frame.append(part)
+            inside.append(part)
         for part in (main, self._timeline.widget):
             part.add_css_class(LIVE_CLASS)
         self._keys = key_list(self._key_help)
@@ -345,7 +346,7 @@ class OperatorWindow:
             self._panel.show(facts)
             self._timeline.show(facts)
             self._episodes.show(facts)
-            self._notice.set_text(facts.notices[-1].text if facts.notices else "")
+            self._notice.set_text(notice_text(facts))
             self._status.set_text(status_text(facts, self._opening))
 
     def _show_places(self) -> None:

@@ -22,6 +22,7 @@ from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text, strip_t
 from tams_app.faces.figures import (
     hand_rows,
     marking_texts,
+    notice_text,
     placed_text,
     replay_texts,
     status_text,
@@ -31,7 +32,7 @@ from tams_app.faces.figures import (
     view_title,
 )
 from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import Ended, Facts, Outline, ReplayFacts, Stretch, TrialFacts
+from tams_app.faces.messages import Ended, Facts, Notice, Outline, ReplayFacts, Stretch, TrialFacts
 from tams_app.faces.places import STAYS_NS, Places
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
@@ -241,7 +242,7 @@ def test_every_state_has_its_rule_in_the_style_sheet() -> None:
     sheet = style_sheet(1.0)
     for arming in (*LOOKS, "starting"):
         look = look_of(arming)
-        rule = f".{state_class(arming)}.frame {{ border-style: {look.border}; "
+        rule = f".{state_class(arming)} .edge {{ border-style: {look.border}; "
         assert rule + f"border-color: {look.colour}; }}" in sheet
 
 
@@ -324,6 +325,13 @@ def test_the_last_line_has_time_strategy_network_and_what_is_recorded() -> None:
     assert status_text(over, opening) == "strategy tams, network outage.csv"
     blind = replace(OPENING, blind=True)  # `FaceClient` leaves out what is compared
     assert status_text(replace(facts, recorded_mb=None), blind) == "1:30 elapsed · recording"
+
+
+def test_the_newest_sentence_is_shown_until_the_session_is_over() -> None:
+    assert notice_text(FACTS) == ""
+    running = replace(FACTS, notices=(Notice(1.0, "ready"), Notice(2.0, "engaged")))
+    assert notice_text(running) == "engaged"
+    assert notice_text(replace(running, end=Ended("Over"))) == ""
 
 
 def test_a_view_s_title_in_the_window_says_what_its_letters_mean() -> None:

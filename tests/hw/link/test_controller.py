@@ -795,6 +795,52 @@ def test_three_gaps_beyond_the_bridge_within_a_second_are_too_many(
     assert statuses == ({OK, ControllerStatus.LINK_GAPS} if too_many else {OK})
 
 
+def jittery(late_ms: float) -> Callable[[int], int]:
+    """A way on which more than half, and less than two thirds, of what arrives is so late."""
+    index = 0
+
+    def way(_now_ns: int) -> int:
+        nonlocal index
+        index += 1
+        return DELAY_NS + round(late_ms * NS_PER_MS) * (index % 12 >= 4)
+
+    return way
+
+
+def gaps_in_jitter(exchange: Exchange, lost: int, late_ms: float) -> set[ControllerStatus]:
+    """Three times so many samples in a row are lost, on a way with jitter."""
+    samples = []
+    for _ in range(3):
+        exchange.up = jittery(late_ms)
+        samples += exchange.run_ms(300)
+        exchange.up = lambda _: None
+        samples += [exchange.tick() for _ in range(lost)]
+    exchange.up = lambda _: DELAY_NS
+    return {sample.status for sample in samples + exchange.run_ms(50)}
+
+
+# A sample that is 7 ticks after the last is 8 ms beyond the bridge of 50 ms, the next one 17 ms.
+@pytest.mark.parametrize(
+    ("late_ms", "lost", "too_many"),
+    [(0, 5, False), (0, 6, True), (15, 6, False), (15, 7, True), (40, 8, False), (40, 9, True)],
+)
+def test_what_half_of_the_samples_take_more_is_no_gap(
+    exchange: Exchange, late_ms: float, lost: int, too_many: bool
+) -> None:
+    exchange.up = jittery(late_ms)
+    exchange.run_ms(1500)
+    found = gaps_in_jitter(exchange, lost, late_ms)
+    assert (ControllerStatus.LINK_GAPS in found) == too_many
+
+
+def test_jitter_that_is_over_excuses_nothing_a_second_later(exchange: Exchange) -> None:
+    exchange.up = jittery(15)
+    exchange.run_ms(5000)
+    exchange.up = lambda _: DELAY_NS
+    exchange.run_ms(1200)
+    assert ControllerStatus.LINK_GAPS in gaps_in_jitter(exchange, 6, 0)
+
+
 def test_a_way_that_becomes_longer_for_good_is_one_gap(exchange: Exchange) -> None:
     """Until the times go by the longer way every sample is older than is bridged."""
     exchange.up = lambda _: DELAY_NS + 60 * NS_PER_MS
