@@ -247,7 +247,8 @@ def doctor(
         from tams_app.console.two_sided import endpoint_of
 
         raise typer.Exit(run_link_check(endpoint_of("--link", link, key), as_json))
-    settings = load_config(config, {"rig.enabled": True if speed else None})
+    rig = {"rig.enabled": True, "controller.device": "sim"}
+    settings = load_config(config, rig if speed else {})
     if speed:
         from tams_app.console.speed import run_speed
 

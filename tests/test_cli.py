@@ -347,6 +347,60 @@ def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, mon
     assert settings[0].rig.enabled
 
 
+def with_keyboard(folder):
+    path = folder / "yours.yaml"
+    path.write_text(f"include: [{HARDWARE}]\ncontroller: {{device: keyboard}}\n")
+    return path
+
+
+def test_whatever_the_hand_the_simulated_operator_moves_the_arm_whose_speed_is_measured(
+    capsys, monkeypatch, tmp_path
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.speed.run_speed", lambda one, *_, **__: settings.append(one) or 1
+    )
+    assert run(capsys, "doctor", "--speed", "--config", with_keyboard(tmp_path))[0] == 1
+    assert settings[0].operator_is_simulated
+
+
+def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, monkeypatch, tmp_path):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
+    )
+    command = ("run", "--sim", "--config", with_keyboard(tmp_path))
+    assert run(capsys, *command)[0] == 0
+    assert run(capsys, *command, "--hand", "sim")[0] == 0
+    assert run(capsys, "run", "--sim", "--config", HARDWARE)[0] == 0
+    assert [(one.rig.enabled, one.controller.device) for one in settings] == [
+        (True, "keyboard"),
+        (True, "sim"),
+        (True, "auto"),
+    ]
+    assert [one.operator_is_simulated for one in settings] == [False, True, True]
+
+
+@pytest.mark.parametrize("command", ["run", "robot"])
+def test_the_help_of_sim_promises_arm_and_cameras_but_no_hand(capsys, command):
+    told = " ".join(run(capsys, command, "--help")[1].split())
+    assert "--sim The simulated arm and cameras, not the config's." in told
+
+
+def test_operate_with_sim_has_the_simulated_operator_unless_a_hand_is_named(
+    capsys, monkeypatch, tmp_path
+):
+    settings = []
+    monkeypatch.setattr(
+        "tams_app.console.two_sided.run_operate", lambda config, *_: settings.append(config) or 0
+    )
+    command = ("operate", "--robot", "127.0.0.1:7300", "--config", with_keyboard(tmp_path))
+    assert run(capsys, *command)[0] == 0
+    assert run(capsys, *command, "--sim")[0] == 0
+    assert run(capsys, *command, "--sim", "--hand", "keyboard")[0] == 0
+    assert [one.operator_is_simulated for one in settings] == [False, True, False]
+
+
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [

@@ -99,6 +99,13 @@ def test_what_to_ask_for_instead_is_a_rate_that_run_takes() -> None:
     assert shortfall(30, {"eih": 0.0}, {}, simulated=False).endswith("--fps 5.")
 
 
+@pytest.mark.parametrize("simulated", [False, True])
+def test_nobody_is_told_to_ask_for_less_with_the_rate_that_they_asked_for(simulated: bool) -> None:
+    told = shortfall(5, {"eih": 3.9, "gt": 4.9}, {}, simulated=simulated)
+    assert "--fps" not in told
+    assert told.endswith("close other programs." if simulated else "shorten their exposure.")
+
+
 @pytest.mark.parametrize("name", ["live-0.1.mcap", "virtual-0.1.mcap"])
 def test_a_log_from_before_has_its_rates_as_far_as_its_frames_tell(name: str) -> None:
     log = read_log(DATA / name)

@@ -39,7 +39,9 @@ def _devices() -> list[str]:
 
 STRATEGY_HELP = "equal, static, tams, tams+ or an installed one."
 
-SimOption = Annotated[bool, typer.Option("--sim", help="The rig's devices, not the config's.")]
+SimOption = Annotated[
+    bool, typer.Option("--sim", help="The simulated arm and cameras, not the config's.")
+]
 StrategyOption = Annotated[
     str | None, typer.Option(help=STRATEGY_HELP, autocompletion=lambda: list(STRATEGIES))
 ]

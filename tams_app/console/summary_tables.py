@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rich.cells import cell_len
 from rich.console import Console as RichConsole  # noqa: TID251  draws nothing here
 from rich.console import ConsoleOptions, Group, RenderableType, RenderResult
 from rich.measure import Measurement
@@ -17,6 +20,8 @@ from tams_app.task.episodes import verdict
 
 _STOPS_NAMED = 5
 _ANY_WIDTH = 10_000  # columns; more than any row of a table
+_NO_BREAK = "\N{NO-BREAK SPACE}"
+_BEFORE_UNIT = re.compile(r"(?<=[\d–]) (?=(?:%|Hz|kbit/s|MB|ms|s)(?!\w))")
 
 
 def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> RenderableType:
@@ -51,7 +56,7 @@ def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
 def _named_rows(rows: Mapping[str, str]) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, value in rows.items():
-        table.add_row(Text(name, style="dim"), Text(value))
+        table.add_row(Text(name, style="dim"), _Sentence(value))
     return table
 
 
@@ -134,7 +139,8 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, value in rows.items():
         if value:
-            table.add_row(Text(name, style="dim"), Text(value) if isinstance(value, str) else value)
+            told = _Sentence(value) if isinstance(value, str) else value
+            table.add_row(Text(name, style="dim"), told)
     return table
 
 
@@ -167,7 +173,7 @@ def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(justify="right")
     for when, why in stop_texts(stops):
-        table.add_row(when, Text(why))
+        table.add_row(when, _Sentence(why))
     return table
 
 
@@ -184,6 +190,29 @@ def _quality(primary: Mapping[str, Any]) -> str:
     names = ("received", "delivered", "live")
     scores = [f"{name} {known(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
     return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
+
+
+class _Sentence:
+    """Text that goes on in the next line, but never between a number and its unit.
+
+    Rich itself breaks a line at a no-break space, too.
+    """
+
+    def __init__(self, text: str) -> None:
+        self._text = _BEFORE_UNIT.sub(_NO_BREAK, text)
+
+    def __rich_console__(self, console: RichConsole, options: ConsoleOptions) -> RenderResult:
+        lines = self._lines(options.max_width)
+        yield Text("\n".join(lines).replace(_NO_BREAK, " "))
+
+    def __rich_measure__(self, console: RichConsole, options: ConsoleOptions) -> Measurement:
+        most, least = (
+            max(map(cell_len, self._lines(width)), default=0) for width in (_ANY_WIDTH, 1)
+        )
+        return Measurement(least, most).with_maximum(options.max_width)
+
+    def _lines(self, width: int) -> list[str]:
+        return textwrap.wrap(self._text, width, break_long_words=False, break_on_hyphens=False)
 
 
 class _ViewsTable:

@@ -122,7 +122,7 @@ def operate(
         {
             "rig.enabled": True if sim else None,
             "rig.operator.kind": "seeing" if sim else None,
-            "controller.device": hand,
+            "controller.device": hand or ("sim" if sim else None),
             "seconds": seconds,
             "seed": seed,
             "headless": True if headless else None,

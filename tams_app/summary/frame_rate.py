@@ -13,6 +13,7 @@ from tams_app.summary.tables import FrameTable, Span, mean, percentiles
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 ENOUGH = 0.9  # of what was asked
+_LEAST_FPS = 5  # that can be asked for
 
 
 def view_rate(log: SessionLog, frames: FrameTable, span: Span | None) -> dict[str, Any]:
@@ -83,13 +84,14 @@ def shortfall(
             f"for {rates[-1]:g} at the end; close other programs or use a faster machine "
             "(`doctor --speed` tells what this one holds)."
         )
-    less = f"ask for less with --fps {max(int(min(given_fps.values())), 5)}"
+    less_fps = max(int(min(given_fps.values())), _LEAST_FPS)
+    less = f", or ask for less with --fps {less_fps}" if less_fps < asked_fps else ""
     short = [view for view, fps in given_fps.items() if fps < ENOUGH * asked_fps]
     if all(given_fps[view] + overrun_fps.get(view, 0.0) >= ENOUGH * asked_fps for view in short):
-        return f"{what}: the application missed the others; close other programs, or {less}."
+        return f"{what}: the application missed the others; close other programs{less}."
     if simulated:
-        return f"{what}: the machine drew no more; close other programs, or {less}."
+        return f"{what}: the machine drew no more; close other programs{less}."
     return (
-        f"{what}: the cameras gave no more, as many do in dim light; add light, shorten their "
-        f"exposure, or {less}."
+        f"{what}: the cameras gave no more, as many do in dim light; add light or shorten their "
+        f"exposure{less}."
     )

@@ -96,6 +96,17 @@ def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(w
     )
 
 
+def test_a_number_and_its_unit_are_never_on_two_lines() -> None:
+    log = Synthetic(40.0).log()
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    units = ("%", "Hz", "kbit/s", "MB", "ms", "s")
+    for width in range(42, 110):
+        lines = printed(log, width).splitlines()[1:]  # without the headline
+        told = [line for line in lines if not line.lstrip().startswith(("View", "kbit/s"))]
+        begun = [line.split()[0].strip(",;:()") for line in told if line.startswith(" ")]
+        assert not set(units) & set(begun), (width, told)
+
+
 def test_no_figure_of_a_view_is_cut_on_terminals_from_narrow_to_wide() -> None:
     log = Synthetic(40.0).log()
     log.shown = [one for one in log.shown if one.index % 60 < 30]

@@ -237,7 +237,8 @@ class ReplaySession:
         """Show the replay's state, whenever that changes."""
         playback = self.playback
         state = "the end" if playback.at_end else "paused" if playback.paused else "goes on"
-        progress = f"replay: {state}, {playback.speed:g} times the speed"
+        times = "" if playback.speed == 1.0 else f"{playback.speed:g} times "
+        progress = f"replay: {state}, {times}the real speed"
         if progress != self._announced:
             self._announced = progress
             is_over = self.config.headless and playback.at_end

@@ -34,7 +34,8 @@ def style_sheet(scale: float) -> str:
         f".banner {{ padding: {px(4)} {px(10)}; min-height: {px(66)}; }}",
         f".banner label {{ font-size: {px(17)}; }}",
         f".banner .sign {{ font-size: {px(30)}; min-width: {px(48)}; }}",
-        f".banner .word {{ font-size: {px(30)}; font-weight: bold; min-width: {px(190)}; }}",
+        f".banner .word {{ font-size: {px(30)}; font-weight: bold; min-width: {px(172)}; "
+        f"padding-right: {px(18)}; }}",
         f".banner .key {{ font-size: {px(17)}; font-weight: bold; }}",
         f".view-name {{ background: rgba(0,0,0,0.62); color: {INK}; font-size: {px(15)}; "
         f"font-weight: bold; padding: {px(1)} {px(8)}; }}",

@@ -163,9 +163,9 @@ def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> No
     assert replayed.session.elapsed_s() == pytest.approx(2.0)
     told = [note for note in replayed.session.sentences.take() if note.startswith("replay")]
     assert [one.partition(" (")[0] for one in told] == [
-        "replay: goes on, 2 times the speed",
-        "replay: paused, 2 times the speed",
-        "replay: goes on, 4 times the speed",
+        "replay: goes on, 2 times the real speed",
+        "replay: paused, 2 times the real speed",
+        "replay: goes on, 4 times the real speed",
     ]
 
 
@@ -290,8 +290,10 @@ def test_a_replay_without_a_window_ends_with_the_log_and_tells_what_keys_and_log
         monkeypatch.setattr(TerminalKeys, "open", lambda _keys: None)
         assert _main(["replay", str(tmp_path), "--headless", "--speed", "50"]) == 0
         told = capsys.readouterr().out
-        assert ("goes on, 50 times the speed (Enter: pause, go on; q: end)\n" in told) == readable
-        assert "replay: the end, 50 times the speed\n" in told
+        assert (
+            "goes on, 50 times the real speed (Enter: pause, go on; q: end)\n" in told
+        ) == readable
+        assert "replay: the end, 50 times the real speed\n" in told
         assert "arrows" not in told
         assert "The log" not in told
     log = tmp_path / LOG_NAME
