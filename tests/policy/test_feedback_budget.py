@@ -134,6 +134,13 @@ def test_jitter_is_not_taken_for_a_queue(delay_ms, jitter_ms):
         assert 0.8 * 6000 < sum(settled) / len(settled) < 1.1 * 6000
 
 
+@pytest.mark.parametrize("frame_steps", [1, 2, 4])
+def test_rare_frames_that_leave_at_once_are_not_taken_for_more_than_the_link_carries(frame_steps):
+    rare = replace(steady(6000), frame_steps=frame_steps, jitter_ms=8, queue_ms=400)
+    settled = between(rare, 10, 60)
+    assert 0.8 * 6000 < sum(settled) / len(settled) < 1.05 * 6000
+
+
 @pytest.mark.parametrize("kbps", [350, 200, 100])
 def test_a_link_that_carries_less_than_the_floors_is_found_too(kbps):
     settled = between(steady(kbps), 10, 40)

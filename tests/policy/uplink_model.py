@@ -14,13 +14,17 @@ SAFETY = 0.92
 
 @dataclass
 class Uplink:
-    """Views that send what they may, evenly, and a link that delivers it in order."""
+    """Views that send what they may, evenly, and a link that delivers it in order.
+
+    frame_steps: what they make in so many steps leaves at once, as frames do that are rare.
+    """
 
     kbps: Callable[[float], float]  # by time [s]
     delay_ms: Callable[[float], float] = lambda _t: 40.0
     share: Callable[[float], float] = lambda _t: 1.0  # sent / allowed
     lost: Callable[[Random], bool] = lambda _random: False
     jitter_ms: float = 0.0
+    frame_steps: int = 0
     clock_offset_ns: int = 0
     clock_drift: float = 0.0
     clock_jump_ns: Callable[[float], int] = lambda _t: 0
@@ -44,10 +48,12 @@ class Uplink:
             yield t_s, kbps
             media = kbps * SAFETY * self.share(t_s) * STEP_NS / 8e6
             spare += media + budget.padding_bytes(now_ns)
-            count = int(spare // PACKET_BYTES)
+            waits = self.frame_steps and step % self.frame_steps
+            count = 0 if waits else int(spare // PACKET_BYTES)
             spare -= count * PACKET_BYTES
             for index in range(count):
-                entered_ns = now_ns + (index + 1) * STEP_NS // (count + 1)
+                evenly_ns = (index + 1) * STEP_NS // (count + 1)
+                entered_ns = now_ns + (0 if self.frame_steps else evenly_ns)
                 sent_bytes += PACKET_BYTES
                 rate = self.kbps((entered_ns - NS_PER_S) / NS_PER_S)
                 begin_ns = max(entered_ns, free_ns)

@@ -9,12 +9,10 @@ from itertools import pairwise
 
 from tams_app.config import BudgetConfig
 from tams_app.policy.budget.deliveries import Deliveries
-from tams_app.policy.budget.queueing_delay import QueueingDelay
+from tams_app.policy.budget.queueing_delay import WINDOW_NS, QueueingDelay
 from tams_app.records import UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-_WINDOW_NS = 100 * NS_PER_MS  # three frame periods: in it a queue is to come to its target
-_RATE_NS = 150 * NS_PER_MS  # a frame more or less is a fourteenth of what arrives in it
 _SHOWS = 1.5  # times the target: a queue, not jitter
 _LEAST_TARGET_NS = 4 * NS_PER_MS  # where there is no jitter: a third of a frame's own time
 _DISPERSED = 0.7  # arrived / sent: the first frames left in a burst, and the bottleneck spread them
@@ -75,9 +73,10 @@ class FeedbackBudget:
         self._probed_kbps = self._kbps  # the estimate when it began
         self._levels_ns: tuple[int, int] | None = None  # least and largest, of a queue that stays
         self._own_base_ns = self._cut_ns = 0  # of sharing: the base without the other, the last cut
-        self._base_trip_ns = 2.5 * _WINDOW_NS  # from sending to the report of it, without a queue
+        self._base_trip_ns = 2.5 * WINDOW_NS  # from sending to the report of it, without a queue
         self._target_ns = 0.0
         self._began_ns: int | None = None  # with the first report
+        self._window_ns = WINDOW_NS  # in which a queue is to come to its target
         self._resumed_ns = -1  # after silence: what was sent before says nothing of the link
         self._pending = self._news = self._silent = False
         self._stepped_ns = self._reported_ns = self._padded_ns = 0
@@ -110,8 +109,8 @@ class FeedbackBudget:
         return self._allowed_kbps
 
     def padding_bytes(self, now_ns: int) -> int:
-        since_ns = min(now_ns - self._padded_ns, _WINDOW_NS)
-        if since_ns < (_WINDOW_NS if self._silent else _WINDOW_NS // 5):
+        since_ns = min(now_ns - self._padded_ns, WINDOW_NS)
+        if since_ns < (WINDOW_NS if self._silent else WINDOW_NS // 5):
             return 0
         self._padded_ns = now_ns
         padding = int(self._padding_kbps() * since_ns / 8e6)
@@ -121,7 +120,7 @@ class FeedbackBudget:
     def flight_limit_bytes(self, now_ns: int) -> float:
         if self._began_ns is None:
             return _FIRST_FLIGHT_BYTES
-        trip_ns = self._base_trip_ns + self._target_ns + _WINDOW_NS // 2
+        trip_ns = self._base_trip_ns + self._target_ns + WINDOW_NS // 2
         return max(self._kbps, self._allowed_kbps) * trip_ns / 8e6
 
     def _padding_kbps(self) -> float:
@@ -136,7 +135,7 @@ class FeedbackBudget:
     def _views_kbps(self) -> float:
         """The rate sent without padding of late."""
         newest_ns, newest_bytes = self._views_sent[-1]
-        then_ns, then_bytes = next(s for s in self._views_sent if s[0] >= newest_ns - _WINDOW_NS)
+        then_ns, then_bytes = next(s for s in self._views_sent if s[0] >= newest_ns - WINDOW_NS)
         if then_ns == newest_ns:
             return self._allowed_kbps
         return (newest_bytes - then_bytes) * 8e6 / (newest_ns - then_ns)
@@ -145,7 +144,7 @@ class FeedbackBudget:
 
     def _is_silent(self, now_ns: int) -> bool:
         """True if nothing is reported of what was sent long enough ago."""
-        long_ago_ns = now_ns - self._base_trip_ns - _RATE_NS
+        long_ago_ns = now_ns - self._base_trip_ns - self._rate_ns
         if self._began_ns is None or self._reported_ns > long_ago_ns:
             return False
         newest_ns = self._deliveries.newest_sent_ns
@@ -157,7 +156,7 @@ class FeedbackBudget:
         self._silent = True
         self._deliveries.forget_arrivals()
         self._kbps = self._bounded(self._kbps * 0.5 ** (elapsed_ns / NS_PER_S))
-        self._allowed_kbps = self._bounded(self._allowed_kbps * 0.5 ** (elapsed_ns / _WINDOW_NS))
+        self._allowed_kbps = self._bounded(self._allowed_kbps * 0.5 ** (elapsed_ns / WINDOW_NS))
 
     # --- the estimate -----------------------------------------------------------------------------
 
@@ -182,7 +181,8 @@ class FeedbackBudget:
     def _judge(self, now_ns: int, elapsed_ns: int) -> None:
         """Correct the estimate, and decide what is sent meanwhile."""
         newest_ns = self._deliveries.newest_sent_ns
-        arrived_kbps, sent_kbps = self._deliveries.rates_kbps(_RATE_NS)
+        self._window_ns = self._delay.window_ns
+        arrived_kbps, sent_kbps = self._deliveries.rates_kbps(self._rate_ns)
         self._delay.step(now_ns, sent_kbps)
         queue_ns = self._delay.queue_ns
         longer_ns = _clamped(now_ns - newest_ns - queue_ns) - self._base_trip_ns
@@ -202,7 +202,7 @@ class FeedbackBudget:
         under_way_bytes = self._sent[-1][1] - self._sent_bytes_by(newest_ns)
         ahead_ns = under_way_bytes * 8e6 / self._kbps - (now_ns - newest_ns)
         wanted_ns = self._excess * self._target_ns if self._phase is _Phase.PROBE else 0.0
-        more = (wanted_ns - max(0.0, queue_ns + ahead_ns)) / _WINDOW_NS
+        more = (wanted_ns - max(0.0, queue_ns + ahead_ns)) / self._window_ns
         self._allowed_kbps = self._bounded(self._kbps * min(max(1.0 + more, _LEAST_SHARE), 2.0))
 
     def _measure(
@@ -211,7 +211,7 @@ class FeedbackBudget:
         """Correct the estimate by what arrived, and by the rate at which that was sent."""
         slower = min(1.0, arrived_kbps / sent_kbps)
         queued = min(max(2.0 * queue_ns / (_SHOWS * self._target_ns) - 1.0, 0.0), 1.0)
-        weight = queued * min(1.0, elapsed_ns / _RATE_NS)
+        weight = queued * min(1.0, elapsed_ns / self._rate_ns)
         if slower < _DISPERSED and self._is_new(now_ns):
             self._kbps, self._excess = self._bounded(arrived_kbps), _EXCESS_OF_KNOWN
             return
@@ -221,7 +221,7 @@ class FeedbackBudget:
     def _turn(self, now_ns: int, queue_ns: int, sent_kbps: float) -> None:
         """Begin the next phase if it is time."""
         shows_ns = _SHOWS * self._target_ns
-        span_ns = self._base_trip_ns + _WINDOW_NS  # until what is sent has been judged
+        span_ns = self._base_trip_ns + self._window_ns  # until what is sent has been judged
         phase_ns = now_ns - self._phase_ns
         if self._phase is _Phase.PROBE:
             self._most_queue_ns = max(self._most_queue_ns, queue_ns)
@@ -253,7 +253,7 @@ class FeedbackBudget:
     def _is_new(self, now_ns: int) -> bool:
         """True while the estimate is the floors' sum rather than a measurement."""
         began_ns = now_ns if self._began_ns is None else self._began_ns
-        return now_ns - began_ns < self._base_trip_ns + _WINDOW_NS
+        return now_ns - began_ns < self._base_trip_ns + WINDOW_NS
 
     # --- other flows ------------------------------------------------------------------------------
 
@@ -290,6 +290,11 @@ class FeedbackBudget:
             self._drain(now_ns)
 
     # ----------------------------------------------------------------------------------------------
+
+    @property
+    def _rate_ns(self) -> int:
+        """What rates are taken over: a burst more or less is a fourteenth of what arrives in it."""
+        return self._window_ns * 3 // 2
 
     def _bounded(self, kbps: float) -> float:
         return min(max(kbps, _LEAST_KBPS), self._max_kbps)

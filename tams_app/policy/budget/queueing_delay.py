@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from tams_app.policy.budget.deliveries import CLOCK_JUMP_NS
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+WINDOW_NS, _LONGEST_WINDOW_NS = 100 * NS_PER_MS, NS_PER_S  # at least, at most, nine bursts' time
 _BURSTS = 9  # frames of three views in a tenth of a second: enough for quartiles
 _LEVEL_NS = 60 * NS_PER_MS  # two frame periods
 _JITTER_NS = 8 * NS_PER_MS  # a spread from which levels need longer to be comparable
@@ -92,6 +93,14 @@ class QueueingDelay:
         if len(delays) < _BURSTS:
             delays = [delay for _, delay in list(self._bursts)[-_BURSTS:]]
         return _quantile(sorted(delays), _LOW)
+
+    @property
+    def window_ns(self) -> int:
+        """The time that nine bursts took [ns]: a tenth of a second, more where frames are rare."""
+        if len(self._bursts) <= _BURSTS:
+            return WINDOW_NS
+        took_ns = self._bursts[-1][0] - self._bursts[-1 - _BURSTS][0]
+        return min(max(took_ns, WINDOW_NS), _LONGEST_WINDOW_NS)
 
     @property
     def queue_ns(self) -> int:
