@@ -19,7 +19,7 @@ from tests.session.virtual.runs import run, short
 DATA = Path(__file__).parent / "data"
 GOLDEN: dict[str, dict[str, Any]] = {
     # from reach to transport, the capacity estimated from what receivers tell
-    "feedback": {"network": "s3", "seconds": 15.0},
+    "feedback": {"network": "s2", "seconds": 15.0},
     # the capacity known, and an outage in mid-motion
     "outage": {
         "network": "config/traces/outage.csv",
