@@ -8,6 +8,7 @@ cut: the link is cut while the arm moves at its full speed: the time from when t
 up (`link.lost_after_ms` after the last that counted) until the arm rests by its own reports (below
 1 mm/s), its way from the last sample on. Both ways, and each way alone.
 burst: everything is kept back for 2 s and let go at once: how far the arm is told to go by it.
+field: whole tasks through a relay, 100 ± 25 and 200 ± 30 ms and over LTE (`--trace` adds a file).
 soak: two hours of driving to and fro: memory of each process, late ticks by third, whole logs.
 """
 
@@ -21,9 +22,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.link.ages import ages
+from benchmarks.link.field import fields
 from benchmarks.link.outages import bursts, cuts, load
 from benchmarks.link.soak import soak
 from tams_app.errors import SetupError
+
+LONG = ("field", "soak")
 
 
 def main() -> None:
@@ -34,18 +38,22 @@ def main() -> None:
         "cut-there": lambda folder, times: cuts(folder, times, "samples only"),
         "cut-back": lambda folder, times: cuts(folder, times, "video and state only"),
         "burst": bursts,
+        "field": lambda folder, times: fields(folder, times, options.seconds, options.trace),
         "soak": lambda folder, _: soak(folder, options.soak_seconds),
     }
     parser.add_argument("--seconds", type=float, default=60.0, help="of a session (default 60)")
     parser.add_argument("--soak-seconds", type=float, default=7200.0, help="of soak (default 7200)")
-    parser.add_argument("cases", nargs="*", choices=[[], *cases], help="default: all but soak")
+    parser.add_argument(
+        "cases", nargs="*", choices=[[], *cases], help="default: all but the last two"
+    )
     parser.add_argument("--times", type=int, default=20, help="outages of each kind (default 20)")
+    parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
     parser.add_argument("--json", type=Path, help="kept there; cases not measured now stay")
     options = parser.parse_args()
     found: dict[str, Any] = {}
     if options.json and options.json.exists():
         found = json.loads(options.json.read_text(encoding="utf-8"))
-    for name in options.cases or [case for case in cases if case != "soak"]:
+    for name in options.cases or [case for case in cases if case not in LONG]:
         with tempfile.TemporaryDirectory(prefix="tams-link-") as folder:
             before = load()
             try:

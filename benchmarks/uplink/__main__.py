@@ -81,6 +81,7 @@ def main() -> None:
     chosen = given or [one for one in known if not options.case or options.case in one.name]
     longest_s = options.seconds if given or options.field else CASE_S
     if options.model:
+        chosen = [replace(one, setting=replace(one.setting, fps=options.fps)) for one in chosen]
         modes = (options.budget,) if options.budget else MODES
         modelled = model(chosen, bool(given), modes, options.seeds, console)
         console.print(table(chosen, modelled))
@@ -106,6 +107,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--model", action="store_true", help="without encoders, packet by packet")
     parser.add_argument("--field", action="store_true", help="links as they are in the field")
     parser.add_argument("--case", help="only cases with this in their names")
+    parser.add_argument("--fps", type=int, default=30, help="of --model (default 30)")
     parser.add_argument("--seeds", type=int, default=1, help="runs of each, whose means are shown")
     parser.add_argument("--trace", type=Path, action="append", default=[], metavar="FILE")
     parser.add_argument("--rate-kbps", type=float, action="append", default=[], metavar="N")

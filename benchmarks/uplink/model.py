@@ -38,7 +38,6 @@ from tams_app.video.core.rate_control import SourceDrop
 VIEWS = ("eih", "gt", "gs")
 PADDING = "padding"
 PACKET_BYTES = 1240  # 1200 of RTP payload and its headers
-FPS = 30
 TICK_NS = NS_PER_S // 20  # the policy loop's
 PADDING_NS = 10 * NS_PER_MS  # the budget is asked for padding this often, as a pacer asks
 ARRIVAL_STEP_NS = 250_000  # the resolution of transport-wide feedback
@@ -66,6 +65,7 @@ class Setting:
     cubic: tuple[float, float] | None = None  # the same with Cubic's window
     second: tuple[float, float] | None = None  # from, to [s]: another sender with the same budget
     strategy: str = "equal"
+    fps: int = 30
 
 
 @dataclass(slots=True)
@@ -191,7 +191,7 @@ class _Sender:
     def start(self, now_ns: int, end_ns: int) -> None:
         """Send from now until `end_ns`."""
         self._start_ns, self._end_ns = now_ns, end_ns
-        period_ns = NS_PER_S // FPS
+        period_ns = NS_PER_S // self._setting.fps
         self._at(now_ns, self._tick)
         for index, view in enumerate(VIEWS):
             self._keyframe_ns[view] = now_ns + (index + 1) * NS_PER_S
@@ -229,11 +229,11 @@ class _Sender:
         def frame(now_ns: int) -> None:
             if now_ns >= self._end_ns:
                 return
-            self._at(now_ns + NS_PER_S // FPS, frame)
+            self._at(now_ns + NS_PER_S // self._setting.fps, frame)
             self.trace.frames += 1
             if self._flight.exceeded(view, now_ns, self._sent_bytes, self._reported_ns):
                 self.trace.skipped += 1
-            elif self._drop[view].keep(self._targets[view], NS_PER_S // FPS):
+            elif self._drop[view].keep(self._targets[view], NS_PER_S // self._setting.fps):
                 self.trace.kept[view].append(now_ns)
                 self._send(now_ns, view, max(1, round(self._frame_bytes(now_ns, view))))
 
@@ -241,8 +241,9 @@ class _Sender:
 
     def _frame_bytes(self, now_ns: int, view: str) -> float:
         setting = self._setting
-        kbps = self._drop[view].frame_target_kbps(self._targets[view], NS_PER_S // FPS)
-        mean = kbps * setting.bias * 1000 / 8 / FPS
+        period_ns = NS_PER_S // setting.fps
+        kbps = self._drop[view].frame_target_kbps(self._targets[view], period_ns)
+        mean = kbps * setting.bias * 1000 / 8 / setting.fps
         if setting.limited and setting.limited[0] <= self._seconds(now_ns) < setting.limited[1]:
             mean *= setting.limited[2]
         size = max(0.2, self._random.gauss(1.0, setting.noise)) * mean

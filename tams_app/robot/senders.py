@@ -51,7 +51,8 @@ class Senders(Video):
         """
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         crossed = network if link is None else behind(network, link)
-        super().__init__(config, crossed, clock, self._epoch_ns, log, on_captured, codecs)
+        real = link is not None
+        super().__init__(config, crossed, clock, self._epoch_ns, log, on_captured, codecs, real)
         if link is not None:
             self.delay_ns += round(link.latency_ms * NS_PER_MS)  # what is shown must be reported
         self._config = config

@@ -35,10 +35,12 @@ class Video(ABC):
         log: SessionRecords,
         on_captured: Callable[[Frame], None],
         codecs: Codecs = SOFTWARE,
+        real: bool = False,
     ) -> None:
         """A capacity trace of `network` begins at `epoch_ns`.
 
-        `on_captured` gets each camera's frame before it is sent.
+        `on_captured` gets each camera's frame before it is sent. `real`: the network is not only
+        emulated.
         """
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
@@ -49,7 +51,7 @@ class Video(ABC):
             view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received
         }
         self._rule = repair_rule(
-            network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms
+            network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms, real
         )
         self.delay_ns = video_delay_ns(network, self._rule)
         policy = Policy.of(config, self.capacity)
@@ -61,7 +63,7 @@ class Video(ABC):
             view: ViewParity(parity_ssrc(video, view), self._feedback) for view in protected
         }
         always = video.repair.parity == "on"
-        self._protection = Protection(protected, network, self._rule, video.fps, always)
+        self._protection = Protection(protected, network, self._rule, video.fps, always, real)
         self._flight = FlightBound(video.views) if self._feedback else None
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock = clock

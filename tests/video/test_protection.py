@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tams_app.config import Network, RepairConfig
 from tams_app.records import PacketArrival, Reception, UplinkReport
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.link import loss_model
 from tams_app.video.core.protection import Loss, LossEstimate, Protection, share_incomplete
 from tams_app.video.core.repair import repair_rule
@@ -49,6 +50,37 @@ def test_protection_ends_where_nothing_is_lost_any_more() -> None:
     assert chosen.groups("eih", 0.5, 4.0, MOVING) == 1
     chosen.observe(report(*[False] * 20_000))
     assert chosen.groups("eih", 0.5, 3.0, MOVING) == 0
+
+
+def far_report(round_trip_ms: float, *lost: bool) -> UplinkReport:
+    now_ns = 60 * NS_PER_S
+    sent_ns = now_ns - round(round_trip_ms * NS_PER_MS)
+    arrivals = tuple(
+        PacketArrival("eih", sent_ns - n, 1200, None if each else sent_ns)
+        for n, each in enumerate(lost)
+    )
+    return UplinkReport(now_ns, 0, arrivals)
+
+
+@pytest.mark.parametrize(("round_trip_ms", "protected"), [(50, False), (58, False), (400, True)])
+def test_on_a_real_network_the_measured_round_trip_decides_whether_parity_is_needed(
+    round_trip_ms: float, protected: bool
+) -> None:
+    assumed = Network(latency_ms=20, jitter_ms=5)
+    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
+    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
+    chosen.observe(far_report(round_trip_ms, *([False] * 999 + [True]) * 4))  # .1 % of loss
+    assert (chosen.groups("eih", 0.5, 20.0, MOVING) > 0) == protected
+
+
+def test_a_link_that_has_become_near_again_needs_no_parity() -> None:
+    assumed = Network(latency_ms=20, jitter_ms=5)
+    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
+    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
+    chosen.observe(far_report(400, *([False] * 999 + [True]) * 4))
+    assert chosen.groups("eih", 0.5, 20.0, MOVING) > 0
+    chosen.observe(far_report(45, False))
+    assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
 
 
 def test_bursts_ask_for_more_parity_than_single_losses() -> None:

@@ -26,6 +26,7 @@ BLIND_AFTER_NS = 800 * NS_PER_MS  # a view older than this is no view: the opera
 _CAREFUL_AFTER_NS = 400 * NS_PER_MS
 _LONGEST_STEP_NS = 100 * NS_PER_MS  # of a stalled caller; the hand rests for the remainder
 _SQUEEZE_NS = 200 * NS_PER_MS  # at least; longer until the clutch's pulse is felt
+_LONGEST_SQUEEZE_NS = 3_000 * NS_PER_MS  # where the pulse came after they had let go
 _LET_GO_NS = 150 * NS_PER_MS
 _PUZZLED_NS = 500 * NS_PER_MS
 _SQUEEZES_BEFORE_CONFIRMING = 6
@@ -96,6 +97,9 @@ class Operator:
         self._confirms = confirms
         self._confirmed = not confirms
         self._felt_engage = False  # since the trigger was squeezed
+        self._felt_late = False  # after it was released again
+        self._squeezed_ns = 0  # the last time
+        self._patience_ns = _SQUEEZE_NS + self._reaction_ns
         self._ever_engaged = False
         self._felt_hold = False
         self._felt_fault = False
@@ -122,7 +126,10 @@ class Operator:
     def feel(self, haptic: Haptic) -> None:
         """A pulse in the hand."""
         if haptic is Haptic.ENGAGE:
-            self._felt_engage = self._ever_engaged = True
+            squeezed = self.activity in (Activity.SQUEEZE, Activity.MOVE, Activity.TOGGLE)
+            self._felt_late = not squeezed
+            self._felt_engage = squeezed
+            self._ever_engaged = True
             self._felt_fault = self._link_was_away = False
             self._felt_hold = False
         elif haptic in (Haptic.LIMIT, Haptic.LINK_HOLD):
@@ -137,6 +144,10 @@ class Operator:
             self._last_ns = self._since_ns = now_ns
         elapsed_ns = min(now_ns - self._last_ns, _LONGEST_STEP_NS)
         self._last_ns = now_ns
+        if self._felt_late:  # on a far link: the next time they wait for it
+            self._felt_late = False
+            waited_ns = now_ns - self._squeezed_ns + self._reaction_ns
+            self._patience_ns = min(max(self._patience_ns, waited_ns), _LONGEST_SQUEEZE_NS)
         sight = self._see(now_ns)
         command = self._steps[self.activity](now_ns, sight)
         self._act(now_ns, command, elapsed_ns / NS_PER_S)
@@ -207,7 +218,7 @@ class Operator:
         elapsed_ns = now_ns - self._since_ns
         if self._felt_engage and elapsed_ns >= _SQUEEZE_NS:
             self._begin(Activity.MOVE, now_ns)
-        elif elapsed_ns >= _SQUEEZE_NS + self._reaction_ns:
+        elif elapsed_ns >= self._patience_ns:
             return self._release_then(self._after_no_response(), now_ns)
         return HandCommand.still(trigger=True)
 
@@ -294,6 +305,7 @@ class Operator:
         self._stuck = False
         if activity is Activity.SQUEEZE:
             self._felt_engage = False
+            self._squeezed_ns = now_ns
 
     def _release_then(self, activity: Activity, now_ns: int) -> HandCommand:
         self._after_letting_go = activity

@@ -9,12 +9,14 @@ and must be worth a change. The constants were measured (FINDINGS 5, docs/MEASUR
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tams_app.config import Network
 from tams_app.records import UplinkReport
-from tams_app.video.core.repair import RepairRule
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.repair import MARGIN_MS, RepairRule
 
 # SSIM that a damaged frame costs: where nothing moves it is the keyframe, which must make a good
 # image from the bits of one frame; then what changed of the image since the frame before.
@@ -25,6 +27,7 @@ _WORTH_A_CHANGE = 0.004  # SSIM, by the view's share
 _REMEMBERED_PACKETS = 2000.0
 _PRIOR_PACKETS = 200.0  # what the configured network counts for
 _PACKETS_OF_A_RECEPTION = 20.0
+_TRIPS_NS = 5 * NS_PER_S  # the fastest round trip of so long is the network's
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,25 +94,50 @@ class Protection:
     """The number of parity packets a frame for every view, decided anew as often as it is asked."""
 
     def __init__(
-        self, views: Iterable[str], network: Network, rule: RepairRule, fps: int, always: bool
+        self,
+        views: Iterable[str],
+        network: Network,
+        rule: RepairRule,
+        fps: int,
+        always: bool,
+        real: bool = False,
     ) -> None:
-        """`always`: every view gets one at least."""
+        """`always`: every view gets one at least.
+
+        `real`: `network` is what is configured for a real one, whose round trip is measured.
+        Where resends come in time, there is no other parity than that of `always`.
+        """
         views = tuple(views)
         prior = Loss(network.loss, network.loss_burst)
         self._estimates = {view: LossEstimate(prior) for view in views}
         self._groups = dict.fromkeys(views, 0)
         self._least_groups = int(always)
-        # From a loss to the keyframe that repairs it: it is noticed, asked for, and comes.
-        refresh_ms = rule.latency_ms + 2 * network.latency_ms + 1000 / fps
-        self._refresh_frames = refresh_ms * fps / 1000
+        self._rule, self._fps, self._real = rule, fps, real
+        self._round_trip_ms = 2.0 * network.latency_ms
+        self._trips: deque[tuple[int, int]] = deque()  # (when, round trip), rising round trips
 
     def observe(self, report: UplinkReport) -> None:
         """Take in what the receivers reported; arrivals say more than their report blocks."""
+        if self._real and report.arrivals:
+            newest_ns = max(arrival.sent_ns for arrival in report.arrivals)
+            self._measure(report.now_ns, report.now_ns - newest_ns)
         for arrival in report.arrivals:
             self._estimates[arrival.view].arrival(arrival.arrived_ns is None)
         if not report.arrivals:
             for reception in report.receptions:
                 self._estimates[reception.view].reception(reception.fraction_lost)
+
+    def _measure(self, now_ns: int, trip_ns: int) -> None:
+        while self._trips and self._trips[0][0] < now_ns - _TRIPS_NS:
+            self._trips.popleft()
+        while self._trips and self._trips[-1][1] >= trip_ns:
+            self._trips.pop()
+        self._trips.append((now_ns, trip_ns))
+        self._round_trip_ms = self._trips[0][1] / NS_PER_MS
+
+    @property
+    def _resends_come_in_time(self) -> bool:
+        return self._rule.rtx and self._round_trip_ms + MARGIN_MS <= self._rule.latency_ms
 
     def groups(self, view: str, share: float, packets: float, changed: float) -> int:
         """The parity packets of each of the view's frames from now on.
@@ -120,6 +148,9 @@ class Protection:
             packets: media packets of a frame, with the parity that it has now.
             changed: share of its image that changes from frame to frame.
         """
+        if self._real and self._resends_come_in_time:
+            self._groups[view] = self._least_groups
+            return self._least_groups
         loss = self._estimates[view].loss
         sent = packets + self._groups[view]  # what the target pays for, whatever it is
         most_groups = min(_MOST_GROUPS, max(1, math.floor(sent / 2)))
@@ -133,6 +164,8 @@ class Protection:
     def _cost(self, groups: int, sent: float, changed: float, loss: Loss) -> float:
         """Received SSIM lost by damage and by the bits that parity takes of the `sent` packets."""
         packets = max(sent - groups, 0.5)
-        hit = self._refresh_frames * share_incomplete(packets, groups, loss)
+        # From a loss to the keyframe that repairs it: it is noticed, asked for, and comes.
+        refresh_ms = self._rule.latency_ms + self._round_trip_ms + 1000 / self._fps
+        hit = refresh_ms * self._fps / 1000 * share_incomplete(packets, groups, loss)
         damage = min(STILL_DAMAGE + DAMAGE_OF_CHANGE * changed, MOST_DAMAGE)
         return damage * hit / (1.0 + hit) + SSIM_PER_LOG_RATE * math.log(sent / packets)

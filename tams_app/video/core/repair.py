@@ -9,7 +9,7 @@ from tams_app.config import Network, RepairConfig
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _RTX_WORTH_MS = 200.0  # mode paper: beyond this a resent packet comes too late for the operator
-_MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
+MARGIN_MS = 20.0  # loss detection, feedback timing, scheduling
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +53,7 @@ def repair_rule(
     pli_min_interval_ms: float,
     wanted: RepairConfig = _BY_THE_RULE,
     latency_bound_ms: float = 200.0,
+    real: bool = False,
 ) -> RepairRule:
     """The rule for one network: its one-way latency and jitter are used.
 
@@ -68,9 +69,11 @@ def repair_rule(
             `adaptive` two, with what jitter and queue add.
         wanted: `video.repair`: the mode; RTX and parity forced on or off; without PLI.
         latency_bound_ms: of mode `adaptive`.
+        real: the network is not (only) emulated, so it may be longer than `network` says: in mode
+            `adaptive` parity is possible, and `Protection` measures whether it is needed.
     """
     round_trip_ms = 2.0 * network.latency_ms
-    without_rtx_ms = 2.0 * network.jitter_ms + _MARGIN_MS
+    without_rtx_ms = 2.0 * network.jitter_ms + MARGIN_MS
     resend_ms = 1.2 * round_trip_ms + without_rtx_ms
     pli_interval_ms = max(round_trip_ms, pli_min_interval_ms)
     if wanted.mode == "paper":
@@ -82,8 +85,8 @@ def repair_rule(
     pli_interval_ms = max(2.0 * (round_trip_ms + without_rtx_ms), pli_min_interval_ms)
     spare_ms = latency_bound_ms - network.latency_ms - network.jitter_ms
     longest_ms = max(spare_ms, without_rtx_ms)
-    rtx = _choose(wanted.rtx, round_trip_ms + _MARGIN_MS <= spare_ms)
-    parity = _choose(wanted.parity, resend_ms > spare_ms)
+    rtx = _choose(wanted.rtx, round_trip_ms + MARGIN_MS <= spare_ms)
+    parity = _choose(wanted.parity, real or resend_ms > spare_ms)
     latency_ms = math.ceil(min(resend_ms, longest_ms) if rtx else without_rtx_ms)
     return RepairRule(rtx, latency_ms, pli_interval_ms, wanted.pli, parity, math.ceil(longest_ms))
 

@@ -172,6 +172,21 @@ def test_a_held_robot_makes_the_operator_let_go_and_try_again():
     assert trial.robot.placed()
 
 
+@pytest.mark.parametrize("answers_after_s", [0.2, 0.6, 1.2])
+def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_after_s):
+    """On a far link the pulse comes when the trigger was released again."""
+    trial = _trial(0)
+    operator, coming = trial.operator, []
+    feel = operator.feel
+    operator.feel = lambda haptic: coming.append((trial.now_ns, haptic))
+    while operator.activity is not Activity.FINISHED:
+        trial.tick()
+        while coming and trial.now_ns - coming[0][0] >= answers_after_s * NS_PER_S:
+            feel(coming.pop(0)[1])
+        assert trial.now_ns < 100 * NS_PER_S, operator.stage
+    assert trial.robot.placed()
+
+
 def test_an_armed_robot_that_does_not_answer_is_never_confirmed_again():
     """The menu button of an armed robot is an emergency stop."""
     trial = _trial(0)
