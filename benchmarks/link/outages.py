@@ -87,7 +87,7 @@ def _outages(
     """The log of a session with so many outages, and from when until when each lasted [ns]."""
     conditions = Conditions(latency_ms=LATENCY_MS, jitter_ms=JITTER_MS)
     lasted = []
-    with RobotSide(folder / "robot", patience={}) as robot:
+    with RobotSide(folder / "robot") as robot:
         robot.waits()
         with (
             ImpairedLink((HOST, robot.port), conditions, conditions) as link,

@@ -37,7 +37,6 @@ def soak(folder: Path, seconds: float) -> dict[str, Any]:
     began_s = time.monotonic()
     with RobotSide(
         folder / "robot",
-        patience={},
         video={"fps": _FPS},
         policy={"budget": {"mode": "feedback", "max_kbps": _UPLINK_KBPS}},
         trial={"limit_s": 1e6},
