@@ -20,14 +20,14 @@ _FIRST_EXCESS = 25.0  # times the target: doubles the rate, as slow start does
 _EXCESS_OF_KNOWN = 4.0
 _USED = 0.6  # share of the estimate below which the views, not the link, limit what is sent
 _MOST_PADDING = 0.3  # share of what is allowed that a probe pads where views make less
+_MOST_GROWTH = 2.5  # of what is allowed, in one probe
 _LEAST_SHARE = 0.2  # of the estimate, while a queue is let run empty
 _STUCK = 4  # spans after which a queue of our own would have gone
 _RADIO_LOSS = 0.02  # radio links lose less without a queue
 _LEAST_KBPS = 60.0
 _FIRST_FLIGHT_BYTES = 6_000.0  # before the first report: two frames of each view at the floors
 
-# Beside a flow that fills the queue. One packet in a round trip had 38 % beside Cubic in
-# benchmarks.uplink, two have 45 %.
+# Beside a flow that fills the queue: more than one packet in a round trip, as Cubic's own growth is.
 _PACKET_BITS, _PACKETS = 8 * 1240, 2
 _SHARED_NS = 20 * NS_PER_S  # before it is asked whether the other is still there
 _CUT = 0.7  # after loss, as Cubic's (RFC 9438)
@@ -120,7 +120,7 @@ class FeedbackBudget:
     def flight_limit_bytes(self, now_ns: int) -> float:
         if self._began_ns is None:
             return _FIRST_FLIGHT_BYTES
-        trip_ns = self._base_trip_ns + self._target_ns + WINDOW_NS // 2
+        trip_ns = self._base_trip_ns + self._target_ns + self._window_ns // 2
         return max(self._kbps, self._allowed_kbps) * trip_ns / 8e6
 
     def _padding_kbps(self) -> float:
@@ -203,7 +203,10 @@ class FeedbackBudget:
         ahead_ns = under_way_bytes * 8e6 / self._kbps - (now_ns - newest_ns)
         wanted_ns = self._excess * self._target_ns if self._phase is _Phase.PROBE else 0.0
         more = (wanted_ns - max(0.0, queue_ns + ahead_ns)) / self._window_ns
-        self._allowed_kbps = self._bounded(self._kbps * min(max(1.0 + more, _LEAST_SHARE), 2.0))
+        allowed_kbps = self._kbps * min(max(1.0 + more, _LEAST_SHARE), 2.0)
+        if self._phase is _Phase.PROBE:  # what a doubling does is seen before the next
+            allowed_kbps = min(allowed_kbps, _MOST_GROWTH * self._probed_kbps)
+        self._allowed_kbps = self._bounded(allowed_kbps)
 
     def _measure(
         self, now_ns: int, elapsed_ns: int, queue_ns: int, arrived_kbps: float, sent_kbps: float
@@ -214,6 +217,7 @@ class FeedbackBudget:
         weight = queued * min(1.0, elapsed_ns / self._rate_ns)
         if slower < _DISPERSED and self._is_new(now_ns):
             self._kbps, self._excess = self._bounded(arrived_kbps), _EXCESS_OF_KNOWN
+            self._probed_kbps = self._kbps
             return
         kbps = max(self._kbps, min(arrived_kbps, sent_kbps)) * slower**weight
         self._kbps = self._bounded(kbps + weight * max(0.0, arrived_kbps - kbps))
