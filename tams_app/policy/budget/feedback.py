@@ -27,7 +27,7 @@ _RADIO_LOSS = 0.02  # radio links lose less without a queue
 _LEAST_KBPS = 60.0
 _FIRST_FLIGHT_BYTES = 6_000.0  # before the first report: two frames of each view at the floors
 
-# Beside a flow that fills the queue: more than one packet in a round trip, as Cubic's own growth is.
+# Beside a flow that fills the queue; Cubic, too, grows by more than a packet in a round trip.
 _PACKET_BITS, _PACKETS = 8 * 1240, 2
 _SHARED_NS = 20 * NS_PER_S  # before it is asked whether the other is still there
 _CUT = 0.7  # after loss, as Cubic's (RFC 9438)
