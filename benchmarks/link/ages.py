@@ -9,7 +9,6 @@ On one machine both sides have the same monotonic clock, so that ages need no es
 from __future__ import annotations
 
 import json
-import signal
 import subprocess
 import sys
 from collections import Counter
@@ -21,6 +20,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from benchmarks.link.sides import application
 from benchmarks.runs import run_session
 from benchmarks.uplink.tbf import namespaces
 from benchmarks.uplink.tbf_ends import SENDER_HOST
@@ -93,11 +93,11 @@ def _two_sides(
     way = Conditions(network.latency_ms, network.jitter_ms, network.loss)
     relay = ImpairedLink((SENDER_HOST, _PORT), way, way)
     with ExitStack() as stack:
-        beside_arm = stack.enter_context(_application(here, *robot, *common))
+        beside_arm = stack.enter_context(application(*robot, *common, space=here))
         port = stack.enter_context(_relay(there, relay))
         operate = ["operate", "--sim", "--headless", "--robot", f"127.0.0.1:{port}"]
         operate += ["--out", str(folder / "operate")]
-        operator = stack.enter_context(_application(there, *operate, *common))
+        operator = stack.enter_context(application(*operate, *common, space=there))
         for name, process in (("robot", beside_arm), ("operate", operator)):
             words, _ = process.communicate(timeout=seconds + _PATIENCE_S)
             if process.returncode:
@@ -112,25 +112,6 @@ def _one_computer(folder: Path, seconds: float) -> tuple[SessionLog, float]:
     words += ["--seconds", str(seconds), "--fps", str(FPS)]
     run = run_session(folder / "one", *words)
     return run.log, run.summary["control"]["late_fraction"]
-
-
-@contextmanager
-def _application(space: str, *words: str) -> Iterator[subprocess.Popen[str]]:
-    command = ["ip", "netns", "exec", space, sys.executable, "run_tams.py", *words]
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        command,
-        cwd=PROJECT_DIRECTORY,
-        stdin=subprocess.DEVNULL,
-        stdout=pipe,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.send_signal(signal.SIGTERM)
 
 
 @contextmanager

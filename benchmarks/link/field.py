@@ -10,14 +10,15 @@ import json
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from statistics import median
 from typing import Any
 
+from benchmarks.link.sides import application
 from benchmarks.trace_models import generate
 from tams_app.link.keys import new_key
 from tams_app.recording import LOG_NAME, SessionLog, read_log
@@ -109,8 +110,8 @@ def _session(session: _Session, folder: Path, seconds: float) -> tuple[dict[str,
         stack.enter_context(relay)
         operate = ["operate", "--sim", "--headless", "--robot", f"{HOST}:{relay.port}"]
         operate += ["--out", str(folder / "operate")]
-        beside_arm = stack.enter_context(_application(*robot, *common))
-        operator = stack.enter_context(_application(*operate, *common[:4]))
+        beside_arm = stack.enter_context(application(*robot, *common))
+        operator = stack.enter_context(application(*operate, *common[:4]))
         for name, process in (("operate", operator), ("robot", beside_arm)):
             words, _ = process.communicate(timeout=seconds + _PATIENCE_S)
             if process.returncode not in (0, 1):
@@ -121,21 +122,3 @@ def _session(session: _Session, folder: Path, seconds: float) -> tuple[dict[str,
     subprocess.run(command, cwd=PROJECT_DIRECTORY, check=True, capture_output=True)
     summary: dict[str, Any] = json.loads((ours / "summary.json").read_text(encoding="utf-8"))
     return summary, read_log(ours / LOG_NAME)
-
-
-@contextmanager
-def _application(*words: str) -> Iterator[subprocess.Popen[str]]:
-    pipe = subprocess.PIPE
-    with subprocess.Popen(
-        [sys.executable, "run_tams.py", *words],
-        cwd=PROJECT_DIRECTORY,
-        stdin=subprocess.DEVNULL,
-        stdout=pipe,
-        stderr=subprocess.STDOUT,
-        text=True,
-    ) as process:
-        try:
-            yield process
-        finally:
-            if process.poll() is None:
-                process.terminate()

@@ -272,6 +272,31 @@ def test_a_packet_told_lost_that_arrives_after_all_is_no_harm():
     assert min(between(once, 5, 10)) > 0.85 * 6000
 
 
+def padding_after(uplink: Uplink, start_s: float, end_s: float, **keys: float) -> int:
+    budget = fresh(**keys)
+    asked: list[int] = []
+    pad = budget.padding_bytes
+
+    def counted(now_ns: int) -> int:
+        padding = pad(now_ns)
+        if now_ns >= (1 + start_s) * NS_PER_S:
+            asked.append(padding)
+        return padding
+
+    budget.padding_bytes = counted
+    for _ in uplink.run(budget, end_s):
+        pass
+    return sum(asked)
+
+
+def test_nothing_is_padded_where_there_is_nothing_to_find_out():
+    assert padding_after(steady(6000), 5, 10) > 0
+    at_most = padding_after(steady(30_000), 5, 10, max_kbps=5000)
+    assert at_most < 0.01 * 5000 / 8 * 5000  # of what is sent in 5 s
+    limited = replace(steady(6000), share=lambda t: 0.3 if t > 5 else 1.0)
+    assert padding_after(limited, 7, 12) == 0
+
+
 def test_padding_is_asked_for_once():
     budget = fresh()
     asked = 0

@@ -83,6 +83,18 @@ def test_a_link_that_has_become_near_again_needs_no_parity() -> None:
     assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
 
 
+def test_one_slow_round_trip_makes_no_link_far_and_a_longer_route_does() -> None:
+    assumed = Network(latency_ms=20, jitter_ms=5)
+    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
+    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
+    chosen.observe(far_report(45, *([False] * 999 + [True]) * 4))
+    chosen.observe(far_report(400, False))
+    assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
+    for _ in range(100):  # five seconds
+        chosen.observe(far_report(400, False))
+    assert chosen.groups("eih", 0.5, 20.0, MOVING) > 0
+
+
 def test_bursts_ask_for_more_parity_than_single_losses() -> None:
     independent = protection(Network(latency_ms=80, loss=0.05))
     bursts = protection(Network(latency_ms=80, loss=0.05, loss_burst=2.5))

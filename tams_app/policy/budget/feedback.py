@@ -17,7 +17,7 @@ _SHOWS = 1.5  # times the target: a queue, not jitter
 _LEAST_TARGET_NS = 4 * NS_PER_MS  # where there is no jitter: a third of a frame's own time
 _DISPERSED = 0.7  # arrived / sent: the first frames left in a burst, and the bottleneck spread them
 _FIRST_EXCESS = 25.0  # times the target: doubles the rate, as slow start does
-_EXCESS_OF_KNOWN = 4.0
+_EXCESS_OF_KNOWN = 4.0  # once the first frames have shown a rate
 _USED = 0.6  # share of the estimate below which the views, not the link, limit what is sent
 _MOST_PADDING = 0.3  # share of what is allowed that a probe pads where views make less
 _MOST_GROWTH = 2.5  # of what is allowed, in one probe
@@ -129,8 +129,12 @@ class FeedbackBudget:
             return self._spare * self._allowed_kbps
         if self._began_ns is None or self._phase is not _Phase.PROBE:
             return 0.0
+        views_kbps = self._views_kbps()
+        unused = self._excess <= 1.0 and views_kbps < _USED * self._kbps
+        if unused or self._kbps >= self._max_kbps:
+            return 0.0  # nothing is to be found out
         most_kbps = min(_MOST_PADDING, self._spare * self._excess) * self._allowed_kbps
-        return min(most_kbps, max(0.0, self._allowed_kbps - self._views_kbps()))
+        return min(most_kbps, max(0.0, self._allowed_kbps - views_kbps))
 
     def _views_kbps(self) -> float:
         """The rate sent without padding of late."""

@@ -9,13 +9,12 @@ and must be worth a change. The constants were measured (FINDINGS 5, docs/MEASUR
 from __future__ import annotations
 
 import math
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
 
 from tams_app.config import Network
 from tams_app.records import UplinkReport
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 from tams_app.video.core.repair import MARGIN_MS, RepairRule
 
 # SSIM that a damaged frame costs: where nothing moves it is the keyframe, which must make a good
@@ -27,7 +26,7 @@ _WORTH_A_CHANGE = 0.004  # SSIM, by the view's share
 _REMEMBERED_PACKETS = 2000.0
 _PRIOR_PACKETS = 200.0  # what the configured network counts for
 _PACKETS_OF_A_RECEPTION = 20.0
-_TRIPS_NS = 5 * NS_PER_S  # the fastest round trip of so long is the network's
+_LONGER = 1.01  # each report: a route that has become longer is believed within seconds
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,26 +113,23 @@ class Protection:
         self._least_groups = int(always)
         self._rule, self._fps, self._real = rule, fps, real
         self._round_trip_ms = 2.0 * network.latency_ms
-        self._trips: deque[tuple[int, int]] = deque()  # (when, round trip), rising round trips
+        self._is_measured = False
 
     def observe(self, report: UplinkReport) -> None:
         """Take in what the receivers reported; arrivals say more than their report blocks."""
         if self._real and report.arrivals:
             newest_ns = max(arrival.sent_ns for arrival in report.arrivals)
-            self._measure(report.now_ns, report.now_ns - newest_ns)
+            self._measure((report.now_ns - newest_ns) / NS_PER_MS)
         for arrival in report.arrivals:
             self._estimates[arrival.view].arrival(arrival.arrived_ns is None)
         if not report.arrivals:
             for reception in report.receptions:
                 self._estimates[reception.view].reception(reception.fraction_lost)
 
-    def _measure(self, now_ns: int, trip_ns: int) -> None:
-        while self._trips and self._trips[0][0] < now_ns - _TRIPS_NS:
-            self._trips.popleft()
-        while self._trips and self._trips[-1][1] >= trip_ns:
-            self._trips.pop()
-        self._trips.append((now_ns, trip_ns))
-        self._round_trip_ms = self._trips[0][1] / NS_PER_MS
+    def _measure(self, trip_ms: float) -> None:
+        """Follow the fastest round trips, which are the network's without queue and jitter."""
+        longest_ms = _LONGER * self._round_trip_ms if self._is_measured else math.inf
+        self._round_trip_ms, self._is_measured = min(trip_ms, longest_ms), True
 
     @property
     def _resends_come_in_time(self) -> bool:
