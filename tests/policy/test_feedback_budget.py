@@ -147,6 +147,11 @@ def test_a_link_that_carries_less_than_the_floors_is_found_too(kbps):
     assert 0.75 * kbps < sum(settled) / len(settled) < 1.1 * kbps
 
 
+def test_a_narrow_link_is_never_tried_with_more_than_the_floors():
+    """The first frames arrive further apart than they were sent, which says what it carries."""
+    assert max(estimates(steady(100), 4)) == pytest.approx(START_KBPS)
+
+
 def test_beside_a_flow_that_fills_the_queue_it_keeps_a_share_and_has_the_link_again_after_it():
     def delay_ms(t_s: float) -> float:
         return 40 + (40 + 30 * math.sin(4 * t_s) if 10 < t_s < 30 else 0)
@@ -157,6 +162,15 @@ def test_beside_a_flow_that_fills_the_queue_it_keeps_a_share_and_has_the_link_ag
     after = [kbps for t_s, kbps in estimate if t_s >= 34]
     assert sum(beside) / len(beside) > 0.3 * 6000
     assert sum(after) / len(after) > 0.9 * 6000
+
+
+def test_a_longer_route_that_seemed_another_flow_is_known_for_one_in_the_end():
+    def delay_ms(t_s: float) -> float:
+        return 40 + (50 + (20 * math.sin(6 * t_s) if t_s < 14 else 0) if t_s > 10 else 0)
+
+    settled = between(replace(steady(6000), delay_ms=delay_ms), 36, 50)
+    assert sum(settled) / len(settled) > 0.95 * 6000
+    assert max(settled) < 1.1 * 6000
 
 
 def test_a_longer_queue_that_is_not_ours_lowers_what_is_allowed_further():
@@ -196,6 +210,14 @@ def test_the_return_of_feedback_recovers_within_a_second(outage_s):
     back_s = 5 + outage_s + 0.15  # the first packet and its way back
     estimate = between(outage(6000, 5, 5 + outage_s), back_s, back_s + 1.05)
     assert max(estimate) > 0.8 * 6000
+
+
+def test_what_an_outage_has_held_up_says_nothing_of_the_link():
+    def delay_ms(t_s: float) -> float:
+        return 40 + (1000 * (6 - t_s) if 5 <= t_s < 6 else 0)  # all arrives at once
+
+    first = between(replace(steady(6000), delay_ms=delay_ms), 6.1, 6.3)
+    assert max(first) < 0.8 * 6000
 
 
 def test_an_outage_takes_half_of_what_may_be_under_way_in_a_second():
