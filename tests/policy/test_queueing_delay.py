@@ -16,7 +16,7 @@ BURST_NS, STEP_NS = 11 * NS_PER_MS, 50 * NS_PER_MS
 
 
 def steps(jitter_ms: float, seed: int, queue_from_s: float = 1e9) -> Iterator[QueueingDelay]:
-    """After each policy step of a minute, on a link that keeps order; a queue of 60 ms from then."""
+    """After each policy step of a minute, where order is kept; a queue of 60 ms from then."""
     delay, random = QueueingDelay(), Random(seed)
     delivered_ns, next_ns = 0, STEP_NS
     for sent_ns in range(0, 60 * NS_PER_S, BURST_NS):
