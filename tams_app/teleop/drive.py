@@ -6,13 +6,14 @@ from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.limits import Limits
-from tams_app.teleop.motion import HandMotion
+from tams_app.teleop.motion import HandMotion, is_frozen
 from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 from tams_app.units import NS_PER_MS
 from tams_app.vectors import ZERO, minus, plus, plus_times, times
 
+_BRAKES_AFTER_MS = 70.0  # without a new pose: bridged times and jitter are shorter
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 
 
@@ -102,7 +103,12 @@ class Drive:
         now_ns: int,
         interval_s: float,
     ) -> None:
-        """Engaged: one tick of hand to twist, `scale` for the frame's age."""
+        """Engaged: one tick of hand to twist, `scale` for the frame's age.
+
+        Without a new pose for 70 ms the arm brakes, before the hold that is due at 100 ms.
+        """
+        if is_frozen(sample, now_ns, _BRAKES_AFTER_MS):
+            self._forget()
         if not self._anchored:
             self._brake_then_anchor(sample, arm, interval_s)
             return

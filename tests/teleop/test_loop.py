@@ -457,6 +457,30 @@ def test_a_pose_that_stops_changing_stops_the_arm_and_then_faults(engaged: Bench
     assert outputs[-1].reason is Reason.POSE_FROZEN
 
 
+def test_without_a_new_pose_for_70_ms_the_arm_brakes_and_then_follows_the_hand_anew() -> None:
+    config = make_config(freshness__hold_pose_ms=50, freshness__pose_frozen_ms=250)
+    bench = Bench(config)
+    bench.engage()
+    bench.ask(0, 0.25, 0)
+    bench.run(40)
+    assert bench.linear()[-1, 1] == pytest.approx(0.25, rel=0.01)
+    frozen = bench.hand.sample(bench.now_ns, 0.0)
+    gap = []
+    for _ in range(22):  # 183 ms
+        now_ns = bench.now_ns + PERIOD_NS
+        gap.append(bench.tick(sample=replace(frozen, buttons_ns=now_ns)))
+    assert {output.arming for output in gap} == {ENGAGED}
+    assert [output.braking for output in gap[:9]] == [False] * 8 + [True]  # from 75 ms on
+    assert bench.linear()[-1, 1] == 0.0
+    at_rest = bench.arm.pose.position
+    bench.tick()
+    bench.tick()
+    assert np.linalg.norm(bench.arm.pose.position - at_rest) < 1e-6, "the gap is not made up for"
+    bench.run(60)
+    assert bench.outputs[-1].arming is ENGAGED
+    assert bench.linear()[-1, 1] == pytest.approx(0.25, rel=0.01)
+
+
 def test_a_hand_that_jumps_about_is_a_fault(engaged: Bench) -> None:
     for k in range(8):
         engaged.hand.position = np.array([k % 2, 0.0, 0.0])
