@@ -107,13 +107,15 @@ class Drive:
 
         Without a new pose for 70 ms the arm brakes, before the hold that is due at 100 ms.
         """
-        if is_frozen(sample, now_ns, _BRAKES_AFTER_MS):
-            self._forget()
         if not self._anchored:
             self._brake_then_anchor(sample, arm, interval_s)
             return
         measured = Tcp.of(arm.tcp)
         hand = self._hand.update(sample, now_ns, interval_s)
+        if is_frozen(sample, now_ns, _BRAKES_AFTER_MS):
+            self.twist = self._limits.come_to_rest(interval_s)
+            self._advance_target(measured, Twist.zero(), 0.0, interval_s)
+            return
         tcp = self._predictor.predict(measured, arm.received_ns, delay_ns)
         correction = self._correction(tcp)
         if self.orientation_mode:

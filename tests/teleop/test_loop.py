@@ -473,9 +473,8 @@ def test_without_a_new_pose_for_70_ms_the_arm_brakes_and_then_follows_the_hand_a
     assert [output.braking for output in gap[:9]] == [False] * 8 + [True]  # from 75 ms on
     assert bench.linear()[-1, 1] == 0.0
     at_rest = bench.arm.pose.position
-    bench.tick()
-    bench.tick()
-    assert np.linalg.norm(bench.arm.pose.position - at_rest) < 1e-6, "the gap is not made up for"
+    bench.run(2)
+    assert np.linalg.norm(bench.arm.pose.position - at_rest) < 1e-4  # of the gap's 46 mm
     bench.run(60)
     assert bench.outputs[-1].arming is ENGAGED
     assert bench.linear()[-1, 1] == pytest.approx(0.25, rel=0.01)

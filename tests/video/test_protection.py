@@ -126,12 +126,21 @@ def test_report_blocks_tell_the_rate_where_no_arrivals_come() -> None:
 
 @pytest.mark.parametrize("burst", [1.0, 3.0])
 def test_loss_is_learnt_from_arrivals_whatever_the_network_was_said_to_be(burst: float) -> None:
-    estimate = LossEstimate(Loss(0.2, 8.0))
+    estimate = LossEstimate(Loss.of(0.2, 8.0))
     model = loss_model(0.02, burst, Random(4))
     for _ in range(20_000):
         estimate.arrival(model.lost())
     assert estimate.loss.rate == pytest.approx(0.02, rel=0.5)
     assert estimate.loss.mean_burst == pytest.approx(burst, rel=0.4)
+
+
+def test_an_overflow_does_not_hide_single_losses_from_parity() -> None:
+    estimate = LossEstimate(Loss.of(0.0, 1.0))
+    for lost in [True] * 80 + ([False] * 249 + [True]) * 4:
+        estimate.arrival(lost)
+    assert estimate.loss.mean_burst > 10
+    alone, protected = (share_incomplete(20.0, groups, estimate.loss) for groups in (0, 1))
+    assert protected < 0.4 * alone
 
 
 @pytest.mark.parametrize(("rate", "burst"), [(0.01, 1.0), (0.03, 2.0)])
@@ -149,7 +158,7 @@ def test_the_share_of_incomplete_frames_is_that_of_the_loss_model(
             )
         else:
             incomplete += any(lost)
-    expected = share_incomplete(packets, groups, Loss(rate, burst))
+    expected = share_incomplete(packets, groups, Loss.of(rate, burst))
     assert incomplete / frames == pytest.approx(expected, rel=0.45)
 
 

@@ -31,10 +31,24 @@ _LONGER = 1.01  # each report: a route that has become longer is believed within
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """Share of packets lost, and how many in a row."""
+    """Share of packets lost, and of those at which more than 0, 1, ... in a row are lost.
+
+    The second is not of one kind: a radio loses single packets where a queue that overflows loses
+    many in a row, and a parity packet brings back the first whatever becomes of the others.
+    """
 
     rate: float
-    mean_burst: float
+    longer: tuple[float, ...]  # bursts longer than so many, a packet
+
+    @classmethod
+    def of(cls, rate: float, mean_burst: float) -> Loss:
+        """Of bursts whose length is geometric (Gilbert's model)."""
+        going_on = 1.0 - 1.0 / mean_burst
+        return cls(rate, tuple(rate / mean_burst * going_on**n for n in range(_MOST_GROUPS + 1)))
+
+    @property
+    def mean_burst(self) -> float:
+        return max(self.rate / self.longer[0], 1.0) if self.longer[0] else 1.0
 
 
 class LossEstimate:
@@ -43,35 +57,38 @@ class LossEstimate:
     def __init__(self, prior: Loss) -> None:
         self._packets = _PRIOR_PACKETS
         self._lost = prior.rate * _PRIOR_PACKETS
-        self._bursts = self._lost / prior.mean_burst
-        self._last_lost = False
+        self._longer = [share * _PRIOR_PACKETS for share in prior.longer]
+        self._in_a_row = 0
 
     @property
     def loss(self) -> Loss:
-        burst = self._lost / self._bursts if self._bursts else 1.0
-        return Loss(self._lost / self._packets, max(burst, 1.0))
+        return Loss(self._lost / self._packets, tuple(n / self._packets for n in self._longer))
 
     def arrival(self, lost: bool) -> None:
         """Take in the fate of the next packet, in the order of sending."""
         self._forget(1.0)
         self._packets += 1
-        self._lost += lost
-        self._bursts += lost and not self._last_lost
-        self._last_lost = lost
+        if not lost:
+            self._in_a_row = 0
+            return
+        self._lost += 1
+        if self._in_a_row < len(self._longer):
+            self._longer[self._in_a_row] += 1
+        self._in_a_row += 1
 
     def reception(self, fraction_lost: float) -> None:
         """A report block: it gives the rate alone."""
-        mean_burst = self.loss.mean_burst
+        now = self.loss
+        bursts = Loss.of(fraction_lost * _PACKETS_OF_A_RECEPTION, now.mean_burst)
         self._forget(_PACKETS_OF_A_RECEPTION)
-        lost = fraction_lost * _PACKETS_OF_A_RECEPTION
         self._packets += _PACKETS_OF_A_RECEPTION
-        self._lost += lost
-        self._bursts += lost / mean_burst
+        self._lost += bursts.rate
+        self._longer = [n + more for n, more in zip(self._longer, bursts.longer, strict=True)]
 
     def _forget(self, packets: float) -> None:
         kept = 1.0 - packets / _REMEMBERED_PACKETS
         self._packets, self._lost = self._packets * kept, self._lost * kept
-        self._bursts *= kept
+        self._longer = [n * kept for n in self._longer]
 
 
 def share_incomplete(packets: float, groups: int, loss: Loss) -> float:
@@ -80,11 +97,11 @@ def share_incomplete(packets: float, groups: int, loss: Loss) -> float:
     A frame is lost by a burst longer than the groups are many, or by two bursts of which both hit
     one group.
     """
-    starts = loss.rate / loss.mean_burst
+    starts = loss.longer[0]
     if groups == 0:
         return 1.0 - math.pow(1.0 - starts, packets)
     sent = packets + groups
-    by_one = sent * starts * (1.0 - 1.0 / loss.mean_burst) ** groups
+    by_one = sent * loss.longer[groups]
     by_two = sent * (sent - 1) / 2 * starts**2 / groups
     return min(1.0, by_one + by_two)
 
@@ -107,7 +124,7 @@ class Protection:
         Where resends come in time, there is no other parity than that of `always`.
         """
         views = tuple(views)
-        prior = Loss(network.loss, network.loss_burst)
+        prior = Loss.of(network.loss, network.loss_burst)
         self._estimates = {view: LossEstimate(prior) for view in views}
         self._groups = dict.fromkeys(views, 0)
         self._least_groups = int(always)
