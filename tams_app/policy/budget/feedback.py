@@ -20,7 +20,8 @@ _FIRST_EXCESS = 25.0  # times the target: doubles the rate, as slow start does
 _EXCESS_OF_KNOWN = 4.0  # once the first frames have shown a rate
 _USED = 0.6  # share of the estimate below which the views, not the link, limit what is sent
 _MOST_PADDING = 0.3  # share of what is allowed that a probe pads where views make less
-_MOST_GROWTH = 2.5  # of what is allowed, in one probe
+_CARRIED = 0.9  # of what was sent: less of it shows the limit, a queue alone may be jitter
+_MOST_GROWTH = 2.0  # of what is allowed, in one probe
 _LEAST_SHARE = 0.2  # of the estimate, while a queue is let run empty
 _STUCK = 4  # spans after which a queue of our own would have gone
 _RADIO_LOSS = 0.02  # radio links lose less without a queue
@@ -70,6 +71,8 @@ class FeedbackBudget:
         self._phase, self._phase_ns = _Phase.PROBE, 0
         self._excess = _FIRST_EXCESS  # of the probe, times the target
         self._most_queue_ns = 0  # in the probe
+        self._most_sent_kbps = 0.0  # and since
+        self._limited = False  # a probe has found what the path carries
         self._probed_kbps = self._kbps  # the estimate when it began
         self._levels_ns: tuple[int, int] | None = None  # least and largest, of a queue that stays
         self._own_base_ns = self._cut_ns = 0  # of sharing: the base without the other, the last cut
@@ -172,6 +175,7 @@ class FeedbackBudget:
             self._silent = False
             self._resumed_ns = now_ns
             self._delay.resume()
+            self._limited = False
             self._probe(now_ns, _FIRST_EXCESS)
             self._allowed_kbps = self._kbps
         if newest_ns <= self._resumed_ns:
@@ -230,6 +234,7 @@ class FeedbackBudget:
         """Begin the next phase if it is time."""
         shows_ns = _SHOWS * self._target_ns
         span_ns = self._base_trip_ns + self._window_ns  # until what is sent has been judged
+        self._most_sent_kbps = max(self._most_sent_kbps, sent_kbps)
         phase_ns = now_ns - self._phase_ns
         if self._phase is _Phase.PROBE:
             self._most_queue_ns = max(self._most_queue_ns, queue_ns)
@@ -246,7 +251,8 @@ class FeedbackBudget:
         if phase_ns > span_ns and queue_ns > shows_ns:
             self._follow_level()
         if phase_ns > 1.5 * span_ns and queue_ns < shows_ns / 2:
-            self._probe(now_ns)
+            self._limited = self._limited or self._kbps < _CARRIED * self._most_sent_kbps
+            self._probe(now_ns, 1.0 if self._limited else max(1.0, self._excess / 2.0))
         elif phase_ns > _STUCK * span_ns:
             self._doubt(now_ns, 2.0 * shows_ns)
 
@@ -254,6 +260,7 @@ class FeedbackBudget:
         self._phase, self._phase_ns = _Phase.PROBE, now_ns
         self._excess = min(excess, 1e3)
         self._most_queue_ns, self._probed_kbps = 0, self._kbps
+        self._most_sent_kbps = 0.0
 
     def _drain(self, now_ns: int) -> None:
         self._phase, self._phase_ns, self._levels_ns = _Phase.DRAIN, now_ns, None
