@@ -45,13 +45,13 @@ class _Session:
 
 
 def fields(folder: Path, times: int, seconds: float, traces: Sequence[Path]) -> dict[str, Any]:
-    """`times` sessions over each link: two far ones, three LTE models, and each of `traces`."""
+    """`times` sessions over each of three LTE models and of `traces`, twice as many over far links."""
     six = folder / "six.csv"
     six.write_text(f"{CSV_HEADER}\n0,6000\n", encoding="utf-8")
     sessions = [
         _Session(name, replace(way, trace=str(six)), seed)
         for name, way in FAR.items()
-        for seed in range(times)
+        for seed in range(2 * times)
     ]
     lte = {path.stem: path for path in traces}
     for seed in (1, 2, 3):

@@ -1,12 +1,13 @@
 """A session's traffic, packet by packet, without encoders: views, padding, feedback, other flows.
 
-The link is the product's (`tams_app.video.core.link`), the budget too. What encoders do is drawn:
-the size of a frame is its target's share times a constant bias and a random factor; a keyframe is
-larger, and the frames after it give back what it took, as the servo makes them. A frame enters the
-link in one burst. The receiver tells of all packets every 25 to 50 ms, and what it tells comes
-back with the link's delay; packets of the policy's padding are fed back as any other. What is under
-way is bounded as in the product (`tams_app.video.core.flight`), and so are the frames of a view
-whose target would starve them.
+The link is the product's (`tams_app.video.core.link`), the budget and the pacer too. What encoders
+do is drawn: the size of a frame is its target's share times a constant bias and a random factor; a
+keyframe is larger, and the frames after it give back what it took, as the servo makes them. A frame
+enters the link as the pacer lets it, in one burst where the budget asks for no feedback of packets.
+The receiver tells of all packets every 25 to 50 ms, and what it tells comes back with the link's
+delay; packets of the policy's padding are fed back as any other. What is under way is bounded as in
+the product (`tams_app.video.core.flight`), and so are the frames of a view whose target would
+starve them.
 """
 
 from __future__ import annotations
@@ -15,12 +16,13 @@ import heapq
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from random import Random
 
 from tams_app.capacity import Capacity
 from tams_app.config import Network, PolicyConfig
 from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.budget import Budget
+from tams_app.policy.budget import BUDGETS, Budget
 from tams_app.records import (
     PacketArrival,
     PacketFate,
@@ -33,6 +35,7 @@ from tams_app.records import (
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.flight import FlightBound
 from tams_app.video.core.link import Link
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.rate_control import SourceDrop
 
 VIEWS = ("eih", "gt", "gs")
@@ -175,6 +178,8 @@ class _Sender:
         self._random = Random(f"{setting.seed}/sources{name}")
         self._receiver = Random(f"{setting.seed}/receiver{name}")
         self._flight = FlightBound(VIEWS)
+        kind = BUDGETS[policy.budget.mode]
+        self._pacer = Pacer(policy.budget.start_kbps) if kind.receives_packets else None
         self._drop = {view: SourceDrop(self._policy.source_drop_below_kbps) for view in VIEWS}
         self._start_ns = self._end_ns = 0
         self._targets: dict[str, float] = dict.fromkeys(VIEWS, 0.0)
@@ -213,6 +218,8 @@ class _Sender:
         allocation = self._policy.step(Phase.REACH, report)
         self._targets = dict(allocation.target_kbps)
         self._flight.set(self._policy.flight_limit_bytes(now_ns), allocation.target_kbps)
+        if self._pacer is not None:
+            self._pacer.set(allocation.capacity_kbps)
         self.trace.targets.append((now_ns, sum(self._targets.values())))
         self.trace.capacities.append((now_ns, allocation.capacity_kbps))
         self._at(now_ns + TICK_NS, self._tick)
@@ -222,7 +229,7 @@ class _Sender:
             return
         padding = self._budget.padding_bytes(now_ns)
         self.trace.padding_bytes += padding
-        self._send(now_ns, PADDING, padding)
+        self._enter(now_ns, PADDING, padding)
         self._at(now_ns + PADDING_NS, self._pad)
 
     def _frames_of(self, view: str) -> Callable[[int], None]:
@@ -231,7 +238,10 @@ class _Sender:
                 return
             self._at(now_ns + NS_PER_S // self._setting.fps, frame)
             self.trace.frames += 1
-            if self._flight.exceeded(view, now_ns, self._sent_bytes, self._reported_ns):
+            waiting_bytes = 0.0 if self._pacer is None else self._pacer.waiting_bytes(now_ns)
+            if self._flight.exceeded(
+                view, now_ns, self._sent_bytes, self._reported_ns, waiting_bytes
+            ):
                 self.trace.skipped += 1
             elif self._drop[view].keep(self._targets[view], NS_PER_S // self._setting.fps):
                 self.trace.kept[view].append(now_ns)
@@ -256,13 +266,20 @@ class _Sender:
         return size - repaid
 
     def _send(self, now_ns: int, view: str, size_bytes: int) -> None:
-        if size_bytes and view != PADDING:
-            before = (*self.trace.packets[-1:], *self.trace.others[-1:])
-            free_ns = max((record.departed_ns for record in before), default=0)
-            self.trace.standing_ns.append(max(0, free_ns - now_ns))
-        while size_bytes > 0:
-            packet = min(size_bytes, PACKET_BYTES)
-            size_bytes -= packet
+        before = (*self.trace.packets[-1:], *self.trace.others[-1:])
+        free_ns = max((record.departed_ns for record in before), default=0)
+        self.trace.standing_ns.append(max(0, free_ns - now_ns))
+        if self._pacer is None:
+            self._enter(now_ns, view, size_bytes)
+            return
+        sizes = _packets(size_bytes)
+        for part in self._pacer.parts(sizes):
+            part_bytes = sum(sizes[part])
+            leaves_ns = self._pacer.reserve(now_ns, part_bytes)
+            self._at(leaves_ns, partial(self._enter, view=view, size_bytes=part_bytes))
+
+    def _enter(self, now_ns: int, view: str, size_bytes: int) -> None:
+        for packet in _packets(size_bytes):
             record = self._link.offer(now_ns, view + self._name, PacketKind.MEDIA, packet, 0)
             self._sent_bytes += packet
             self.trace.packets.append(record)
@@ -406,6 +423,12 @@ class CubicFlow(TcpFlow):
         target = 0.4 * (since_s - math.cbrt(self._lost_at * 0.3 / 0.4)) ** 3 + self._lost_at
         grown = (min(target, 1.5 * self._window) - self._window) / self._window
         return max(grown, 0.53 / self._window)  # as Reno, where that is more
+
+
+def _packets(size_bytes: int) -> list[int]:
+    """The sizes of the packets that so many bytes take."""
+    whole, rest = divmod(size_bytes, PACKET_BYTES)
+    return [PACKET_BYTES] * whole + [rest] * (rest > 0)
 
 
 def departed_bytes(records: Sequence[PacketRecord], start_ns: int, end_ns: int) -> int:

@@ -134,6 +134,7 @@ class _Senders(Video):
                 self._feedback,
                 self._parity.get(view),
                 may_resend=self.may_resend,
+                pacer=self._pacer,
             )
             for view in config.video.views
         }

@@ -93,7 +93,7 @@ class PolicyLoop(Listener):
         allocation = self._policy.step(self._phase, report)
         self._video.protect(report, allocation.target_kbps)
         limit_bytes = self._policy.flight_limit_bytes(now_ns)
-        self._video.bound_flight(limit_bytes, allocation.target_kbps)
+        self._video.bound_flight(limit_bytes, allocation.target_kbps, allocation.capacity_kbps)
         self._video.set_targets(allocation.target_kbps)
         for listener in self._listeners:
             listener.on_allocation(allocation)

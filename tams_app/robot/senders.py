@@ -128,6 +128,7 @@ class Senders(Video):
             self._parity.get(view),
             self.codecs.encoder,
             self.may_resend,
+            self._pacer,
         )
         self._senders[view] = sender
         return sender

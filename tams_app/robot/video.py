@@ -15,6 +15,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.flight import FlightBound
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.protection import Protection
 from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
@@ -65,6 +66,8 @@ class Video(ABC):
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self._rule, video.fps, always, real)
         self._flight = FlightBound(video.views) if self._feedback else None
+        start_kbps = sum(self._start_kbps.values())
+        self._pacer = Pacer(start_kbps) if self._feedback else None
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock = clock
         self._log = log
@@ -92,11 +95,18 @@ class Video(ABC):
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         """The wire rate each view is to meet from now on."""
 
-    def bound_flight(self, limit_bytes: float, target_kbps: Mapping[str, float]) -> None:
-        """So much may be under way from now on; where it is exceeded, frames are left out."""
+    def bound_flight(
+        self, limit_bytes: float, target_kbps: Mapping[str, float], capacity_kbps: float
+    ) -> None:
+        """So much may be under way from now on; where it is exceeded, frames are left out.
+
+        `capacity_kbps` paces what leaves.
+        """
         if self._flight is not None:
             with self._flight_lock:
                 self._flight.set(limit_bytes, target_kbps)
+        if self._pacer is not None:
+            self._pacer.set(capacity_kbps)
 
     def may_resend(self, size_bytes: int) -> bool:
         """True if a packet may be sent again without exceeding what may be under way."""
@@ -125,9 +135,10 @@ class Video(ABC):
         if self._flight is None:
             return False
         reported_ns = max(received.newest_sent_ns for received in self._received.values())
-        sent_bytes = self._wire_bytes()
+        sent_bytes, now_ns = self._wire_bytes(), self._clock.now_ns()
+        waiting_bytes = 0.0 if self._pacer is None else self._pacer.waiting_bytes(now_ns)
         with self._flight_lock:
-            return self._flight.exceeded(view, self._clock.now_ns(), sent_bytes, reported_ns)
+            return self._flight.exceeded(view, now_ns, sent_bytes, reported_ns, waiting_bytes)
 
     @abstractmethod
     def _send(self, frame: Frame, left_out: bool) -> None: ...

@@ -45,7 +45,9 @@ class Encoders:
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self.targets.append(target_kbps)
 
-    def bound_flight(self, limit_bytes: float, target_kbps: dict[str, int]) -> None:
+    def bound_flight(
+        self, limit_bytes: float, target_kbps: dict[str, int], capacity_kbps: float
+    ) -> None:
         self.limits.append(limit_bytes)
 
     def protect(self, report: UplinkReport, target_kbps: dict[str, int]) -> None:

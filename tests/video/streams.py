@@ -16,6 +16,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.colour import bgr_of
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule
@@ -43,6 +44,7 @@ class Stream:
         feedback: bool = False,
         encoder: Encoder = X264,
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+        pacer: Pacer | None = None,
     ) -> None:
         self.clock = MonotonicClock()
         self.encoded: list[EncodedFrame] = []
@@ -54,7 +56,7 @@ class Stream:
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
             self.encoded.append, self.dropped.append, self.received, feedback, self.parity, encoder,
-            may_resend=may_resend,
+            may_resend=may_resend, pacer=pacer,
         )  # fmt: skip
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
@@ -116,9 +118,11 @@ def stream(
     feedback: bool = False,
     encoder: Encoder = X264,
     may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+    pacer: Pacer | None = None,
 ) -> Iterator[Stream]:
     """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
-    joined = Stream(VideoConfig(fps=fps), rule, kbps, camera_hz, feedback, encoder, may_resend)
+    config = VideoConfig(fps=fps)
+    joined = Stream(config, rule, kbps, camera_hz, feedback, encoder, may_resend, pacer)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

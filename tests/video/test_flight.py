@@ -54,6 +54,14 @@ def test_what_stays_below_the_bound_loses_no_frame(
     assert len(kept(bound, sent)) == len(sizes)
 
 
+def test_what_the_pacer_keeps_back_counts_as_under_way() -> None:
+    bound = FlightBound(VIEWS)
+    bound.set(10_000.0, dict.fromkeys(VIEWS, 500.0))
+    assert not bound.exceeded("eih", NS_PER_S, 6000, 0)
+    assert not bound.exceeded("eih", NS_PER_S + FRAME_NS, 6000, 0, 9000.0)
+    assert bound.exceeded("eih", NS_PER_S + 2 * FRAME_NS, 6000, 0, 11_000.0)
+
+
 def test_before_a_bound_is_set_and_with_an_infinite_one_no_frame_is_left_out() -> None:
     assert len(kept(FlightBound(VIEWS), [10**9 * turn for turn in range(90)])) == 90
 

@@ -13,15 +13,16 @@ import pytest
 
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
-from tams_app.records import EncodedFrame
+from tams_app.records import EncodedFrame, PacketKind
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.packets import media_ssrc
+from tams_app.video.core.pacer import Pacer
+from tams_app.video.core.packets import identify, media_ssrc
 from tams_app.video.live.sender import VideoSender
 from tams_app.video.live.udp import ViewPorts
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
-from tests.video.streams import PATIENT, Stream, decoded_checksums, stream
+from tests.video.streams import PATIENT, Stream, checksum, decoded_checksums, stream
 
 pytestmark = pytest.mark.waiting
 
@@ -109,6 +110,42 @@ def test_an_encoder_is_behind_its_camera_until_it_has_taken_the_last_frame() -> 
         joined.sender.set_target_kbps(40.0)
         joined.push(range(20, 30))  # every other one is dropped and waits for nothing
         assert joined.wait_until(lambda: joined.sender.behind_ns == 0)
+
+
+class NotedPacer(Pacer):
+    """A pacer that keeps what it was asked and what it said: (asked, size, leaves)."""
+
+    def __init__(self, capacity_kbps: float) -> None:
+        super().__init__(capacity_kbps)
+        self.told: list[tuple[int, int, int]] = []
+
+    def reserve(self, now_ns: int, size_bytes: int) -> int:
+        leaves_ns = super().reserve(now_ns, size_bytes)
+        self.told.append((now_ns, size_bytes, leaves_ns))
+        return leaves_ns
+
+
+@pytest.mark.parametrize("protected", [False, True])
+def test_a_paced_frame_leaves_in_parts_none_of_which_asks_before_the_last_has_left(
+    protected: bool,
+) -> None:
+    link, pacer = LossyLink(lambda ordinal, datagram: True), NotedPacer(2000.0)
+    rule = replace(PATIENT, parity=protected)
+    with stream(link, rule, kbps=1500.0, fps=30, pacer=pacer) as joined:
+        if joined.parity is not None:
+            joined.parity.groups = 1
+        joined.push(range(30))
+        assert joined.wait_until(lambda: len(joined.shown) == 30)
+        sent_bytes = joined.sender.wire_bytes
+    references = decoded_checksums(joined.encoded)
+    assert {each.index: checksum(each) for each in joined.shown} == references
+    packets = [identify(datagram) for datagram in link.rtp]
+    media = [sequence for kind, sequence, _ in packets if kind is PacketKind.MEDIA]
+    assert media == sorted(media)
+    assert any(kind is PacketKind.PARITY for kind, _, _ in packets) is protected
+    assert len(pacer.told) > 45  # two parts a frame, most of them
+    assert sum(size for _, size, _ in pacer.told) == sent_bytes
+    assert all(after[0] >= before[2] for before, after in pairwise(pacer.told))
 
 
 def test_a_failing_hand_over_is_told_to_the_owner() -> None:

@@ -20,7 +20,7 @@ _ALIKE = 0.5  # share of the present rate from which a past level is comparable
 _ENOUGH = 4  # of such levels
 _GAP_NS = NS_PER_MS  # between the packets of two bursts; those of one wait for each other
 _LONGEST_BURST_NS = 5 * NS_PER_MS  # less than a third of a frame period
-_KEPT = 64  # bursts: more than come in the longest level
+_KEPT = 128  # bursts: more than come in the longest level
 
 
 @dataclass(frozen=True, slots=True)

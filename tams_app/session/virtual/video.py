@@ -82,6 +82,7 @@ class TrialVideo(Video):
             feedback=self._feedback,
             parity=self._parity,
             may_resend=self.may_resend,
+            pacer=self._pacer,
         )
 
     def advance_to(self, now_ns: int) -> None:

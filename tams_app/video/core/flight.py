@@ -74,9 +74,14 @@ class FlightBound:
         self._limit_bytes = limit_bytes
         self._limits = view_limits(limit_bytes, target_kbps)
 
-    def exceeded(self, view: str, now_ns: int, sent_bytes: int, reported_ns: int) -> bool:
-        """True if a frame of `view` that was captured now is left out; see `UnderWay.bytes`."""
-        under_way = self._under_way.bytes(now_ns, sent_bytes, reported_ns)
+    def exceeded(
+        self, view: str, now_ns: int, sent_bytes: int, reported_ns: int, waiting_bytes: float = 0.0
+    ) -> bool:
+        """True if a frame of `view` that was captured now is left out; see `UnderWay.bytes`.
+
+        `waiting_bytes`: what the pacer keeps back.
+        """
+        under_way = self._under_way.bytes(now_ns, sent_bytes, reported_ns) + waiting_bytes
         self._room_bytes = self._limit_bytes - under_way
         late = now_ns - self._kept_ns.get(view, now_ns) >= LONGEST_WAIT_NS
         if under_way > self._limits[view] and view in self._kept_ns and not late:

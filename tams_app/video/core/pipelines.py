@@ -43,6 +43,7 @@ RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAI
 # The last media packets, and every parity packet: nothing of Python runs for a media packet.
 RECENT_PACKETS = 256
 _RECENT = f"appsink name=recent async=false sync=false max-buffers={RECENT_PACKETS} drop=true"
+_PACED = "! queue name=paced max-size-buffers=0 max-size-bytes=0 max-size-time=0 "
 _PARITY = "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
 # Without async=false a live appsink never leaves PAUSED.
 SHOWN_FRAMES = (
@@ -131,12 +132,15 @@ def session_sender(
     feedback_in: str,
     feedback: bool = False,
     encoder: Encoder = X264,
+    paced: bool = False,
 ) -> str:
     """A sender with its rtpsession; frames enter by the appsrc `frames`.
 
     `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
     `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`, `encoder`: see
     `encoder_chain`.
+
+    `paced`: packets wait in the queue of that name, resent ones do not.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
@@ -145,7 +149,8 @@ def session_sender(
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
-        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder)} {history}"
+        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder)} "
+        f"{_PACED if paced else ''}{history}"
         "! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
         f"{feedback_in} ! session.recv_rtcp_sink"

@@ -12,6 +12,7 @@ from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Fr
 from tams_app.runtime.clock import Clock
 from tams_app.video.core import pipelines
 from tams_app.video.core.codecs import X264, Encoder
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, padding_ssrc
 from tams_app.video.core.padding import Padding
 from tams_app.video.core.received_feedback import ReceivedFeedback
@@ -50,6 +51,7 @@ class VideoSender:
         parity: ViewParity | None = None,
         encoder: Encoder = X264,
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+        pacer: Pacer | None = None,
     ) -> None:
         """Bind the port for feedback.
 
@@ -67,6 +69,7 @@ class VideoSender:
             parity: protects the frames, where `RepairRule.parity` lets it.
             encoder: one that works here (`codec_choice`).
             may_resend: asked with its size before a packet is sent again, where `feedback`.
+            pacer: says when the packets of each frame leave; None: at once.
 
         Raises:
             ConfigError: the port is taken.
@@ -97,6 +100,7 @@ class VideoSender:
         self._received = received
         self._feedback = feedback
         self._may_resend = partial(may_resend, config.mtu_bytes)
+        self._pacer = pacer
         self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent
         self._failure = ""
@@ -127,6 +131,7 @@ class VideoSender:
                 feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
                 feedback=self._feedback,
                 encoder=self._encoder,
+                paced=self._pacer is not None,
             )
         )
         self._pipeline = pipeline
@@ -148,8 +153,12 @@ class VideoSender:
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
+        kinds = gst.load().Gst.PadProbeType
+        if self._pacer is not None:
+            paced = pipeline.get_by_name("paced").get_static_pad("src")
+            pace = partial(self._pace, self._pacer)
+            gst.add_probe(paced, kinds.BUFFER | kinds.BUFFER_LIST, pace, self._frames.fail)
         if self._parity is not None:
-            kinds = gst.load().Gst.PadProbeType
             packets = pipeline.get_by_name("payloader").get_static_pad("src")
             protect = partial(self._on_packets, self._parity)
             gst.add_probe(packets, kinds.BUFFER | kinds.BUFFER_LIST, protect, self._frames.fail)
@@ -229,6 +238,25 @@ class VideoSender:
             behind = Gst.Buffer.new_wrapped(packet)
             behind.pts, behind.dts = buffer.pts, buffer.dts
             session.chain(behind)
+        return Gst.PadProbeReturn.DROP
+
+    def _pace(self, pacer: Pacer, pad: Any, probe: Any) -> Any:
+        """In the thread of the queue `paced`: let the packets leave when it is their time."""
+        Gst = gst.load().Gst
+        buffers = list(gst.buffers_of(probe))
+        sizes_bytes = [one.get_size() + IP_UDP_HEADER_BYTES for one in buffers]
+        parts = pacer.parts(sizes_bytes)
+        for part in parts:
+            now_ns = self._clock.now_ns()
+            leaves_ns = pacer.reserve(now_ns, sum(sizes_bytes[part]))
+            if leaves_ns > now_ns:
+                self._clock.sleep_until_ns(leaves_ns)
+            if len(parts) == 1:
+                return Gst.PadProbeReturn.OK
+            together = Gst.BufferList.new()
+            for one in buffers[part]:
+                together.insert(-1, one)
+            pad.get_peer().chain_list(together)
         return Gst.PadProbeReturn.DROP
 
     def _set_structure(self, name: str, text: str) -> None:

@@ -11,6 +11,7 @@ from random import Random
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import SEQUENCES, identify, padding_ssrc, with_transport_sequence
 from tams_app.video.core.padding import Padding
 from tams_app.video.core.pipelines import RTX_HISTORY_MS
@@ -47,6 +48,7 @@ class VirtualSender:
         feedback: bool,
         parity: ViewParity | None,
         may_resend: Callable[[int], bool],
+        pacer: Pacer | None = None,
     ) -> None:
         self.view = view
         self.wire_bytes = 0
@@ -58,6 +60,7 @@ class VirtualSender:
         self._received = received
         self._feedback = feedback
         self._may_resend = partial(may_resend, config.mtu_bytes)
+        self._pacer = pacer
         self._next_sequence = 0  # transport-wide
         self._unreported: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
         self._parity = parity
@@ -143,14 +146,24 @@ class VirtualSender:
             received.report(now_ns, reported, message.arrived_ns)
 
     def _send(self, packets: list[bytes]) -> None:
+        """The packets of a frame, parity behind them, when the pacer lets them leave."""
+        if self._parity is not None:
+            packets = [*packets, *self._parity.protect(packets)]
+        if self._pacer is None:
+            self._enter(packets)
+            return
+        now_ns = self._shared.clock.now_ns()
+        sizes_bytes = [len(packet) + IP_UDP_HEADER_BYTES for packet in packets]
+        for part in self._pacer.parts(sizes_bytes):
+            leaves_ns = self._pacer.reserve(now_ns, sum(sizes_bytes[part]))
+            self._shared.events.post(leaves_ns, partial(self._enter, packets[part]))
+
+    def _enter(self, packets: list[bytes]) -> None:
         records = []
         for packet in packets:
-            _, sequence, timestamp = identify(packet)
-            if self._history is not None:
-                self._history.keep(sequence, timestamp, packet)
-            records.append(self._offer(PacketKind.MEDIA, packet, sequence, timestamp))
-        for packet in self._parity.protect(packets) if self._parity is not None else ():
             kind, sequence, timestamp = identify(packet)
+            if self._history is not None and kind is PacketKind.MEDIA:
+                self._history.keep(sequence, timestamp, packet)
             records.append(self._offer(kind, packet, sequence, timestamp))
         self._shared.records.packets(records)
 

@@ -11,6 +11,7 @@ from tams_app.config import Network, VideoConfig
 from tams_app.records import Frame
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.link import Link
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.received_feedback import ReceivedFeedback
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.view_parity import ViewParity
@@ -49,6 +50,7 @@ class VirtualVideo:
         feedback: bool = False,
         parity: Mapping[str, ViewParity] = MappingProxyType({}),
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+        pacer: Pacer | None = None,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
 
@@ -56,6 +58,7 @@ class VirtualVideo:
         too.
         `parity`: of the views that `rule` lets be protected.
         `may_resend` is asked with its size before a packet is sent again, where `feedback`.
+        `pacer` says when the packets of each frame leave; None: at once.
         """
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
@@ -94,6 +97,7 @@ class VirtualVideo:
                 feedback,
                 parity.get(view),
                 may_resend,
+                pacer,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),

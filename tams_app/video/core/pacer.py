@@ -1,0 +1,52 @@
+"""The pacer: a frame's packets leave a little faster than the uplink carries them, not in a burst.
+
+A burst waits at the bottleneck all the same, where it delays the state of the arm, and overflows
+the queue when the capacity falls; and of its packets only the first says how long the queue was.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+from tams_app.units import NS_PER_MS
+
+_FASTER = 1.5  # than the estimate: what waits here when it is too low must go
+_LEAST_KBPS = 200.0  # what views and padding send in an outage, when the estimate is next to none
+_PART_NS = 5 * NS_PER_MS  # leave at once: waking for each packet would cost more than it gives
+
+
+class Pacer:
+    """When the packets of all views leave, in the order in which they ask; from any thread."""
+
+    def __init__(self, capacity_kbps: float) -> None:
+        """`capacity_kbps`: the estimate until the first `set`."""
+        self._lock = threading.Lock()
+        self._free_ns = 0
+        self.set(capacity_kbps)
+
+    def set(self, capacity_kbps: float) -> None:
+        """From now on the uplink is believed to carry so much."""
+        self._kbps = _FASTER * max(capacity_kbps, _LEAST_KBPS / _FASTER)
+
+    def parts(self, sizes_bytes: Sequence[int]) -> list[slice]:
+        """Divide a frame's packets, of these sizes, into parts that leave at once."""
+        most_bytes = self._kbps * _PART_NS / 8e6
+        parts, begin, part_bytes = [], 0, 0
+        for place, size_bytes in enumerate(sizes_bytes):
+            if place > begin and part_bytes + size_bytes > most_bytes:
+                parts.append(slice(begin, place))
+                begin, part_bytes = place, 0
+            part_bytes += size_bytes
+        return [*parts, slice(begin, len(sizes_bytes))] if sizes_bytes else []
+
+    def reserve(self, now_ns: int, size_bytes: int) -> int:
+        """When a part of this size may leave [ns], behind all that have asked before."""
+        with self._lock:
+            leaves_ns = max(now_ns, self._free_ns)
+            self._free_ns = leaves_ns + round(size_bytes * 8e6 / self._kbps)
+            return leaves_ns
+
+    def waiting_bytes(self, now_ns: int) -> float:
+        """What has asked and may not have left."""
+        return max(0, self._free_ns - now_ns) * self._kbps / 8e6
