@@ -7,6 +7,7 @@ configuration names in `arm.model`.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
@@ -179,6 +180,10 @@ class ArmKinematics(Protocol):
     @property
     def joint_speed_limits(self) -> Vector:
         """Largest joint speeds [rad/s], shape (6,)."""
+
+    @property
+    def joint_ranges(self) -> Sequence[tuple[float, float]]:
+        """The lowest and the highest angle of each of six joints [rad]."""
 
     def tcp_pose(self, joints: Vector) -> Pose:
         """Forward kinematics.

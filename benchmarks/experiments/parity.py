@@ -13,7 +13,7 @@ import argparse
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -98,18 +98,28 @@ def _ulpfec(percentage: int) -> Iterator[None]:
         yield
 
 
-def measure(scheme: str, groups: int = 0, lossless: bool = False) -> Figures:
-    """Several runs of one scheme; `groups` parity packets of our own for each frame."""
+def measure(
+    scheme: str,
+    groups: int = 0,
+    lossless: bool = False,
+    seeds: Sequence[int] = tuple(range(SEEDS)),
+    longer_ms: float = 0.0,
+) -> Figures:
+    """Several runs of one scheme; `groups` parity packets of our own for each frame.
+
+    The jitter buffer waits for `longer_ms` more than the rule says.
+    """
     config = load_config()
     network = config.networks[NETWORK].model_copy(update={"loss": 0.0} if lossless else {})
     rule = repair_rule(network, config.video.pli_min_interval_ms)
-    rule = RepairRule(False, rule.latency_ms, rule.pli_interval_ms, True, parity=groups > 0)
+    latency_ms = rule.latency_ms + round(longer_ms)
+    rule = RepairRule(False, latency_ms, rule.pli_interval_ms, True, parity=groups > 0)
     video = config.video.model_copy(update={"views": (VIEW,)})
-    latency_ms: list[float] = []
+    ages_ms: list[float] = []
     hit_ms: list[float] = []
     scores: list[float] = []
     requests, cpu_s, sizes = 0, 0.0, Counter[PacketKind]()
-    for seed in range(SEEDS):
+    for seed in seeds:
         packets: list[PacketRecord] = []
         encoded: list[EncodedFrame] = []
         shown: list[ShownFrame] = []
@@ -147,19 +157,19 @@ def measure(scheme: str, groups: int = 0, lossless: bool = False) -> Figures:
             sizes[one.kind] += one.size_bytes * (one.kind is PacketKind.MEDIA or is_parity)
         for one in shown:
             age_ms = (one.shown_ns - one.capture_ns) / NS_PER_MS
-            latency_ms.append(age_ms)
+            ages_ms.append(age_ms)
             hit_ms += [age_ms] if one.index in hit else []
             if one.index % 5 == 0:
                 moments = [FrameMoments.of(luma_of(each)) for each in (one.image, image(one.index))]
                 scores.append(ssim(*moments))
-    frames, total = SEEDS * FRAMES, sum(sizes.values())
+    frames, total = len(seeds) * FRAMES, sum(sizes.values())
     return Figures(
         scheme,
         1000 * requests / frames,
         float(np.mean(scores)),
-        float(np.median(latency_ms)),
+        float(np.median(ages_ms)),
         float(np.mean(hit_ms)) if hit_ms else None,
-        float(np.percentile(latency_ms, 95)),
+        float(np.percentile(ages_ms, 95)),
         total * 8 / 1000 / (frames / config.video.fps),
         sizes[PacketKind.PARITY] / total,
         1000 * cpu_s / frames,

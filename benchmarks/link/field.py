@@ -45,7 +45,7 @@ class _Session:
 
 
 def fields(folder: Path, times: int, seconds: float, traces: Sequence[Path]) -> dict[str, Any]:
-    """`times` sessions over each of three LTE models and of `traces`, twice as many over far links."""
+    """`times` sessions over each of three LTE models and of `traces`, twice that over far ones."""
     six = folder / "six.csv"
     six.write_text(f"{CSV_HEADER}\n0,6000\n", encoding="utf-8")
     sessions = [

@@ -110,6 +110,7 @@ class Lite6Model:
     """The Lite 6 with a tool; it satisfies `hw.arm.ArmKinematics`."""
 
     joint_speed_limits: Vector = JOINT_SPEED_LIMITS  # [rad/s]
+    joint_ranges = JOINT_RANGES  # [rad]
 
     def __init__(self, tcp_offset: Pose | None = None) -> None:
         self._offset = np.eye(4) if tcp_offset is None else matrix_from_pose(tcp_offset)

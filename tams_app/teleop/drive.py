@@ -125,7 +125,7 @@ class Drive:
         limited = self._limits.limit(wanted, tcp, arm.joints, scale)
         self.joint_scale = limited.joint_scale
         self._count_limited(limited.limited_by, interval_s)
-        self.twist = self._limits.shape(limited.twist, tcp, interval_s)
+        self.twist = self._limits.shape(limited.twist, tcp, arm.joints, interval_s)
         self._advance_target(measured, correction, scale * limited.joint_scale, interval_s)
 
     def _advance_target(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
 from operator import truediv
 from typing import NamedTuple
 
+import numpy as np
 from scipy.linalg.lapack import dgesv  # without the 5 µs that numpy takes to get there
 
 from tams_app.config import Config, ProfileConfig
@@ -24,6 +26,11 @@ _DEMANDS = (  # below this the hand is at rest [m/s, rad/s]; the limit that may 
     (0.02, Reason.ROTATION_LIMIT),
 )
 _NOTHING_LEFT = 0.02  # of the wanted speed
+_STOPS_WITHIN_S = 0.15  # before a singularity: commands, arm and its reports are up to 60 ms late
+_BRAKES_WITHIN_S = 0.08
+_MARGIN_M, _MARGIN_RAD = 0.004, 0.02  # from it, where nothing is left of a motion towards it
+_STEP_RAD = 0.005
+_STILL = 1e-9  # [m/s, rad/s]
 
 
 class LimitedTwist(NamedTuple):
@@ -42,6 +49,16 @@ def angular_profile(config: ProfileConfig) -> Profile:
     return Profile(config.acceleration_rad_s2, config.jerk_rad_s3)
 
 
+class _JointLaw(NamedTuple):
+    """Joint speeds within this share of their limits, also once so much time has gone."""
+
+    share: float
+    stops_within_s: float
+
+
+_BRAKING = _JointLaw(0.9, _BRAKES_WITHIN_S)
+
+
 class Limits:
     """Caps twists, and judges states by whether the arm could still brake in bounds."""
 
@@ -51,9 +68,10 @@ class Limits:
         self._deadman_s = deadman_s
         self._max_speed = limits.max_speed_mm_s / 1000.0
         self._max_rotation = limits.max_rotation_rad_s
-        self._joint_share = limits.singularity_scale_from
+        self._following = _JointLaw(limits.singularity_scale_from, _STOPS_WITHIN_S)
         self._model = model
         self._joint_speeds = model.joint_speed_limits.tolist()
+        self._joint_ranges = model.joint_ranges
         self._workspace = Workspace(limits, linear_profile(limits.motion), deadman_s)
         self._cone = RotationCone(limits, angular_profile(limits.motion), deadman_s, ready)
         self.linear = VelocityShaper(
@@ -71,7 +89,7 @@ class Limits:
         turning = angular
         if any(angular):
             turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
-        joint_scale = self._joint_scale(inside, turning, joints)
+        joint_scale = min(1.0, self._joint_scale(inside, turning, joints, self._following))
         twist = Twist(
             times(shortened(inside, self._max_speed), joint_scale),
             times(shortened(turning, self._max_rotation), joint_scale),
@@ -79,10 +97,12 @@ class Limits:
         stopped_by = _what_stopped((linear, angular), (inside, turning), joint_scale)
         return LimitedTwist(twist, joint_scale, stopped_by)
 
-    def shape(self, twist: Twist, tcp: Tcp, interval_s: float) -> Twist:
+    def shape(self, twist: Twist, tcp: Tcp, joints: Vector, interval_s: float) -> Twist:
         """Follow the limited `twist` smoothly, from a TCP that is at `tcp` now."""
-        linear = self.linear.step(twist.linear, interval_s, self._stays_inside(tcp.position))
-        angular = self.angular.step(twist.angular, interval_s, self._stays_in_cone(tcp.rotation))
+        inside = self._stays_inside(tcp.position, joints)
+        linear = self.linear.step(twist.linear, interval_s, inside)
+        turned = self._stays_in_cone(tcp.rotation, joints)
+        angular = self.angular.step(twist.angular, interval_s, turned)
         return Twist(linear, angular)
 
     def come_to_rest(self, interval_s: float) -> Twist:
@@ -104,8 +124,10 @@ class Limits:
         """Whether the last twist was shaped by the stop profile."""
         return self.linear.used_stop_profile or self.angular.used_stop_profile
 
-    def _stays_inside(self, position: Floats3) -> Admissible:
+    def _stays_inside(self, position: Floats3, joints: Vector) -> Admissible:
         def admissible(velocity: Floats3, acceleration: Floats3) -> bool:
+            if self._joint_scale(velocity, self.angular.velocity, joints, _BRAKING) < 1.0:
+                return False
             reach = self.linear.braking_reach(velocity, acceleration, self._deadman_s)
             if self._workspace.is_far(position, reach):
                 return True
@@ -114,8 +136,10 @@ class Limits:
 
         return admissible
 
-    def _stays_in_cone(self, rotation: Rotation) -> Admissible:
+    def _stays_in_cone(self, rotation: Rotation, joints: Vector) -> Admissible:
         def admissible(angular: Floats3, acceleration: Floats3) -> bool:
+            if self._joint_scale(self.linear.velocity, angular, joints, _BRAKING) < 1.0:
+                return False
             offset = self._cone.offset(rotation)
             reach = self.angular.braking_reach(angular, acceleration, self._deadman_s)
             if self._cone.is_far(offset, reach):
@@ -125,16 +149,50 @@ class Limits:
 
         return admissible
 
-    def _joint_scale(self, linear: Floats3, angular: Floats3, joints: Vector) -> float:
-        """Keeps the predicted largest joint speed within its share of the limit."""
-        if not (any(linear) or any(angular)):
-            return 1.0
-        *_, solution, failed = dgesv(self._model.jacobian(joints), (*linear, *angular))
-        speeds = solution.tolist()
-        if failed or not all(map(math.isfinite, speeds)):  # no joint speed gives this twist
+    def _joint_scale(
+        self, linear: Floats3, angular: Floats3, joints: Vector, law: _JointLaw
+    ) -> float:
+        """How much of a twist, or how many times it, keeps `law` at these joints and on its way.
+
+        The time left at this twist is that until a joint is at its limit, or until a singularity:
+        towards one joint speeds grow like 1/√t, so it is where the line through 1/share² now and a
+        small step further comes to zero. The scale s is that whose joint speeds are within the
+        share once it has gone on for the time that stopping takes:
+        (s · share)² = (1 - s · stops_within / left) · law.share².
+        """
+        if norm(linear) < _STILL and norm(angular) < _STILL:
+            return math.inf
+        twist = (*linear, *angular)
+        speeds = self._speeds(twist, joints)
+        if speeds is None:
             return 0.0
-        share = max(map(truediv, map(abs, speeds), self._joint_speeds))
-        return 1.0 if share <= self._joint_share else self._joint_share / share
+        share = self._share(speeds)
+        step_s = _STEP_RAD / max(map(abs, speeds))
+        further = self._speeds(twist, joints + step_s * np.array(speeds))
+        later = math.inf if further is None else self._share(further)
+        closing = (1.0 - (share / later) ** 2) / step_s  # 1 / t, negative away from it
+        margin_s = 1.0 / (norm(linear) / _MARGIN_M + norm(angular) / _MARGIN_RAD)
+        left_s = [1.0 / closing - margin_s] if closing > 0.0 else []
+        left_s += [
+            ((high if speed > 0.0 else low) - at) / speed
+            for at, speed, (low, high) in zip(joints, speeds, self._joint_ranges, strict=True)
+            if speed
+        ]
+        least_s = min(left_s)
+        if least_s <= 0.0:
+            return 0.0
+        half = law.stops_within_s / least_s / 2.0
+        return 1.0 / (half + math.hypot(half, share / law.share))
+
+    def _speeds(self, twist: Sequence[float], joints: Vector) -> list[float] | None:
+        """The joint speeds [rad/s] that give `twist`; None where none do."""
+        *_, solution, failed = dgesv(self._model.jacobian(joints), twist)
+        speeds: list[float] = solution.tolist()
+        return None if failed or not all(map(math.isfinite, speeds)) else speeds
+
+    def _share(self, speeds: Iterable[float]) -> float:
+        """Of the limits, the largest."""
+        return max(map(truediv, map(abs, speeds), self._joint_speeds))
 
 
 def _what_stopped(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -18,6 +19,10 @@ class ArmModel(Protocol):
     @property
     def joint_speed_limits(self) -> Vector:
         """Largest joint speeds [rad/s], shape (6,)."""
+
+    @property
+    def joint_ranges(self) -> Sequence[tuple[float, float]]:
+        """The lowest and the highest angle of each of six joints [rad]."""
 
     def jacobian(self, joints: Vector) -> NDArray[np.float64]:
         """(6, 6) of the TCP in the base frame, rows vx vy vz wx wy wz, for `joints` [rad]."""

@@ -40,6 +40,7 @@ class RoomyModel:
     """Kinematics without a singularity: each joint speed is one component of the twist."""
 
     joint_speed_limits = np.full(6, np.pi)
+    joint_ranges = ((-np.inf, np.inf),) * 6
 
     def jacobian(self, joints: np.ndarray) -> np.ndarray:
         return np.eye(6)

@@ -2,12 +2,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
+from hw.sim.controller.joint_servo import CYCLE_S, TwistServo, check_motion
 from tams_app.records import Twist
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
-from tams_app.vectors import times
+from tams_app.vectors import ZERO, floats, norm, times
 from tests.teleop.rig import READY_ROTATION, RoomyModel, make_config
 
 pytestmark = pytest.mark.waiting
@@ -88,7 +92,7 @@ def test_shaping_brakes_before_a_state_it_could_not_stop_from() -> None:
     height = 0.1
     for _ in range(200):  # without the cap: only the judgement of states is left
         tcp = Tcp(np.array([0.33, 0, height]), MIDDLE.rotation)
-        height += shaper.shape(down, tcp, 1 / 120).linear[2] / 120
+        height += shaper.shape(down, tcp, JOINTS, 1 / 120).linear[2] / 120
     assert 0.005 <= height < 0.06
 
 
@@ -97,7 +101,7 @@ def test_shaping_brakes_before_an_orientation_it_could_not_stop_from() -> None:
     out = Twist(NOTHING, np.array([0, 0.5, 0]))
     rotation = MIDDLE.rotation
     for _ in range(300):  # without the cap, as above
-        angular = shaper.shape(out, Tcp(MIDDLE.position, rotation), 1 / 120).angular
+        angular = shaper.shape(out, Tcp(MIDDLE.position, rotation), JOINTS, 1 / 120).angular
         rotation = rotation.turned(times(angular, 1 / 120))
     angle = np.linalg.norm(READY_ROTATION.turn_to(rotation))
     assert np.radians(25) < angle <= np.radians(35) + 1e-9
@@ -105,16 +109,18 @@ def test_shaping_brakes_before_an_orientation_it_could_not_stop_from() -> None:
 
 def test_the_posture_that_is_judged_is_the_reported_one() -> None:
     class Listening(RoomyModel):
-        heard: np.ndarray | None = None
+        def __init__(self) -> None:
+            self.heard: list[np.ndarray] = []
 
         def jacobian(self, joints: np.ndarray) -> np.ndarray:
-            self.heard = joints
+            self.heard.append(joints)
             return np.eye(6)
 
     model = Listening()
     joints = np.linspace(-1, 1, 6)
     limits(model).limit(Twist(np.array([0.1, 0, 0]), NOTHING), MIDDLE, joints, 1.0)
-    assert model.heard is joints
+    assert model.heard[0] is joints
+    assert 0.0 < np.abs(model.heard[1] - joints).max() < 0.01  # where it is about to go
 
 
 def test_a_hand_that_asks_for_just_enough_is_told_what_stops_it() -> None:
@@ -145,7 +151,7 @@ def test_what_only_moves_or_only_turns_is_not_at_rest_and_brakes(
 ) -> None:
     shaper = limits()
     for _ in range(20):
-        shaper.shape(Twist(np.full(3, linear), np.full(3, angular)), MIDDLE, 1 / 120)
+        shaper.shape(Twist(np.full(3, linear), np.full(3, angular)), MIDDLE, JOINTS, 1 / 120)
     assert not shaper.at_rest
     assert not shaper.used_stop_profile
     shaper.come_to_rest(1 / 120)
@@ -156,8 +162,104 @@ def test_what_only_moves_or_only_turns_is_not_at_rest_and_brakes(
 def test_coming_to_rest_ends_at_exactly_zero() -> None:
     shaper = limits()
     for _ in range(30):
-        shaper.shape(Twist(np.array([0.1, 0, 0]), np.array([0, 0, 0.2])), MIDDLE, 1 / 120)
+        shaper.shape(Twist(np.array([0.1, 0, 0]), np.array([0, 0, 0.2])), MIDDLE, JOINTS, 1 / 120)
     for _ in range(13):
         twist = shaper.come_to_rest(1 / 120)
     assert twist.is_zero
     assert shaper.at_rest
+
+
+# --- joints ---------------------------------------------------------------------------------------
+
+
+class Lite6Servo:
+    """The Lite 6 as its simulated controller moves it.
+
+    Raises `MotionError` where the controller stops with an error.
+    """
+
+    def __init__(self) -> None:
+        arm = make_config().arm
+        self._tool = offset_from_mm_deg(arm.tcp_offset_mm_deg)
+        self.model = Lite6Model(self._tool)
+        self.joints = tuple(np.radians(arm.ready_joints_deg).tolist())
+        self._servo = TwistServo()
+        self._now_ns, self._left_s = 0, 0.0
+
+    @property
+    def tcp(self) -> Tcp:
+        return Tcp.of(self.model.tcp_pose(np.array(self.joints)))
+
+    def follow(self, twist: Twist, interval_s: float) -> None:
+        self._servo.command((*twist.linear, *twist.angular), 0.1, self._now_ns)
+        self._left_s += interval_s
+        while self._left_s >= CYCLE_S:
+            self._left_s -= CYCLE_S
+            self._now_ns += round(CYCLE_S * 1e9)
+            following = self._servo.step(self.joints, self.model, self._now_ns)
+            if following is not None:
+                check_motion(self.joints, following, floats(self._tool.position), None, True)
+                self.joints = following
+
+
+def driven(directions: list[tuple[float, ...]], seconds: float, turns: bool) -> Lite6Servo:
+    """The arm after a hand at full speed has asked for each direction in turn."""
+    arm, config = Lite6Servo(), make_config()
+    limits = Limits(config, arm.model, arm.tcp.rotation)
+    speed = config.limits.max_rotation_rad_s if turns else config.limits.max_speed_mm_s / 1000
+    for direction in directions:
+        along = times(direction, speed / (norm(direction) or 1.0))
+        wanted = Twist(ZERO, along) if turns else Twist(along, ZERO)
+        for _ in range(round(seconds * 120)):
+            tcp, joints = arm.tcp, np.array(arm.joints)
+            limited = limits.limit(wanted, tcp, joints, 1.0)
+            arm.follow(limits.shape(limited.twist, tcp, joints, 1 / 120), 1 / 120)
+    return arm
+
+
+@pytest.mark.parametrize("turns", [False, True])
+@pytest.mark.parametrize("up", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("across", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("out", [-1.0, 1.0])
+def test_a_hand_at_full_speed_never_drives_the_arm_into_an_error_of_its_controller(
+    out: float, across: float, up: float, turns: bool
+) -> None:
+    driven([(out, across, up), (out, across, 0.3), (0.2, -across, up)], 2.0, turns)
+
+
+DIRECTIONS = st.tuples(*[st.floats(-1.0, 1.0)] * 3)
+
+
+@settings(max_examples=10, deadline=None)
+@given(st.lists(DIRECTIONS, min_size=1, max_size=5), st.floats(0.5, 2.5), st.booleans())
+def test_no_path_of_the_hand_drives_the_arm_into_an_error_of_its_controller(
+    directions: list[tuple[float, ...]], seconds: float, turns: bool
+) -> None:
+    driven(directions, seconds, turns)
+
+
+def test_away_from_a_stretched_arm_all_of_the_speed_is_left() -> None:
+    arm = driven([(1.0, 0.0, 0.8)], 4.0, turns=False)
+    limits = Limits(make_config(), arm.model, arm.tcp.rotation)
+    joints = np.array(arm.joints)
+    further = limits.limit(Twist((0.1, 0.0, 0.1), ZERO), arm.tcp, joints, 1.0)
+    assert further.joint_scale < 0.1
+    back = limits.limit(Twist((-0.1, 0.0, -0.1), ZERO), arm.tcp, joints, 1.0)
+    assert norm(back.twist.linear) > 0.05
+
+
+def test_a_joint_comes_to_rest_before_its_limit_and_may_leave_it() -> None:
+    class Turning(RoomyModel):
+        joint_ranges = ((-0.5, 0.5), *RoomyModel.joint_ranges[1:])
+
+    held = limits(Turning())
+    wanted = Twist((0.2, 0.0, 0.0), ZERO)  # joint 1 turns 1 rad a metre
+    joints, at = np.zeros(6), []
+    for _ in range(1200):
+        limited = held.limit(wanted, MIDDLE, joints, 1.0)
+        joints = joints.copy()
+        joints[0] += held.shape(limited.twist, MIDDLE, joints, 1 / 120).linear[0] / 120
+        at.append(joints[0])
+    assert max(at) < 0.5
+    assert at[-1] > 0.49
+    assert held.limit(Twist((-0.2, 0.0, 0.0), ZERO), MIDDLE, joints, 1.0).joint_scale == 1.0
