@@ -61,7 +61,7 @@ def test_the_golden_logs_have_what_is_worth_comparing() -> None:
         ("outage", ("hand", "translation_scale"), 0.9, "command: velocity"),
         ("outage", ("freshness", "video_hold_ms"), 5000.0, "arming"),
         ("feedback", ("policy", "phases", "v_eps_mm_s"), 20.0, "phase"),
-        ("feedback", ("policy", "budget", "delay_target_ms"), 8.0, "capacity"),
+        ("feedback", ("policy", "budget", "delay_target_ms"), 5.0, "capacity"),
         ("outage", ("policy", "budget", "safety_factor"), 0.8, "targets"),
         ("feedback", ("strategy",), "equal", "targets"),
     ],

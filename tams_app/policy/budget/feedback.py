@@ -15,12 +15,12 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 _SHOWS = 1.5  # times the target: a queue, not jitter
 _LEAST_TARGET_NS = 4 * NS_PER_MS  # where there is no jitter: a third of a frame's own time
-_DISPERSED = 0.7  # arrived / sent: the first frames left in a burst, and the bottleneck spread them
+_DISPERSED = 0.5  # arrived / sent: the bottleneck carries less than the pacer let go at the start
 _FIRST_EXCESS = 25.0  # times the target: doubles the rate, as slow start does
 _EXCESS_OF_KNOWN = 4.0  # once the first frames have shown a rate
 _USED = 0.6  # share of the estimate below which the views, not the link, limit what is sent
 _MOST_PADDING = 0.3  # share of what is allowed that a probe pads where views make less
-_CARRIED = 0.9  # of what was sent: less of it shows the limit, a queue alone may be jitter
+_CARRIED = 0.8  # of what was sent: less of it shows the limit, a queue alone may be jitter
 _MOST_GROWTH = 2.0  # of what is allowed, in one probe
 _LEAST_SHARE = 0.2  # of the estimate, while a queue is let run empty
 _STUCK = 4  # spans after which a queue of our own would have gone
