@@ -192,7 +192,8 @@ class Limits:
 
     def _share(self, speeds: Iterable[float]) -> float:
         """Of the limits, the largest."""
-        return max(map(truediv, map(abs, speeds), self._joint_speeds))
+        share: float = max(map(truediv, map(abs, speeds), self._joint_speeds))
+        return share
 
 
 def _what_stopped(

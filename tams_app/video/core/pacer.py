@@ -6,8 +6,8 @@ the queue when the capacity falls; and of its packets only the first says how lo
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 
 from tams_app.units import NS_PER_MS
 
@@ -17,11 +17,13 @@ _PART_NS = 5 * NS_PER_MS  # leave at once: waking for each packet would cost mor
 
 
 class Pacer:
-    """When the packets of all views leave, in the order in which they ask; from any thread."""
+    """When the packets of all views leave, in the order in which they ask."""
 
-    def __init__(self, capacity_kbps: float) -> None:
-        """`capacity_kbps`: the estimate until the first `set`."""
-        self._lock = threading.Lock()
+    def __init__(
+        self, capacity_kbps: float, lock: AbstractContextManager[object] | None = None
+    ) -> None:
+        """`capacity_kbps`: the estimate until the first `set`. With a `lock` any thread may ask."""
+        self._lock = nullcontext() if lock is None else lock
         self._free_ns = 0
         self.set(capacity_kbps)
 
