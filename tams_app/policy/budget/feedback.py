@@ -21,7 +21,8 @@ _EXCESS_OF_KNOWN = 4.0  # once the first frames have shown a rate
 _USED = 0.6  # share of the estimate below which the views, not the link, limit what is sent
 _MOST_PADDING = 0.3  # share of what is allowed that a probe pads where views make less
 _CARRIED = 0.8  # of what was sent: less of it shows the limit, a queue alone may be jitter
-_MOST_GROWTH = 2.0  # of what is allowed, in one probe
+_LEAST_GROWTH, _MOST_GROWTH = 1.4, 2.0  # of what is allowed, in one probe
+_UNHEARD_NS = 100 * NS_PER_MS  # of queue, until growth beyond the capacity is heard: most hold more
 _LEAST_SHARE = 0.2  # of the estimate, while a queue is let run empty
 _STUCK = 4  # spans after which a queue of our own would have gone
 _RADIO_LOSS = 0.02  # radio links lose less without a queue
@@ -213,7 +214,8 @@ class FeedbackBudget:
         more = (wanted_ns - max(0.0, queue_ns + ahead_ns)) / self._window_ns
         allowed_kbps = self._kbps * min(max(1.0 + more, _LEAST_SHARE), 2.0)
         if self._phase is _Phase.PROBE:  # what a doubling does is seen before the next
-            allowed_kbps = min(allowed_kbps, _MOST_GROWTH * self._probed_kbps)
+            growth = min(_MOST_GROWTH, 1.0 + _UNHEARD_NS / max(self._base_trip_ns, 1.0))
+            allowed_kbps = min(allowed_kbps, max(_LEAST_GROWTH, growth) * self._probed_kbps)
         self._allowed_kbps = self._bounded(allowed_kbps)
 
     def _measure(

@@ -110,13 +110,13 @@ def test_no_frame_is_shown_sooner_than_camera_encoder_link_and_decoder_allow(log
     assert float(np.median(ages_ms)) < least_ms + 60
 
 
-def test_the_operator_waits_for_a_frame_arms_the_arm_and_moves_it(log):
+def test_the_operator_waits_for_a_frame_arms_the_arm_and_moves_it(log, summary):
     first_shown_ns = min(one.shown_ns for one in log.shown)
     pressed_ns = next(tick.started_ns for tick in log.ticks if tick.controller.menu)
     assert pressed_ns > first_shown_ns
     assert "arm enabled" in [note.text for note in log.notes]
-    assert log.ticks[-1].arming == "engaged"
-    assert log.ticks[-1].speed > 0.005
+    assert max(tick.speed for tick in log.ticks if tick.arming == "engaged") > 0.02
+    assert summary["arm"]["stops"] == []
 
 
 def test_phases_allocations_and_capacity_are_recorded_as_live(log, summary):
@@ -125,7 +125,7 @@ def test_phases_allocations_and_capacity_are_recorded_as_live(log, summary):
     policy_steps = np.diff([one.t_ns for one in log.allocations]) / NS_PER_MS
     assert max(policy_steps) == pytest.approx(50.0)
     assert [one.capacity_kbps for one in log.capacities] == [3000.0]
-    assert summary["uplink"]["utilisation"] > 0.6
+    assert summary["uplink"]["utilisation"] > 0.5  # of four seconds, the start included
     assert summary["uplink"]["loss_fraction"] > 0.0
     fates = {packet.fate for packet in log.packets if packet.kind is PacketKind.MEDIA}
     assert fates >= {PacketFate.DELIVERED, PacketFate.LOST}
