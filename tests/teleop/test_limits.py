@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
+from hw.lite6.kinematics import Lite6Model, links, offset_from_mm_deg
 from hw.sim.controller.joint_servo import CYCLE_S, TwistServo, check_motion
 from tams_app.records import Twist
 from tams_app.teleop.limits import Limits
@@ -263,3 +265,33 @@ def test_a_joint_comes_to_rest_before_its_limit_and_may_leave_it() -> None:
     assert max(at) < 0.5
     assert at[-1] > 0.49
     assert held.limit(Twist((-0.2, 0.0, 0.0), ZERO), MIDDLE, joints, 1.0).joint_scale == 1.0
+
+
+@pytest.mark.parametrize(
+    "directions",
+    [
+        ((0.6, 0.3, -0.9), (0.4, 1.0, 1.0), (0.4, -0.9, 0.7), (-0.6, 0.3, 0.9)),
+        ((0.4, 0.2, 0.8), (0.8, 0.7, 0.2), (0.1, 0.8, -0.3), (-0.8, -0.1, 0.4)),
+    ],
+)
+def test_an_arm_that_comes_along_the_edge_of_its_reach_brakes_in_time(
+    directions: tuple[tuple[float, ...], ...],
+) -> None:
+    """What is asked shrinks too late where the motion turns outward; the state is judged, too."""
+    driven(list(directions), 2.0, turns=False)
+
+
+def test_a_stretched_arm_stops_a_few_millimetres_before_it_is_straight() -> None:
+    arm = driven([(1.0, 0.0, 0.8)], 6.0, turns=False)
+    shoulder, wrist = links(arm.joints)[1][3], links(arm.joints)[3][3]
+    straight_m = 0.2 + math.hypot(0.087, 0.2276)  # upper arm and forearm
+    assert 0.0015 < straight_m - math.dist(shoulder, wrist) < 0.004
+
+
+def test_below_the_joints_share_of_their_limit_nothing_brakes() -> None:
+    stiff = limits(StiffModel(0.6 * np.pi / 0.2))
+    wanted = Twist((0.2, 0.0, 0.0), ZERO)
+    for _ in range(60):
+        reached = stiff.shape(wanted, MIDDLE, JOINTS, 1 / 120)
+        assert not stiff.used_stop_profile
+    assert reached.linear[0] == pytest.approx(0.2)
