@@ -295,3 +295,16 @@ def test_below_the_joints_share_of_their_limit_nothing_brakes() -> None:
         reached = stiff.shape(wanted, MIDDLE, JOINTS, 1 / 120)
         assert not stiff.used_stop_profile
     assert reached.linear[0] == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("turns", [False, True])
+def test_shaping_brakes_before_a_joint_s_limit_that_it_could_not_stop_from(turns: bool) -> None:
+    class Narrow(RoomyModel):
+        joint_ranges = ((-0.1, 0.1),) * 6  # of which one turns as fast as the hand asks
+
+    shaper, joints = limits(Narrow()), np.zeros(6)
+    wanted = Twist(ZERO, (0.3, 0.0, 0.0)) if turns else Twist((0.2, 0.0, 0.0), ZERO)
+    for _ in range(240):  # without the cap: only the judgement of states is left
+        twist = shaper.shape(wanted, MIDDLE, joints, 1 / 120)
+        joints = joints + np.array((*twist.linear, *twist.angular)) / 120
+    assert 0.05 < np.abs(joints).max() < 0.1
