@@ -10,6 +10,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core import pipelines
 from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.pacer import Pacer
@@ -27,6 +28,9 @@ from tams_app.video.live.udp import (
     wire_bytes_sent,
 )
 from tams_app.video.live.view_encoder import ViewEncoder
+
+# A machine that wakes threads so late has no time for pacing: frames leave at once for a while.
+_LATE_NS, _UNPACED_NS = 5 * NS_PER_MS, 5 * NS_PER_S
 
 
 class VideoSender:
@@ -101,6 +105,7 @@ class VideoSender:
         self._feedback = feedback
         self._may_resend = partial(may_resend, config.mtu_bytes)
         self._pacer = pacer
+        self._unpaced_until_ns = 0
         self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent
         self._failure = ""
@@ -245,17 +250,24 @@ class VideoSender:
         Gst = gst.load().Gst
         buffers = list(gst.buffers_of(probe))
         sizes_bytes = [one.get_size() + IP_UDP_HEADER_BYTES for one in buffers]
-        parts = pacer.parts(sizes_bytes)
-        for part in parts:
+        parts, now_ns = pacer.parts(sizes_bytes), self._clock.now_ns()
+        if now_ns < self._unpaced_until_ns:
+            return Gst.PadProbeReturn.OK
+        leave_ns = [pacer.reserve(now_ns, sum(sizes_bytes[part])) for part in parts]
+        if len(parts) == 1:
+            self._clock.sleep_until_ns(leave_ns[0])
+            return Gst.PadProbeReturn.OK
+        while parts:
+            self._clock.sleep_until_ns(leave_ns[0])
+            # this thread may wake late, and then what has become due leaves together
             now_ns = self._clock.now_ns()
-            leaves_ns = pacer.reserve(now_ns, sum(sizes_bytes[part]))
-            if leaves_ns > now_ns:
-                self._clock.sleep_until_ns(leaves_ns)
-            if len(parts) == 1:
-                return Gst.PadProbeReturn.OK
+            due = max(1, sum(one <= now_ns for one in leave_ns))
+            if now_ns - leave_ns[0] > _LATE_NS:
+                self._unpaced_until_ns, due = now_ns + _UNPACED_NS, len(parts)
             together = Gst.BufferList.new()
-            for one in buffers[part]:
+            for one in buffers[parts[0].start : parts[due - 1].stop]:
                 together.insert(-1, one)
+            del parts[:due], leave_ns[:due]
             pad.get_peer().chain_list(together)
         return Gst.PadProbeReturn.DROP
 
