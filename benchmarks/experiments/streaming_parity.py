@@ -42,7 +42,7 @@ from tams_app.video.core.parity import ParityDecoder, ParityEncoder
 from tams_app.video.virtual import receiver
 
 RESULTS = Path(__file__).parent / "results" / "streaming_parity.json"
-SEEDS, BURST = 12, 4.0
+SEEDS, BURST = 6, 4.0
 FRAME_MS = 1000.0 / 30.0
 # of both frames: timestamp, first sequence number, packets; distance, markers, lengths
 _GROUP = struct.Struct("!IHBIHBBBH")

@@ -114,7 +114,7 @@ def field_cases() -> Iterator[Case]:
     for kbps in (1000, 3000, 6000, 12_000):
         for loss in (0.0, 0.003, 0.01):
             name = f"{kbps / 1000:g} Mbit/s" + (f", {100 * loss:g} % loss" if loss else "")
-            yield Case(name, _rates((0, kbps)), Setting(_with(loss=loss)), clear)
+            yield Case(name, _rates((0, kbps)), Setting(_with(loss=loss)), clear, 0.0)
     unsteady = _used(0.80), Target("queue_p95_ms", at_most=50)
     for kbps, latency, jitter, loss in (
         (6000, 100, 25, 0.001),
@@ -124,7 +124,7 @@ def field_cases() -> Iterator[Case]:
     ):
         network = Network(latency_ms=latency, jitter_ms=jitter, loss=loss)
         name = f"{kbps / 1000:g} Mbit/s, {latency} ± {jitter} ms"
-        yield Case(name, _rates((0, kbps)), Setting(network), unsteady)
+        yield Case(name, _rates((0, kbps)), Setting(network), unsteady, 0.0)
     narrow = _used(0.85), Target("loss_fraction", at_most=0.02), Target("queue_p95_ms", at_most=100)
     for kbps in (350, 200, 100):
         setting = Setting(LINK, strategy="tams+")

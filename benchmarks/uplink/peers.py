@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib.util
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -21,7 +22,7 @@ _BASE_NS = 10 * NS_PER_S  # the least round trip of so long is the base
 _RATE_NS = NS_PER_S // 4
 
 
-class _Peer:
+class _Peer(ABC):
     """A rate [kbit/s], and bytes that may be under way, which `_hear` changes by each report.
 
     A report waits for up to 50 ms: a round trip is the least of a quarter of a second.
@@ -46,8 +47,8 @@ class _Peer:
         newest_ns = self._trips_ns[-1][0]
         return min(trip for heard, trip in self._trips_ns if heard >= newest_ns - span_ns)
 
-    def _hear(self, report: UplinkReport) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _hear(self, report: UplinkReport) -> None: ...
 
     def capacity_kbps(self, _now_ns: int) -> float:
         return min(max(self._kbps, _LEAST_KBPS), self._most_kbps)

@@ -134,6 +134,21 @@ def test_jitter_is_not_taken_for_a_queue(delay_ms, jitter_ms):
         assert 0.8 * 6000 < sum(settled) / len(settled) < 1.1 * 6000
 
 
+@pytest.mark.parametrize(("delay_ms", "jitter_ms", "within_s"), [(100, 50, 5), (200, 60, 10)])
+def test_jitter_does_not_end_the_start(delay_ms, jitter_ms, within_s):
+    for seed in range(8):
+        far = replace(
+            steady(6000), delay_ms=lambda _t: delay_ms, jitter_ms=jitter_ms, random=Random(seed)
+        )
+        assert max(estimates(far, within_s)) > 0.7 * 6000
+
+
+@pytest.mark.parametrize("kbps", [3000, 4000, 5000, 6000, 8000])
+def test_a_start_over_a_far_link_does_not_double_beyond_what_it_carries(kbps):
+    far = replace(steady(kbps), delay_ms=lambda _t: 200)
+    assert max(estimates(far, 15)) < 1.45 * kbps
+
+
 @pytest.mark.parametrize("frame_steps", [1, 2, 4])
 def test_rare_frames_that_leave_at_once_are_not_taken_for_more_than_the_link_carries(frame_steps):
     rare = replace(steady(6000), frame_steps=frame_steps, jitter_ms=8, queue_ms=400)

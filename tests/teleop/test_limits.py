@@ -250,6 +250,12 @@ def test_away_from_a_stretched_arm_all_of_the_speed_is_left() -> None:
     assert norm(back.twist.linear) > 0.05
 
 
+def test_a_wrist_that_passes_its_straight_pose_does_not_stop_the_arm() -> None:
+    """There it is singular, but this motion asks nothing of the joints that would be too fast."""
+    arm = driven([(0.0, 0.0, -1.0), (-1.0, 0.15, 0.0)], 4.0, turns=False)
+    assert arm.tcp.position[0] < 0.155  # the box ends at .15
+
+
 def test_a_joint_comes_to_rest_before_its_limit_and_may_leave_it() -> None:
     class Turning(RoomyModel):
         joint_ranges = ((-0.5, 0.5), *RoomyModel.joint_ranges[1:])
