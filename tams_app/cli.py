@@ -33,6 +33,7 @@ from tams_app.console.options import (
     NetworkOption,
     OperatorOption,
     OutOption,
+    PredictOption,
     ReferenceOption,
     Ros2Option,
     SecondsOption,
@@ -141,6 +142,7 @@ def run(
     headless: HeadlessOption = False,
     hand: HandOption = None,
     operator: OperatorOption = None,
+    predict: PredictOption = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
     record_reference: ReferenceOption = False,
@@ -170,6 +172,7 @@ def run(
         "headless": True if headless else None,
         "controller.device": hand,
         "rig.operator.kind": operator,
+        "view.predict": predict,
     }
     settings = load_config(config, overrides)
     check_arm_at_once(arm, settings)

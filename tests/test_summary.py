@@ -71,6 +71,7 @@ KEYS: dict[str, Any] = {
     "network": "",
     "budget_mode": "",
     "codecs": {"encoder": "x264enc", "decoder": "avdec_h264"},
+    "predicted_views": [],
     "duration_s": 0.0,
     "complete": True,
     "missing": [],

@@ -80,7 +80,7 @@ def test_threads_of_all_views_count_as_one(name: str, counted: str) -> None:
         ("hw.sim.world.renderer", "renderer"),
         ("hw.guard", "guard"),
         ("hw.guard.process", "guard"),
-        ("tams_app.video.live.quality_process", "quality"),
+        ("tams_app.station.quality_process", "quality"),
         ("tams_app.video.live.relay", "relay"),
     ],
 )

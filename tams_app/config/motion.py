@@ -210,6 +210,10 @@ class StopProfileConfig(ProfileConfig):
     jerk_rad_s3: Positive = 280.0
 
 
+WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
+"""Keys of `LimitsConfig` that bound where the TCP may be."""
+
+
 class LimitsConfig(Section):
     """Speed, acceleration, jerk and space the arm never leaves."""
 

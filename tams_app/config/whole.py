@@ -84,6 +84,14 @@ class RigConfig(Section):
         return self
 
 
+class ViewConfig(Section):
+    """What the operator is shown of a late frame."""
+
+    predict: Literal["off", "eih"] = "off"
+    """`eih`: the frames of a camera on the arm, whose pose on it is known, are drawn as they would
+    look from where the arm is now; `off`: all frames as received."""
+
+
 class TrialConfig(Section):
     """The rules of a trial (paper, section IV)."""
 
@@ -196,6 +204,7 @@ class Config(Section):
     """The cameras by view; the simulated rig brings its own."""
     policy: PolicyConfig
     video: VideoConfig = VideoConfig()
+    view: ViewConfig = ViewConfig()
     networks: dict[str, Network]
     """Uplink conditions by name."""
     link: LinkConfig = LinkConfig()

@@ -81,6 +81,13 @@ ReferenceOption = Annotated[
 EpisodesOption = Annotated[
     bool, typer.Option("--episodes", help="A row of episodes, each kept or discarded by key.")
 ]
+PredictOption = Annotated[
+    str | None,
+    typer.Option(
+        help="Draw late frames as they would look now: eih (of a camera on the arm) or off.",
+        autocompletion=lambda: ["eih", "off"],
+    ),
+]
 FoxgloveOption = Annotated[
     str | None,
     typer.Option(

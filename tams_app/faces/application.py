@@ -14,6 +14,7 @@ from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.messages import LONGEST, CommandRequest, Event, Opening
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
+from tams_app.station.mount_memory import PresentViews
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
 
 _POLL_S = 0.05
@@ -27,6 +28,7 @@ class Opened:
     opening: Opening
     frames: dict[str, FrameReader]
     facts: FactsReader
+    present: PresentViews | None = None
 
 
 class Application:
@@ -42,7 +44,7 @@ class Application:
         """Wait for what is to be shown; None to end before."""
         while not self._side.stop_requested.is_set():
             if select.select([self._socket], [], [], _POLL_S)[0]:
-                content, descriptors, _, _ = socket.recv_fds(self._socket, LONGEST, 2)
+                content, descriptors, _, _ = socket.recv_fds(self._socket, LONGEST, 3)
                 if not content:
                     return None
                 self._socket.setblocking(False)
@@ -72,8 +74,9 @@ class Application:
         self._socket.close()
 
 
-def _opened(opening: Opening, frames: int, facts: int) -> Opened:
+def _opened(opening: Opening, frames: int, facts: int, mount: int | None = None) -> Opened:
     layout = RingLayout(SHOWN, opening.views, opening.width, opening.height)
     block = map_descriptor(frames)
     readers = {view: FrameReader(block, layout, view) for view in opening.views}
-    return Opened(opening, readers, FactsReader(facts))
+    present = None if mount is None else PresentViews(opening.cameras, map_descriptor(mount))
+    return Opened(opening, readers, FactsReader(facts), present)

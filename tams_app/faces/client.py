@@ -27,6 +27,7 @@ from tams_app.faces.messages import (
 )
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+from tams_app.station.mount_memory import MountMemory
 from tams_app.teleop.hands import hand_of
 from tams_app.video.live.frame_ring import FrameBlock
 
@@ -87,19 +88,29 @@ class FaceClient:
             self._stack = stack.pop_all()
 
     def open(
-        self, config: Config, screen: FrameBlock, blind: bool, replay: Outline | None = None
+        self,
+        config: Config,
+        screen: FrameBlock,
+        blind: bool,
+        replay: Outline | None = None,
+        mount: MountMemory | None = None,
     ) -> None:
         """Let it show the session.
 
-        `screen`: where the frames shown are put. `blind`, `replay`: see `Opening`.
+        `screen`: where the frames shown are put. `blind`, `replay`: see `Opening`. `mount`: where
+        the cameras on the arm are whose frames it corrects.
         """
         screen.create()
         self._facts = facts = FactsWriter()
         self._stack.callback(facts.close)
-        opening = msgspec.msgpack.encode(_opening(config, blind, replay))
+        opening = _opening(config, blind, replay)
+        if mount is not None:
+            opening = msgspec.structs.replace(opening, cameras=dict(mount.cameras))
         if self._socket is not None and screen.descriptor is not None:
             with suppress(ConnectionError):  # it has ended, which its owner notices
-                socket.send_fds(self._socket, [opening], [screen.descriptor, facts.descriptor])
+                descriptors = [screen.descriptor, facts.descriptor]
+                descriptors += [] if mount is None else [mount.descriptor]
+                socket.send_fds(self._socket, [msgspec.msgpack.encode(opening)], descriptors)
 
     @property
     def pid(self) -> int | None:

@@ -11,6 +11,7 @@ from typing import TypeAlias
 import msgspec
 
 from tams_app.faces.commands import Command
+from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face reports at least so often
@@ -45,12 +46,12 @@ class Outline(msgspec.Struct, frozen=True):
 class Opening(msgspec.Struct, frozen=True):
     """The facts that a face is opened with: fixed as long as it is open.
 
-    The descriptors of the frames' and the facts' memory come with it, in this order. blind: nothing
-    may be shown that reveals the strategy or the network of a trial, or the phases of one that a
-    person marks. hand: of `HANDS`. replay: the
-    log that all of it is from, so that nothing moves; None for a session. old_ms: the age from
+    The descriptors of the frames' and the facts' memory come with it, in this order, and if there
+    are `cameras` that of their mount. blind: nothing may be shown that reveals the strategy or the
+    network of a trial, or the phases of one that a person marks. hand: of `HANDS`. replay: the log
+    that all of it is from, so that nothing moves; None for a session. old_ms: the age from
     which a frame is called old. has_episodes: there are keys for them. strategy, network: "" where
-    they may not be known.
+    they may not be known. cameras: by view, those whose frames are to be corrected.
     """
 
     views: tuple[str, ...]
@@ -64,6 +65,7 @@ class Opening(msgspec.Struct, frozen=True):
     has_episodes: bool = False
     strategy: str = ""
     network: str = ""
+    cameras: dict[str, WristCamera] = {}
 
 
 class TrialFacts(msgspec.Struct, frozen=True):

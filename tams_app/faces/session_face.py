@@ -29,6 +29,7 @@ from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.station.displays import Displays
+from tams_app.station.mount_memory import MountMemory
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
@@ -55,6 +56,10 @@ class FacedSession(CommandedSession, Protocol):
     @property
     def screen(self) -> FrameBlock:
         """Shared memory with the newest decoded frame of each view."""
+
+    @property
+    def mount(self) -> MountMemory | None:
+        """Shared memory with the place of the camera on the arm; None: no frames are corrected."""
 
     @property
     def keyboard(self) -> KeyboardController | None:
@@ -173,7 +178,7 @@ class SessionFace:
         replay = self._replay
         blind = self._trial is not None or (replay is not None and replay.blind)
         outline = None if replay is None else replay.outline
-        self._client.open(session.config, session.screen, blind, outline)
+        self._client.open(session.config, session.screen, blind, outline, session.mount)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
             session.displays.add(lambda: self._client.heard_ns or self._opened_ns)

@@ -50,7 +50,7 @@ QUESTION, REPLY = b"\0where", b"\0here!"  # and a token: is the operator at this
 LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
 ATTEMPT_NS = 5 * NS_PER_S  # a handshake that came to nothing is begun anew, with other keys
 OUTWORN_NS = 600 * NS_PER_S  # keys that are older are not used
-_WELCOME_BYTES = INITIATION_BYTES - 1 - TAG_BYTES - OVERHEAD_BYTES - MAC_BYTES
+WELCOME_BYTES = INITIATION_BYTES - 1 - TAG_BYTES - OVERHEAD_BYTES - MAC_BYTES
 _TOKEN_BYTES = 8
 _QUESTION_NS = 100 * NS_PER_MS
 # More than an operator's side can begin while one cookie is valid, so that recordings of its own
@@ -246,7 +246,7 @@ class RobotEnd(End):
             try:
                 responder = Responder(initiation.key.secret, PROLOGUE, initiation.noise)
                 response, split = responder.answer(
-                    self._random(EPHEMERAL_BYTES), filled(self._welcome, _WELCOME_BYTES)
+                    self._random(EPHEMERAL_BYTES), filled(self._welcome, WELCOME_BYTES)
                 )
             except NoiseError:  # its MAC was ours: the other side is not sound
                 return None

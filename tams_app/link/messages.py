@@ -16,7 +16,7 @@ from tams_app.vectors import Floats3
 
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
-PROTOCOL = 3
+PROTOCOL = 4
 
 
 class MessageError(TamsError):
@@ -31,6 +31,8 @@ class Welcome(msgspec.Struct, frozen=True):
     repair: its `RepairRule`, as a mapping of its fields.
     hand_rotation: its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame.
     workspace: of its `LimitsConfig`, what bounds the space that the operator is shown.
+    driving: by section, what else of its configuration decides how the hand moves the arm and is
+        not as by default; None: that is too much to be told.
     stopped_after_ms: `LinkConfig.stopped_after_ms` there.
     """
 
@@ -47,6 +49,7 @@ class Welcome(msgspec.Struct, frozen=True):
     repair: dict[str, object]
     hand_rotation: tuple[Floats3, Floats3, Floats3]
     workspace: dict[str, object]
+    driving: dict[str, dict[str, object]] | None
     stopped_after_ms: float
 
 

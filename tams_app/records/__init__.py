@@ -15,7 +15,7 @@ from tams_app.records.arm import (
     ServoMode,
 )
 from tams_app.records.episode import Episode, EpisodeRequest
-from tams_app.records.figure import ArmFigure, Solid, SolidKind
+from tams_app.records.figure import ArmFigure, Lens, Solid, SolidKind
 from tams_app.records.frames import (
     CameraRates,
     DroppedFrame,
@@ -109,6 +109,7 @@ __all__ = [
     "HandHeard",
     "Haptic",
     "Image",
+    "Lens",
     "LinkCapacity",
     "LinkFault",
     "LinkHealth",

@@ -1,11 +1,15 @@
-"""What a viewer needs to draw an arm and the things around it: solids, and where they are."""
+"""What it takes to draw an arm and the things around it: solids, where they are, and cameras."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tams_app.records.geometry import Pose, Vector
 from tams_app.vectors import Floats3
@@ -41,3 +45,28 @@ class ArmFigure(Protocol):
 
     def place(self, joints: Vector) -> Mapping[str, Pose]:
         """Where the links' frames are in the base frame, for `joints` [rad], shape (6,)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """The pose of a view's camera in the frame `parent`, and its picture, without distortion.
+
+    `pose`: x to the right, y down, z forwards in the picture.
+    """
+
+    parent: str
+    pose: Pose
+    fovy_deg: float  # vertical
+    width: int
+    height: int
+
+    @property
+    def focal_px(self) -> float:
+        """The focal length in pixels, the same both ways."""
+        return self.height / 2.0 / math.tan(math.radians(self.fovy_deg) / 2.0)
+
+    def matrix(self) -> NDArray[np.float64]:
+        """Camera matrix, shape (3, 3), whose pixels have whole numbers in their middle."""
+        focal = self.focal_px
+        middle_x, middle_y = (self.width - 1) / 2.0, (self.height - 1) / 2.0
+        return np.array([(focal, 0.0, middle_x), (0.0, focal, middle_y), (0.0, 0.0, 1.0)])

@@ -76,7 +76,8 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     frames. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
     of the arm was true: of the control loop's last tick, or when the robot's side's last message
     came; None: not live. episodes: None: the session has none. placed: the block was placed, as the
-    rig's judge saw it.
+    rig's judge saw it. joints_urad: the arm's joints [µrad], (): not known; joints_ns: when they
+    were measured, on the clock of the robot's side. speed_scale: on the arm's speed, 0 to 1.
     """
 
     t_s: float
@@ -105,6 +106,9 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     heard_ns: Whole | None = None
     episodes: EpisodesState | None = None
     placed: bool = False
+    joints_urad: tuple[Whole, ...] = ()
+    joints_ns: Whole = 0
+    speed_scale: float = 1.0
 
 
 def without_figures(state: SessionState) -> SessionState:

@@ -80,7 +80,7 @@ def check_ready_pose(config: Config) -> None:
     limits = config.limits
     check_limits(config.arm, limits)
     _check_leashes(config)
-    ready = _ready_pose(config).position
+    ready = ready_pose(config).position
     workspace = Workspace(limits, linear_profile(limits.motion), config.arm.velocity_deadman_s)
     beyond = workspace.excess(floats(ready))
     most = max(beyond)
@@ -130,12 +130,9 @@ def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
     return Devices(config, clock)
 
 
-def codecs(config: Config, note: Note, encodes: bool = True) -> Codecs:
-    """The configured encoder and decoder, or what works here in their place, which `note` reports.
-
-    `encodes`: else only the decoder matters.
-    """
-    chosen = choose_codecs(config.video, encodes and starts_at_capacity(config))
+def codecs(config: Config, note: Note) -> Codecs:
+    """The configured encoder and decoder, or what works here in their place, which `note` reports."""
+    chosen = choose_codecs(config.video, starts_at_capacity(config))
     for remark in chosen.remarks:
         note("warning", remark)
     return chosen
@@ -180,10 +177,10 @@ def control_loop(
 def teleop(config: Config, delay_ns: int) -> Teleop:
     """Clutch to limits, for the arm with the configured tool; `delay_ns` of the frames."""
     kinematics = arm_kind(config.arm.model).kinematics(config.arm)
-    return Teleop(config, kinematics, _ready_pose(config).rotation, delay_ns)
+    return Teleop(config, kinematics, ready_pose(config).rotation, delay_ns)
 
 
-def _ready_pose(config: Config) -> Pose:
+def ready_pose(config: Config) -> Pose:
     joints = np.radians(np.array(config.arm.ready_joints_deg))
     return arm_kind(config.arm.model).kinematics(config.arm).tcp_pose(joints)
 

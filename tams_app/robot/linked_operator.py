@@ -7,9 +7,14 @@ import secrets
 from collections.abc import Callable, Mapping
 from dataclasses import asdict
 
+import msgspec
+
 from hw.controller import Controller
 from tams_app import __version__
 from tams_app.config import Config
+from tams_app.config.motion import WORKSPACE
+from tams_app.config.section import Section
+from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
 from tams_app.link.messages import PROTOCOL, STATE_RATE_HZ, Welcome, encode
@@ -32,7 +37,18 @@ _STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's ti
 _HEALTH_NS = NS_PER_S // 10
 _FAREWELLS = 5
 _FOLDER = re.compile(rb"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")  # as a session's is called
-_WORKSPACE = {"box_min_mm", "box_max_mm", "radius_min_mm", "radius_max_mm", "floor_mm"}
+_ARM = {
+    "model",
+    "tcp_offset_mm_deg",
+    "ready_joints_deg",
+    "velocity_deadman_s",
+    "pose_gain_per_s",
+}
+_FRESHNESS = {"hold_pose_ms", "buttons_ms"}
+_NOT_TOLD = (
+    "so much of the configuration is not as by default that an operator's side is not told how the "
+    "hand moves the arm: `operate --predict` shows frames as received"
+)
 
 
 class LinkedOperator(StreamedOperator):
@@ -85,10 +101,15 @@ class LinkedOperator(StreamedOperator):
             video=config.video.model_dump(mode="json"),
             repair=asdict(rule),
             hand_rotation=config.hand.rotation,
-            workspace=workspace_of(config),
+            workspace=config.limits.model_dump(mode="json", include=WORKSPACE),
+            driving=driving_of(config),
             stopped_after_ms=config.link.stopped_after_ms,
         )
-        self._gateway = gateway = self._make_gateway(encode(welcome))
+        content = encode(welcome)
+        if len(content) > WELCOME_BYTES:
+            content = encode(msgspec.structs.replace(welcome, driving=None))
+            self._log.note("info", _NOT_TOLD)
+        self._gateway = gateway = self._make_gateway(content)
         gateway.launch()
         gateway.wait_ready()
         self._log.fact(SESSION_FACT, welcome.session)
@@ -203,6 +224,21 @@ class LinkedOperator(StreamedOperator):
         )
 
 
-def workspace_of(config: Config) -> dict[str, object]:
-    """`Welcome.workspace`."""
-    return config.limits.model_dump(mode="json", include=_WORKSPACE)
+def driving_of(config: Config) -> dict[str, dict[str, object]]:
+    """`Welcome.driving`."""
+
+    def told(
+        section: Section, include: set[str] | None = None, exclude: set[str] | None = None
+    ) -> dict[str, object]:
+        return section.model_dump(
+            mode="json", exclude_defaults=True, include=include, exclude=exclude
+        )
+
+    found = {
+        "arm": told(config.arm, include=_ARM),
+        "clutch": told(config.clutch),
+        "freshness": told(config.freshness, include=_FRESHNESS),
+        "hand": told(config.hand, exclude={"rotation"}),
+        "limits": told(config.limits, exclude=WORKSPACE),
+    }
+    return {name: values for name, values in found.items() if values}

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import msgspec
 
 from tams_app.link.messages import HandMessage, StateMessage, encode
-from tams_app.link.sealing import LONGEST_MESSAGE_BYTES
+from tams_app.link.sealing import LONGEST_MESSAGE_BYTES, STATE_BYTES
 from tams_app.records import Haptic, SessionState
 from tams_app.runtime.clock import Clock
 
@@ -92,8 +92,14 @@ class LinkedState:
 
 
 def _fitting(state: StateMessage) -> bytes:
-    """The message, without the oldest of its sentences where it would be too long with them."""
+    """The message, without the joints and the oldest of its sentences where it would be too long.
+
+    With a long reason it would be as long as only messages with sentences are.
+    """
     content = encode(state)
+    if len(content) >= STATE_BYTES and not state.notes:
+        still = msgspec.structs.replace(state.state, joints_urad=())
+        content = encode(msgspec.structs.replace(state, state=still))
     while len(content) > LONGEST_MESSAGE_BYTES and state.notes:
         state = msgspec.structs.replace(state, notes=state.notes[1:])
         content = encode(state)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 
 from hw.arm import Arm
@@ -20,6 +20,7 @@ from tams_app.robot.engine import Engine
 from tams_app.robot.episode_keeper import EpisodeKeeper
 from tams_app.robot.frame_rates import FrameRates
 from tams_app.robot.guarding import Guarding
+from tams_app.robot.listener import Listener
 from tams_app.robot.operator import StreamedOperator
 from tams_app.robot.senders import Capture, Senders
 from tams_app.robot.session_records import SessionRecords
@@ -135,8 +136,11 @@ class RobotSide:
         for name, process in self._devices.helpers.items():
             self._parts.watch(name, process)
 
-    def connect(self) -> None:
-        """Connect arm, guard and controller, and build what works with them."""
+    def connect(self, listeners: Sequence[Listener] = ()) -> None:
+        """Connect arm, guard and controller, and build what works with them.
+
+        `listeners` of the loops, besides those of this side.
+        """
         devices, operator, log = self._connected(), self._operator, self._log
         self._engine = Engine(
             self._config,
@@ -147,7 +151,7 @@ class RobotSide:
             log,
             self._signals,
             lambda: self._ending.end("the trial is over"),
-            (self._board, self._rates, *filter(None, (self._episodes,))),
+            (self._board, self._rates, *filter(None, (self._episodes,)), *listeners),
             self._arm_at_once,
             self._on_placed,
         )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from tams_app.capacity import Capacity, finite
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
@@ -118,7 +120,14 @@ class StatusBoard(Listener):
             heard_ns=self._received_ns,
             episodes=episodes,
             placed=self.placed,
+            joints_urad=() if arm is None else _urad(arm.joints),
+            joints_ns=0 if arm is None else arm.received_ns,
+            speed_scale=output.speed_scale if output else 1.0,
         )
+
+
+def _urad(joints: Vector) -> tuple[int, ...]:
+    return tuple(np.rint(joints * 1e6).astype(int).tolist())
 
 
 def _mm(position: Vector) -> tuple[float, float, float]:

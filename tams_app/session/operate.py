@@ -12,8 +12,8 @@ from msgspec.structs import replace
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.records import SessionState
-from tams_app.robot import build
 from tams_app.runtime.clock import Clock
+from tams_app.session.predicting import linked_present, wrist_cameras
 from tams_app.session.session import Session
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.requests import Requests
@@ -47,7 +47,9 @@ def operate(
         log = session.open_log(ours, is_real=not call.welcome.simulated)
         call.record(log)
         is_rig = call.welcome.simulated
-        station = Station(ours, clock, parts, log, session.displays, is_rig, make_hand)
+        moves_by, displays = call.moves_by, session.displays
+        cameras = {} if moves_by is None else wrist_cameras(moves_by)
+        station = Station(ours, clock, parts, log, displays, is_rig, make_hand, cameras)
         link = LinkedRobot(
             clock,
             call.gateway,
@@ -56,10 +58,10 @@ def operate(
             lambda: tuple(map(station.steered_by, views)),
             call.identity,
             call.hand,
+            linked_present(moves_by, log, station.mount),
         )
-        decoder = build.codecs(ours, log.note, encodes=False).decoder
         identify, feedback = link.identify(views), call.welcome.feedback
-        receivers = station.receive(call.rule, feedback, identify, decoder)
+        receivers = station.receive(call.rule, feedback, identify)
         parts.stack.callback(receivers.close)
         receivers.start(link.connect(ours.video, receivers.ports))
 

@@ -9,9 +9,10 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import Frame, FrameQuality
 from tams_app.robot.devices import Note
+from tams_app.station.mount_memory import MountMemory
+from tams_app.station.quality_client import QualityClient
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import FrameBlock
-from tams_app.video.live.quality_client import QualityClient
 
 RECENT_SCORES = 15
 RECENT_NS = 3 * NS_PER_S  # a score comes up to a second after its frame
@@ -31,8 +32,10 @@ class LiveQuality:
         logs: Path,
         record: Callable[[FrameQuality], None],
         note: Note,
+        mount: MountMemory | None = None,
     ) -> None:
-        """`screen`: where the frames shown are put, which the helper reads.
+        """`screen`: where the frames shown are put, which the helper reads, as it does `mount`:
+        where the cameras are whose frames are corrected.
 
         `record` gets one record per captured frame, in a thread of its own.
         """
@@ -46,6 +49,7 @@ class LiveQuality:
             log_directory=logs,
             on_quality=self._keep,
             on_failure=lambda _name, failure: self._report(failure),
+            mount=mount,
         )
 
     def start(self) -> None:

@@ -14,6 +14,7 @@ from tams_app.robot.control import Signals
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
 from tams_app.session.local_operator import LocalOperator
+from tams_app.session.predicting import follow_states, wrist_cameras
 from tams_app.session.quality import LiveQuality
 from tams_app.session.session import Session
 from tams_app.station.station import Station
@@ -27,10 +28,13 @@ def run(
 
     def compose(session: Session) -> BothSides:
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
-        station = Station(config, clock, parts, log, session.displays, config.rig.enabled)
+        cameras, is_rig = wrist_cameras(config), config.rig.enabled
+        station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
         robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         station.launch(confirms=not arm_at_once, world_memory=robot.launch())
-        quality = LiveQuality(config.video, station.screen, parts.logs, log.record, log.note)
+        quality = LiveQuality(
+            config.video, station.screen, parts.logs, log.record, log.note, station.mount
+        )
         parts.stack.callback(quality.close)
         quality.start()  # takes a moment, of which a capacity trace must lose nothing
         codecs = build.codecs(config, log.note)
@@ -39,7 +43,7 @@ def run(
         robot.wait_ready()
         station.wait_ready()
         session.go_on()
-        robot.connect()
+        robot.connect(follow_states(config, clock, parts, log, station.mount))
         both = BothSides(robot, station, quality)
         session.ready(both)
         robot.begin()

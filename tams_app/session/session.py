@@ -22,6 +22,7 @@ from tams_app.session.awake import KeptAwake
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
+from tams_app.station.mount_memory import MountMemory
 from tams_app.station.station import Station
 from tams_app.video.live.frame_ring import FrameBlock
 
@@ -169,6 +170,11 @@ class Session(Ending):
         """The memory of the frames shown, once it has started."""
         assert self.side.station is not None, "nothing is shown here"
         return self.side.station.screen
+
+    @property
+    def mount(self) -> MountMemory | None:
+        """Where the camera on the arm is, for those who correct its frames; None: nobody does."""
+        return None if self.side.station is None else self.side.station.mount
 
     @property
     def keyboard(self) -> KeyboardController | None:

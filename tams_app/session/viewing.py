@@ -19,10 +19,10 @@ from hw.sim.layout import (
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import Config, LimitsConfig
 from tams_app.recording import Header, MakeViewers, Viewers
-from tams_app.records import ArmFigure, Pose, Solid, SolidKind
+from tams_app.records import ArmFigure, Lens, Pose, Solid, SolidKind
 from tams_app.ros2.extra import require_extra
 from tams_app.rotation import Rotation
-from tams_app.telemetry import Address, Lens, Scene, Telemetry, ViewerGroup, check_address
+from tams_app.telemetry import Address, Scene, Telemetry, ViewerGroup, check_address
 from tams_app.vectors import Floats3
 
 _WRIST_VIEW = "eih"

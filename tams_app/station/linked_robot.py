@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from statistics import median
+
+import numpy as np
 
 from hw.controller import Controller
 from tams_app.config import VideoConfig
@@ -20,6 +24,8 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
+from tams_app.prediction.forward_model import ArmHeard
+from tams_app.prediction.present import Present
 from tams_app.recording.journal import Journal
 from tams_app.records import (
     ControllerSample,
@@ -32,12 +38,16 @@ from tams_app.records import (
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
 from tams_app.station.requests import Requests
 from tams_app.teleop.hands import SIMULATED
+from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrame, capture_of
 from tams_app.video.core.packets import stream_ssrcs
 from tams_app.video.live.udp import ViewPorts
 
 _HEALTH_NS = NS_PER_S // 10
+_TICK_NS = round(NS_PER_S / HAND_RATE_HZ)
+_TAKEN_WITHIN_NS = 2 * _TICK_NS  # a sample that was received by the tick that a state tells of
+_WAYS = 30  # half a second of states
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
 _AWAY = ControllerSample(
     ControllerStatus.OPERATOR_AWAY, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
@@ -64,11 +74,12 @@ class LinkedRobot:
         steered_by: Callable[[], tuple[SteeredBy, ...]],
         identity: int,
         hand: str,
+        present: Present | None = None,
     ) -> None:
         """`steered_by`: what the operator can steer by, in the order of the views.
 
         `identity`: a random number, another one for each application. `hand`: what the operator
-        drives with, of `HANDS`.
+        drives with, of `HANDS`. `present` is told of each sample and of the arm's states.
         """
         self._clock, self._requests, self._log = clock, requests, log
         self._steered_by = steered_by
@@ -78,6 +89,8 @@ class LinkedRobot:
         self.state_received_ns = 0
         self._session = 0
         self._identity, self._driven_with = identity, hand
+        self._present = present
+        self._ways_ns: deque[int] = deque(maxlen=_WAYS)
         self._haptics: int | None = None
         self._noted: int | None = None
         self._robots_clock = PeerClock()
@@ -136,6 +149,8 @@ class LinkedRobot:
             self._log.note("warning", _SLEPT)
         self.sample = self._sample_now(now_ns)
         self._gateway.send(encode(self._hand(self.sample)))
+        if self._present is not None:
+            self._present.sent(self.sample, now_ns)
         if now_ns >= self._health_due_ns:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
@@ -176,8 +191,30 @@ class LinkedRobot:
                 state.echo_ns, state.echo_heard_ns, state.sent_ns, received.heard_ns
             )
         self._log.record(StateHeard(received.heard_ns, state.sent_ns, state.echo_ns))
+        self._tell_of_arm(state)
         self._feel(state)
         self._notify(state)
+
+    def _tell_of_arm(self, message: StateMessage) -> None:
+        """Hand the arm's state to what predicts it, once the clocks are known."""
+        state, offset = message.state, self.offset
+        if self._present is None or offset is None or not state.joints_urad or not message.echo_ns:
+            return
+        try:
+            arming = ArmingState(state.arming)
+        except ValueError:  # it has not begun to tick
+            return
+        self._ways_ns.append(message.echo_heard_ns - offset.offset_ns - message.echo_ns)
+        arm = ArmHeard(
+            t_ns=state.joints_ns - offset.offset_ns,
+            joints=np.array(state.joints_urad) * 1e-6,
+            until_ns=message.echo_ns - _TAKEN_WITHIN_NS,
+            arming=arming,
+            orientation_mode=state.orientation_mode,
+            speed_scale=state.speed_scale,
+            lag_ns=_TICK_NS // 2,  # until the tick that takes a sample, in the mean
+        )
+        self._present.heard(arm, round(median(self._ways_ns)), offset.offset_ns)
 
     def _begin(self, session: int) -> None:
         self._session = session

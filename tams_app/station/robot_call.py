@@ -14,7 +14,7 @@ from tams_app.recording.journal import Journal
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
-from tams_app.station.welcome import follow, repair_of, welcome_of
+from tams_app.station.welcome import driven, follow, repair_of, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -42,6 +42,11 @@ class RobotCall:
     def hand(self) -> str:
         """The operator's kind of controller, of `HANDS`."""
         return hand_of(self.config)
+
+    @property
+    def moves_by(self) -> Config | None:
+        """Our configuration with what decides there how the hand moves the arm; None: not told."""
+        return driven(self.welcome, self.config)
 
     @property
     def rule(self) -> RepairRule:

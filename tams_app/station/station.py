@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from msgspec.structs import replace
 
@@ -11,11 +12,13 @@ from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from hw.make_controller import keyboard_of, make_controller
 from tams_app.config import Config
+from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.recording.journal import Journal
 from tams_app.records import ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.station.displays import Displays
+from tams_app.station.mount_memory import MountMemory
 from tams_app.station.receivers import Receivers
 from tams_app.station.recorded_hand import recorded_hand
 from tams_app.station.rig_operator import RigOperator
@@ -23,16 +26,20 @@ from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 MakeHand = Callable[[Config], Controller]
+_NONE: Mapping[str, WristCamera] = MappingProxyType({})
 
 
 class Station:
     """`launch` and `receive` in either order, then `wait_ready`, `take_controller`; each once.
 
     `screen`: the memory of the frames shown, for windows, for a simulated operator who looks at
-    them, and for those who score them. `keyboard`: the controller, where a window has to feed it.
+    them, and for those who score them. `mount`: where the camera on the arm is, for those who
+    correct its frames; None: nobody does. `keyboard`: the controller, where a window has to feed
+    it.
     """
 
     def __init__(
@@ -44,16 +51,21 @@ class Station:
         displays: Displays,
         is_rig: bool,
         make: MakeHand | None = None,
+        cameras: Mapping[str, WristCamera] = _NONE,
     ) -> None:
         """`displays`: what shows the frames to a person. `is_rig`: the robot is simulated.
 
         `make` makes what the operator holds; None: the configured device, or the simulated one.
+        `cameras`: by view, those whose frames are corrected.
         """
         self._config, self._clock, self._parts, self._log = config, clock, parts, log
         self._displays, self._is_rig, self._make = displays, is_rig, make
         video = config.video
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         parts.stack.callback(self.screen.close)
+        self.mount = MountMemory(cameras) if cameras else None
+        if self.mount is not None:
+            parts.stack.callback(self.mount.close)
         self.keyboard: KeyboardController | None = None
         self._simulated: RigOperator | None = None
         self._receivers: Receivers | None = None
@@ -88,9 +100,12 @@ class Station:
         rule: RepairRule,
         feedback: bool,
         identify: Mapping[str, Callable[[int], SentFrame | None]],
-        decoder: Decoder,
+        decoder: Decoder | None = None,
     ) -> Receivers:
-        """Bind the receivers, which the caller closes; the arguments are those of `Receivers`."""
+        """Bind the receivers, which the caller closes; the arguments are those of `Receivers`.
+
+        `decoder`: None: the configured one, or what works here in its place.
+        """
         self._receivers = receivers = Receivers(
             self._config.video,
             rule,
@@ -98,7 +113,7 @@ class Station:
             self._clock,
             identify,
             self._on_shown,
-            decoder,
+            decoder or self._chosen_decoder(),
             self._displays,
         )
         return receivers
@@ -114,6 +129,8 @@ class Station:
             device, what = self._config.controller.device, "rig" if self._is_rig else "arm"
             self._introduce("person", f"a person drives the {what}: {device}")
         self.screen.hide()  # all other processes that read it have it open
+        if self.mount is not None:
+            self.mount.hide()
 
     def take_controller(self) -> Controller:
         """The operator's controller, started; DeviceError if it is not there."""
@@ -133,6 +150,12 @@ class Station:
             return recorded_hand(Path(trajectory))
         note = self._log.note
         return make_controller(config.controller, config.hand, config.clutch, self._clock, note)
+
+    def _chosen_decoder(self) -> Decoder:
+        chosen = choose_codecs(self._config.video, starts_at_capacity=False)
+        for remark in chosen.remarks:
+            self._log.note("warning", remark)
+        return chosen.decoder
 
     def _introduce(self, operator: str, sentence: str) -> None:
         self._log.fact("operator", operator)
@@ -178,4 +201,4 @@ class Station:
     def _on_shown(self, shown: ShownFrame) -> None:
         """In a thread for each view."""
         self._log.record(shown)
-        self.screen.put(shown.view, shown.index, shown.shown_ns, shown.image)
+        self.screen.put(shown.view, shown.index, shown.shown_ns, shown.image, shown.capture_ns)

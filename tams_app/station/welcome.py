@@ -9,12 +9,21 @@ import msgspec
 
 from tams_app import __version__
 from tams_app.config import Config, LimitsConfig, VideoConfig
+from tams_app.config.motion import ArmConfig, ClutchConfig, FreshnessConfig, HandConfig
+from tams_app.config.section import Section
 from tams_app.errors import ConfigError, TamsError
 from tams_app.link.gateway import LinkEvent
 from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
 from tams_app.video.core.repair import RepairRule
 
-Part = TypeVar("Part", VideoConfig, LimitsConfig)
+Part = TypeVar("Part", bound=Section)
+_DRIVING: dict[str, type[Section]] = {
+    "arm": ArmConfig,
+    "clutch": ClutchConfig,
+    "freshness": FreshnessConfig,
+    "hand": HandConfig,
+    "limits": LimitsConfig,
+}
 _NOT_KNOWN = (
     "the robot's side has a configuration that this version of TAMS does not know: "
     "install the same version on both computers"
@@ -44,9 +53,10 @@ def welcome_of(event: LinkEvent) -> Welcome | None:
 
 
 def follow(welcome: Welcome, ours: Config) -> Config:
-    """Our configuration for the session that the robot's side runs, with its video.
+    """Our configuration for the session that the robot's side runs.
 
-    ConfigError if it has other views.
+    With its video, its workspace, which the operator is shown, and its rotation of the hand, since
+    a device on a desk moves the hand in the arm's frame. ConfigError if it has other views.
     """
     video = video_of(welcome, ours)
     if video.views != ours.video.views:
@@ -64,6 +74,21 @@ def follow(welcome: Welcome, ours: Config) -> Config:
         "limits": limits,
     }
     return ours.model_copy(update=update)
+
+
+def driven(welcome: Welcome, ours: Config) -> Config | None:
+    """Our configuration with the arm, hand and limits of the robot's side, which it moves by.
+
+    None: that is not told. TamsError if a section of it is none here.
+    """
+    if welcome.driving is None:
+        return None
+    told = {name: dict(welcome.driving.get(name, {})) for name in _DRIVING}
+    told["hand"]["rotation"] = welcome.hand_rotation
+    told["limits"] |= welcome.workspace
+    sections = {name: understood(kind, told[name]) for name, kind in _DRIVING.items()}
+    rig = ours.rig.model_copy(update={"enabled": welcome.simulated})
+    return ours.model_copy(update={**sections, "rig": rig})
 
 
 def video_of(welcome: Welcome, ours: Config) -> VideoConfig:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from tams_app.outputs import write_file
+from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
 from tams_app.records import LATE_NS, Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
@@ -59,6 +60,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "network": header.network,
         "budget_mode": header.budget_mode,
         "codecs": {name: log.facts.get(name) for name in ("encoder", "decoder")},
+        "predicted_views": [view for view in log.facts.get(PREDICTED_FACT, "").split(",") if view],
         "duration_s": round((log.ended_ns - header.started_ns) / NS_PER_S, 3),
         "complete": log.complete,
         "missing": _missing(log),

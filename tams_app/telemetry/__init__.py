@@ -8,7 +8,7 @@ figures that Prometheus scrapes.
 from tams_app.telemetry.address import Address, check_address
 from tams_app.telemetry.group import ViewerGroup
 from tams_app.telemetry.metrics import Metrics
-from tams_app.telemetry.scene import Lens, Scene
+from tams_app.telemetry.scene import Scene
 from tams_app.telemetry.telemetry import Telemetry
 
-__all__ = ["Address", "Lens", "Metrics", "Scene", "Telemetry", "ViewerGroup", "check_address"]
+__all__ = ["Address", "Metrics", "Scene", "Telemetry", "ViewerGroup", "check_address"]

@@ -5,7 +5,6 @@ Sent again every few seconds, as a viewer that connects late knows only what it 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
@@ -22,27 +21,13 @@ from foxglove.messages import (
     SceneUpdate,
 )
 
-from tams_app.records import ArmFigure, ArmState, Pose, SceneTruth, Solid
+from tams_app.records import ArmFigure, ArmState, Lens, Pose, SceneTruth, Solid
 from tams_app.telemetry.messages import BASE, colour_of, entities, timestamp, transform
 from tams_app.vectors import Floats3
 
 TRACKING = "tracking"
 _BOX_COLOUR = (0.95, 0.75, 0.10)
 _BOX_LINE_PX = 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Lens:
-    """The pose of a view's camera in the frame `parent`, and its picture.
-
-    `pose`: x to the right, y down, z forwards in the picture.
-    """
-
-    parent: str
-    pose: Pose
-    fovy_deg: float  # vertical
-    width: int
-    height: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,7 +115,7 @@ def _wire_box(wall_ns: int, lower: Floats3, upper: Floats3) -> SceneEntity:
 
 def _calibration(wall_ns: int, view: str, lens: Lens) -> CameraCalibration:
     """An ideal lens with square pixels, its axis through the middle of the picture."""
-    focal = lens.height / 2.0 / math.tan(math.radians(lens.fovy_deg) / 2.0)
+    focal = lens.focal_px
     x, y = lens.width / 2.0, lens.height / 2.0
     return CameraCalibration(
         timestamp=timestamp(wall_ns),

@@ -163,12 +163,12 @@ class Limits:
         if norm(linear) < _STILL and norm(angular) < _STILL:
             return math.inf
         twist = (*linear, *angular)
-        speeds = self._speeds(twist, joints)
+        speeds = joint_speeds(self._model, twist, joints)
         if speeds is None:
             return 0.0
         share = self._share(speeds)
         step_s = _STEP_RAD / max(map(abs, speeds))
-        further = self._speeds(twist, joints + step_s * np.array(speeds))
+        further = joint_speeds(self._model, twist, joints + step_s * np.array(speeds))
         later = math.inf if further is None else self._share(further)
         closing = (1.0 - (share / later) ** 2) / step_s  # 1 / t, negative away from it
         margin_s = 1.0 / (norm(linear) / _MARGIN_M + norm(angular) / _MARGIN_RAD)
@@ -184,16 +184,17 @@ class Limits:
         half = law.stops_within_s / least_s / 2.0
         return 1.0 / (half + math.hypot(half, share / law.share))
 
-    def _speeds(self, twist: Sequence[float], joints: Vector) -> list[float] | None:
-        """The joint speeds [rad/s] that give `twist`; None where none do."""
-        *_, solution, failed = dgesv(self._model.jacobian(joints), twist)
-        speeds: list[float] = solution.tolist()
-        return None if failed or not all(map(math.isfinite, speeds)) else speeds
-
     def _share(self, speeds: Iterable[float]) -> float:
         """Of the limits, the largest."""
         share: float = max(map(truediv, map(abs, speeds), self._joint_speeds))
         return share
+
+
+def joint_speeds(model: ArmModel, twist: Sequence[float], joints: Vector) -> list[float] | None:
+    """The joint speeds [rad/s] that give `twist` [m/s, rad/s] at `joints` [rad]; None: none do."""
+    *_, solution, failed = dgesv(model.jacobian(joints), twist)
+    speeds: list[float] = solution.tolist()
+    return None if failed or not all(map(math.isfinite, speeds)) else speeds
 
 
 def _what_stopped(

@@ -275,6 +275,19 @@ def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch
     assert "gir1.2-gtk-4.0" in finding.fix
 
 
+def test_a_camera_on_the_arm_that_was_not_measured_is_told_where_it_is_to_be_predicted() -> None:
+    rig = load_config(None, {"view.predict": "eih"})
+    (found,) = checks.predictive_display(rig)
+    assert found.ok
+    assert found.detail == "eih"
+    real = rig.model_copy(update={"rig": rig.rig.model_copy(update={"enabled": False})})
+    (found,) = checks.predictive_display(real)
+    assert not found.ok
+    assert not found.essential
+    assert "as received" in found.fix
+    assert not list(checks.predictive_display(load_config(None, {})))
+
+
 def test_netem_is_found_where_it_can_be_loaded(tmp_path: Path) -> None:
     assert not checks.kernel_has_netem(tmp_path)
     modules = tmp_path / "lib/modules" / platform.release()

@@ -42,7 +42,7 @@ _MODULES = {
     "renderer": "hw.sim.world.renderer",
     "relay": "tams_app.video.live.relay",
     "guard": "hw.guard.process",
-    "quality": "tams_app.video.live.quality_process",
+    "quality": "tams_app.station.quality_process",
     "operator": "tams_app.station.operator_process",
     "link": "tams_app.link.gateway",
 }

@@ -47,6 +47,7 @@ welcomes = st.builds(
     repair=settings_of_video,
     hand_rotation=st.tuples(*[st.tuples(NUMBER, NUMBER, NUMBER)] * 3),
     workspace=settings_of_video,
+    driving=st.none() | st.dictionaries(TEXT, settings_of_video, max_size=3),
     stopped_after_ms=NUMBER,
 )
 hands = st.builds(
@@ -169,6 +170,7 @@ WELCOME = Welcome(
     repair={},
     hand_rotation=((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     workspace={},
+    driving={},
     stopped_after_ms=350.0,
 )
 

@@ -74,6 +74,7 @@ def welcome(**changes: object) -> bytes:
         "repair": asdict(RepairRule(True, 60, 300.0)),
         "hand_rotation": config.hand.rotation,
         "workspace": {},
+        "driving": {},
         "stopped_after_ms": 350.0,
     }
     return encode(Welcome(**{**fields, **changes}))

@@ -91,6 +91,43 @@ def test_live_looks_at_what_was_on_screen_at_the_capture() -> None:
     assert same(on_time[5].on_screen, luma(1003))
 
 
+def test_live_looks_at_what_the_screen_showed_of_a_frame_that_is_corrected() -> None:
+    asked: list[tuple[int, int]] = []
+
+    def present(shown: Luma, capture_ns: int, now_ns: int) -> Luma:
+        asked.append((capture_ns, now_ns))
+        return 255 - shown
+
+    quality = ViewQuality("eih", present=present)
+    fates: list[Fate] = []
+    for index in range(6):
+        fates += quality.captured(index, captured_at(index), luma(index))
+        fates += quality.shown(index, captured_at(index) + NS_PER_MS, luma(1000 + index))
+    assert fates[0].on_screen is None
+    for index in range(1, 6):
+        assert same(fates[index].on_screen, 255 - luma(1000 + index - 1))
+        assert same(fates[index].shown, luma(1000 + index))
+        assert same(fates[index].stand_in, luma(1000 + index))
+    assert asked == [(captured_at(index), captured_at(index + 1)) for index in range(5)]
+
+
+def test_a_frame_whose_image_or_capture_is_not_known_is_not_corrected() -> None:
+    def present(_shown: Luma, _capture_ns: int, _now_ns: int) -> Luma:
+        raise AssertionError
+
+    quality = ViewQuality("eih", present=present)
+    quality.shown(7, captured_at(0) - NS_PER_MS, luma(1))  # of no capture here
+    (first,) = quality.captured(8, captured_at(0), luma(2)) or quality.finish(captured_at(1))
+    assert same(first.on_screen, luma(1))
+    quality = ViewQuality("eih", present=present)
+    quality.captured(0, captured_at(0), luma(0))
+    quality.shown(0, captured_at(0) + NS_PER_MS, None)
+    quality.captured(1, captured_at(1), luma(1))
+    (second,) = quality.finish(captured_at(2))
+    assert second.on_screen is not None
+    assert second.on_screen.luma is None
+
+
 def test_an_image_that_stays_for_more_than_200_ms_is_a_freeze() -> None:
     six = play(dict.fromkeys([0, 1, 7, 8], FRAME_NS), 9)  # 198 ms
     assert not any(fate.record.frozen for fate in six)

@@ -14,7 +14,10 @@ import numpy as np
 import pytest
 
 from tams_app.errors import HelperError
-from tams_app.records import Frame, FrameQuality, Image
+from tams_app.records import Frame, FrameQuality, Image, Pose
+from tams_app.station.mount_memory import MountMemory
+from tams_app.station.quality_client import QualityClient
+from tams_app.station.quality_process import WAITING_FATES, SparePace, ViewScores, run
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
 from tams_app.video.live.frame_ring import (
@@ -25,8 +28,7 @@ from tams_app.video.live.frame_ring import (
     FrameWriter,
     RingLayout,
 )
-from tams_app.video.live.quality_client import QualityClient
-from tams_app.video.live.quality_process import WAITING_FATES, SparePace, ViewScores, run
+from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
 
 pytestmark = pytest.mark.waiting
 
@@ -164,10 +166,14 @@ class Told:
 class Pushed:
     """A client, and the memory of the frames shown, which is the session's."""
 
-    def __init__(self, told: Told, logs: Path) -> None:
+    def __init__(self, told: Told, logs: Path, mount: MountMemory | None = None) -> None:
         self.screen = FrameBlock(RingLayout(SHOWN, ("eih", "gt"), WIDTH, HEIGHT))
         self.client = QualityClient(
-            self.screen, log_directory=logs, on_quality=told.add, on_failure=told.fail
+            self.screen,
+            log_directory=logs,
+            on_quality=told.add,
+            on_failure=told.fail,
+            mount=mount,
         )
 
     def push(self, index: int, shown: bool = True) -> None:
@@ -246,3 +252,38 @@ def test_a_helper_that_cannot_start_leaves_nothing_behind(
         pushed.client.start()
     pushed.close()
     assert blocks() == set()
+
+
+def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None:
+    """The camera glides over a pattern; each frame is drawn two frames later."""
+    cameras, lens = {"eih": camera_of(WIDTH, HEIGHT)}, lens_of(WIDTH, HEIGHT)
+    told, mount = Told(), MountMemory(cameras)
+    pushed = Pushed(told, tmp_path, mount)
+    pushed.client.start()
+
+    def flange(t_ns: int) -> Pose:
+        return above(0.15 * t_ns / 1e9, 0.0, 0.2)
+
+    late_ns = 2 * FRAME_NS
+    try:
+        for step in range(150):
+            t_ns = step * 8 * NS_PER_MS
+            mount.put(placed(t_ns, flange(t_ns - late_ns), flange(t_ns), late_ns))
+        for index in range(12, 30):
+            now_ns = index * FRAME_NS
+            seen = picture(lens, flange(now_ns))
+            then_ns = now_ns - late_ns
+            for view in ("eih", "gt"):
+                pushed.client.push_capture(Frame(view, index, now_ns, seen))
+                late = picture(lens, flange(then_ns))
+                pushed.screen.put(view, index - 2, now_ns + NS_PER_MS, late, then_ns)
+        assert told.wait(records=20)
+    finally:
+        pushed.close()
+        mount.close()
+    live = {
+        view: [one.live for one in told.records if one.view == view and one.live is not None]
+        for view in ("eih", "gt")
+    }
+    assert len(live["eih"]) > 5
+    assert min(live["eih"][2:]) > max(live["gt"][2:]) + 0.05

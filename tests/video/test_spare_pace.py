@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tams_app.station.quality_process import LARGEST_SHARE, LEAST_SHARE, SparePace
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.live.quality_process import LARGEST_SHARE, LEAST_SHARE, SparePace
 
 pytestmark = pytest.mark.untimed
 

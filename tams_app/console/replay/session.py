@@ -26,6 +26,7 @@ from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
+from tams_app.station.mount_memory import MountMemory
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
@@ -61,6 +62,7 @@ class ReplaySession:
     """Satisfies what the console needs of a session; from one thread, but for what is asked."""
 
     keyboard: KeyboardController | None = None
+    mount: MountMemory | None = None  # pictures are as they were received
     failure = ""
 
     def __init__(

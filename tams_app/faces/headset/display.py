@@ -8,6 +8,7 @@ from hw.openvr.overlays import Overlays
 from tams_app import palette
 from tams_app.config import HeadsetConfig
 from tams_app.faces.application import Opened
+from tams_app.faces.corrected import Corrected
 from tams_app.faces.figures import is_old, view_title
 from tams_app.faces.headset.layout import Atlas, Crop, panel_place, view_places
 from tams_app.faces.headset.painting import ViewCell, paint_panel
@@ -17,6 +18,7 @@ from tams_app.faces.messages import Facts
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import as_known
+from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 
 PANEL = "panel"
@@ -42,7 +44,7 @@ class HeadsetDisplay:
         config: HeadsetConfig,
         overlays: Overlays,
         texture: AtlasTexture,
-        now_ns: int,
+        clock: Clock,
     ) -> None:
         """`overlays`: of `overlay_names`. SetupError if there is no texture for all of it."""
         self._opening, self._frames, self._facts = opened.opening, opened.frames, opened.facts
@@ -55,12 +57,13 @@ class HeadsetDisplay:
             for number, view in enumerate(views)
         }
         self._seen = dict.fromkeys(views, 0)
+        self._corrected = Corrected(opened.present, opened.frames, clock)
         self._places = Places(views)
         self._words: PanelWords | None = None
         self._newest: Facts | None = None
         self._silence_ns = 0  # when to show the duration of a silence anew
         self._dirty = set(views)
-        self._pacer = Pacer(now_ns, time.process_time_ns())
+        self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self.drawings = 0
         for view in views:
             self._cells[view].set_title(view_title(view, None, False, self._opening), False)
@@ -104,6 +107,7 @@ class HeadsetDisplay:
         for view, cell in self._cells.items():
             view_facts = facts.state.views.get(view)
             title = view_title(view, view_facts, view == facts.state.primary_view, opening)
+            title += self._corrected.words(view)
             silent = facts.silent_s is not None
             if cell.set_title(title, silent or is_old(view_facts, opening.old_ms), silent):
                 self._dirty.add(view)
@@ -129,11 +133,13 @@ class HeadsetDisplay:
     def _take_frames(self) -> None:
         for view, reader in self._frames.items():
             written = reader.written()
-            if written == self._seen[view]:
+            if written == self._seen[view] and not self._corrected.moves(view):
                 continue
-            if reader.newest_image(self._cells[view].show) is None:
+            image = self._corrected.newest(view)
+            if image is None:
                 self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
                 continue
+            self._cells[view].show(image)
             self._seen[view] = written
             self._dirty.add(view)
 

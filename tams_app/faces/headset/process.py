@@ -68,7 +68,7 @@ def _show(
     config = HeadsetConfig.model_validate(side.specification["headset"])
     names = overlay_names(opened.opening.views)
     overlays = Overlays(runtime, names, config.placement == "head")
-    display = HeadsetDisplay(opened, config, overlays, texture, clock.now_ns())
+    display = HeadsetDisplay(opened, config, overlays, texture, clock)
     beat_ns, reported = round(BEAT_S * NS_PER_S), 0
     while not side.stop_requested.wait(_LOOK_S):
         now_ns = clock.now_ns()

@@ -35,6 +35,7 @@ _WINDOW_HELP = (
     ("F1", "show or hide this list"),
     ("F11", "whole screen, or a window again"),
 )
+_CORRECTED_HELP = (("F2", "show the wrist view as received, or predicted again"),)
 _VIEWS_HELP = (
     ("1, 2, 3 …", "keep this view large, whatever is primary; again: the primary one is large"),
     ("Tab", "exchange the large view with the first small one, and keep it large"),
@@ -61,11 +62,15 @@ _MARKING_HELP = (
 
 
 def key_help(
-    hand: str, replay: bool = False, blind: bool = False, has_episodes: bool = False
+    hand: str,
+    replay: bool = False,
+    blind: bool = False,
+    has_episodes: bool = False,
+    corrects: bool = False,
 ) -> tuple[tuple[str, str], ...]:
     """All keys with what they do, and the controls of `hand` (`HANDS`).
 
-    `blind`, `has_episodes`: of `Opening`.
+    `blind`, `has_episodes`: of `Opening`. `corrects`: it has `cameras`.
     """
     if replay:
         return (*(_MARKING_HELP if blind else _VIEWS_HELP), *_REPLAY_HELP)
@@ -79,6 +84,7 @@ def key_help(
         *_STOP_HELP,
         ("Enter", confirm),
         *_WINDOW_HELP,
+        *(_CORRECTED_HELP if corrects else ()),
         *of_trial,
         *of_episodes,
         *words.controls,

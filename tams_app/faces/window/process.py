@@ -48,6 +48,7 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
         application.report,
         MonotonicClock(),
         read_size(path, first_size(*screen_size())),
+        opened.present,
     )
     window.present()
     loop = GLib.MainLoop()

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from enum import Enum, auto
 from typing import Any
 
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
+from tams_app.faces.corrected import Corrected
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
@@ -39,6 +41,7 @@ from tams_app.faces.window.style import (
 )
 from tams_app.faces.window.toolkit import load
 from tams_app.runtime.clock import Clock
+from tams_app.station.mount_memory import PresentViews
 from tams_app.units import NS_PER_MS
 from tams_app.video.live.frame_ring import FrameReader
 
@@ -48,6 +51,14 @@ _NOT_LOOKING_NS = 200 * NS_PER_MS
 _FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
 _SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 _TIMELINE_PX, _GAP_PX = 48, 4
+
+
+class Taken(Enum):
+    """What a look for frames has found."""
+
+    NOTHING = auto()
+    CORRECTIONS = auto()  # of frames that were there already
+    FRAMES = auto()
 
 
 class OperatorWindow:
@@ -61,13 +72,18 @@ class OperatorWindow:
         report: Callable[[Event], None],
         clock: Clock,
         size: Size,
+        present: PresentViews | None = None,
     ) -> None:
-        """`report` sends an event to the application; it must not wait."""
+        """`report` sends an event to the application; it must not wait.
+
+        `present`: the views whose frames are corrected.
+        """
         self._modules = load()
         self._opening = opening
         self._frames = frames
         self._seen = dict.fromkeys(opening.views, 0)
         self._textures: dict[str, Any] = {}
+        self._corrected = Corrected(present, frames, clock)
         self._facts_reader = facts
         self._facts: Facts | None = None  # as they were put last
         self._shown: Facts | None = None  # as they may be shown
@@ -76,7 +92,11 @@ class OperatorWindow:
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
         self._key_help = key_help(
-            opening.hand, self._is_replay, opening.blind, opening.has_episodes
+            opening.hand,
+            self._is_replay,
+            opening.blind,
+            opening.has_episodes,
+            bool(opening.cameras),
         )
         self._places = Places(opening.views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
@@ -209,6 +229,9 @@ class OperatorWindow:
             self._arrange(name)
             if name == "F1":
                 self._keys.set_visible(not self._keys.get_visible())
+            elif name == "F2":
+                self._corrected.toggle()
+                self._seen = dict.fromkeys(self._seen, 0)  # what is drawn changes at once
             elif name == "F11":
                 self._toggle_fullscreen()
         return True
@@ -306,8 +329,8 @@ class OperatorWindow:
             self._take_in(as_known(facts, now_ns), now_ns)
         elif self._facts is not None and self._is_silent(self._facts, now_ns):
             self._take_in(as_known(self._facts, now_ns), now_ns)
-        if self._pacer.may_draw(now_ns) and self._take_frames():
-            self._drawings += 1
+        if self._pacer.may_draw(now_ns) and (taken := self._take_frames()) is not Taken.NOTHING:
+            self._drawings += taken is Taken.FRAMES
             self._pacer.drawn(now_ns, time.process_time_ns())
         self._looked_ns = self._clock.now_ns()
         return True
@@ -356,23 +379,26 @@ class OperatorWindow:
             is_primary = state is not None and view == state.primary_view
             pinned = view == self._places.pinned
             title = view_title(view, view_state, is_primary, self._opening, pinned)
+            title += self._corrected.words(view)
             picture.set_title(title, view_class(self._opening.views.index(view)))
 
-    def _take_frames(self) -> bool:
-        """Show the newest frame of each view; whether there was any."""
-        new = []
+    def _take_frames(self) -> Taken:
+        """Show the newest frame of each view, and those that are corrected as they look now."""
+        new: list[str] = []
+        again: list[str] = []
         for view, reader in self._frames.items():
             written = reader.written()
-            if written == self._seen[view]:
+            is_new = written != self._seen[view]
+            if not is_new and not self._corrected.moves(view):
                 continue
-            image = reader.newest_image()
+            image = self._corrected.newest(view)
             if image is None:  # overwritten meanwhile: the next look finds a newer one
                 continue
             self._seen[view] = written
             self._textures[view] = texture_of(image)
-            new.append(view)
-        self._show_textures(new)
-        return bool(new)
+            (new if is_new else again).append(view)
+        self._show_textures([*new, *again])
+        return Taken.FRAMES if new else Taken.CORRECTIONS if again else Taken.NOTHING
 
     def _show_textures(self, views: Any) -> None:
         for view, picture in zip(self._places.views, self._pictures, strict=True):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 
@@ -34,8 +34,12 @@ class VirtualRobotSide(Listener):
         operator: VirtualOperator,
         captured: Callable[[Frame], None],
         ended: Callable[[str], None],
+        listeners: Sequence[Listener] = (),
     ) -> None:
-        """`captured` gets each frame before it is sent. `ended` gets why the trial is over."""
+        """`captured` gets each frame before it is sent. `ended` gets why the trial is over.
+
+        `listeners` of the loops, besides those of a session.
+        """
         self._events, self._operator = events, operator
         self._rate_hz = config.control.rate_hz
         with ExitStack() as stack:
@@ -54,7 +58,7 @@ class VirtualRobotSide(Listener):
                 log,
                 Signals(),
                 lambda: ended("the trial is over"),
-                (self,),
+                (self, *listeners),
             )
             self._stack = stack.pop_all()
 

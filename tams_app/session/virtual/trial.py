@@ -12,6 +12,7 @@ from tams_app.errors import ConfigError
 from tams_app.records import Outcome, ShownFrame
 from tams_app.robot import build
 from tams_app.runtime.clock import VirtualClock
+from tams_app.session.predicting import predicted_trial
 from tams_app.session.recorders import virtual_records
 from tams_app.session.virtual.operator import MakeOperator, VirtualOperator
 from tams_app.session.virtual.side import VirtualRobotSide
@@ -53,7 +54,8 @@ class VirtualTrial:
             records = virtual_records(config, folder, self._clock, wall_start_ns)
             self._log = stack.enter_context(records)
             scored = config.video.views if config.video.quality.enabled else ()
-            self._scores = scores = FrameScores(scored, self._log.record)
+            states, present = predicted_trial(config, self._log)
+            self._scores = scores = FrameScores(scored, self._log.record, present)
 
             def shown(frame: ShownFrame) -> None:
                 scores.shown(frame)
@@ -68,6 +70,7 @@ class VirtualTrial:
                 self._operator,
                 scores.captured,
                 self._end,
+                states,
             )
             stack.callback(self._robot.close)
             self._stack = stack.pop_all()

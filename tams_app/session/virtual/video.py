@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
 from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
-from tams_app.video.core.quality import Fate, Scorer, ViewQuality
+from tams_app.video.core.quality import Fate, Present, Scorer, ViewQuality
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.networks import resolve_network
 from tams_app.video.virtual.shared import VideoRecords
@@ -22,8 +22,17 @@ class FrameScores:
     Every frame is scored: nothing is left out where time waits. Frames of other views are ignored.
     """
 
-    def __init__(self, views: Iterable[str], record: Callable[[FrameQuality], None]) -> None:
-        self._views = {view: (ViewQuality(view), Scorer()) for view in views}
+    def __init__(
+        self,
+        views: Iterable[str],
+        record: Callable[[FrameQuality], None],
+        present: Mapping[str, Present] | None = None,
+    ) -> None:
+        """`present`: by view, what the screen shows of a frame that is corrected."""
+        found = present or {}
+        self._views = {
+            view: (ViewQuality(view, present=found.get(view)), Scorer()) for view in views
+        }
         self._record = record
 
     def captured(self, frame: Frame) -> None:

@@ -7,11 +7,16 @@ once its fate is decided, with the images to compare. `Scorer` compares them (se
 from __future__ import annotations
 
 from collections import OrderedDict, deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 from tams_app.records import FrameQuality
 from tams_app.video.core.frame_interval import FrameIntervals, freeze_ns
 from tams_app.video.core.ssim import FrameMoments, Luma, ssim
+
+Present: TypeAlias = Callable[[Luma, int, int], Luma]
+"""What the screen shows of a frame (captured [ns]) at a time [ns], where it is corrected."""
 
 WINDOW_FRAMES = 90  # three seconds: the link, repair and decoding keep nothing for as long
 _KEPT_MOMENTS = 8  # images; one takes 2.5 MB
@@ -61,9 +66,13 @@ class ViewQuality:
     before it.
     """
 
-    def __init__(self, view: str, window_frames: int = WINDOW_FRAMES) -> None:
+    def __init__(
+        self, view: str, window_frames: int = WINDOW_FRAMES, present: Present | None = None
+    ) -> None:
+        """`present`: what is on screen of a frame; None: the frame."""
         self._view = view
         self._window_frames = window_frames
+        self._present = present
         self._pending: OrderedDict[int, _Captured] = OrderedDict()
         self._history: deque[_Shown] = deque()  # from what pending captures found on screen on
         self._newest_capture_ns = 0
@@ -121,8 +130,21 @@ class ViewQuality:
             delivered=None,
             live=None,
         )
-        images = (one.image if one else None for one in (shown, stand_in, on_screen))
-        return Fate(record, capture.image, *images)
+        return Fate(
+            record,
+            capture.image,
+            shown.image if shown else None,
+            stand_in.image if stand_in else None,
+            self._on_screen(on_screen, capture.capture_ns),
+        )
+
+    def _on_screen(self, shown: _Shown | None, now_ns: int) -> Image | None:
+        """What the screen showed of it."""
+        if shown is None or self._present is None:
+            return shown.image if shown else None
+        if shown.image.luma is None or shown.capture_ns is None:
+            return shown.image
+        return Image(self._present(shown.image.luma, shown.capture_ns, now_ns))
 
     def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
         """The time that an image stayed on screen, up to now."""

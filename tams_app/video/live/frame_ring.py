@@ -2,7 +2,7 @@
 
 One block of memory per kind, in it one ring per view. Captured frames are kept as luma, for the
 SSIM helper alone; shown ones in colour, since the seeing operator looks at them too: copying is
-cheaper than making luma, which is left to the SSIM helper. Index and time of the last
+cheaper than making luma, which is left to the SSIM helper. Index and times of the last
 ENTRIES frames are kept, the pixels of the last IMAGES: a reader that falls behind learns of every
 frame, though it may miss what it looked like.
 """
@@ -33,7 +33,7 @@ from tams_app.video.core.ssim import Luma
 
 IMAGES = 16  # half a second
 ENTRIES = 1024  # half a minute
-_ENTRY = struct.Struct("<qq")  # index, time [ns]
+_ENTRY = struct.Struct("<qqq")  # index, when it was put and when captured [ns]
 CAPTURED, SHOWN = "captured", "shown"
 _CHANNELS = {CAPTURED: 1, SHOWN: 3}
 
@@ -74,6 +74,7 @@ class RingEntry:
 
     index: int
     t_ns: int
+    capture_ns: int
     luma: Luma | None
 
 
@@ -85,12 +86,16 @@ class FrameWriter:
         self._shape = (layout.height, layout.width, 3)
         self._bulk_shape = layout.bulk_shape
 
-    def put(self, index: int, t_ns: int, image: Image) -> None:
-        """Put a BGR image, shape (height, width, 3); ValueError for another size."""
+    def put(self, index: int, t_ns: int, image: Image, capture_ns: int | None = None) -> None:
+        """Put a BGR image, shape (height, width, 3); ValueError for another size.
+
+        `capture_ns`: None: `t_ns`.
+        """
         if image.shape != self._shape:
             raise ValueError(f"expected a frame of shape {self._shape}, got {image.shape}")
         fill = self._to_luma if len(self._bulk_shape) == 2 else self._copy
-        self._ring.put(_ENTRY.pack(index, t_ns), lambda bulk: fill(bulk, image))
+        captured_ns = t_ns if capture_ns is None else capture_ns
+        self._ring.put(_ENTRY.pack(index, t_ns, captured_ns), lambda bulk: fill(bulk, image))
 
     def _to_luma(self, bulk: Bulk, image: Image) -> None:
         cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=bulk.reshape(self._bulk_shape))
@@ -120,10 +125,20 @@ class FrameReader:
             head, luma = self._ring.head(number), self._ring.bulk(number, self._luma)
             if head is None:  # overwritten while the ones before it were read
                 continue
-            index, t_ns = _ENTRY.unpack(head)
-            entries.append(RingEntry(index, t_ns, luma))
+            index, t_ns, capture_ns = _ENTRY.unpack(head)
+            entries.append(RingEntry(index, t_ns, capture_ns, luma))
         self._next = max(self._next, until)
         return entries
+
+    def newest_frame(self) -> tuple[int, int, Image] | None:
+        """The newest frame, and when it was put and captured [ns]; None as for `newest_image`."""
+        number = self._ring.written() - 1
+        head = self._ring.head(number) if number >= 0 else None
+        image = self._ring.bulk(number) if head is not None else None
+        if head is None or image is None:
+            return None
+        _, put_ns, capture_ns = _ENTRY.unpack(head)
+        return put_ns, capture_ns, image.reshape(self._bulk_shape)
 
     def newest_image(self, take: Callable[[Image], Image] = np.copy) -> Image | None:
         """The result of `take` on the newest frame; None before the first, or if overwritten.
@@ -171,10 +186,12 @@ class FrameBlock:
             }
             self._stack = stack.pop_all()
 
-    def put(self, view: str, index: int, t_ns: int, image: Image) -> None:
-        """Put a BGR image; each view from one thread."""
+    def put(
+        self, view: str, index: int, t_ns: int, image: Image, capture_ns: int | None = None
+    ) -> None:
+        """Put a BGR image; each view from one thread. `capture_ns`: None: `t_ns`."""
         if writer := self._writers.get(view):
-            writer.put(index, t_ns, image)
+            writer.put(index, t_ns, image, capture_ns)
 
     def hide(self) -> None:
         """Take the name away, once all readers have it open: nothing is left behind then."""

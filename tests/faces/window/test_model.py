@@ -164,6 +164,11 @@ def test_who_marks_phases_finds_each_key_in_the_list_and_beside_the_views() -> N
     assert "1" not in dict(key_help("openvr", replay=True))
 
 
+def test_the_key_for_frames_as_received_is_listed_where_any_are_predicted() -> None:
+    assert "F2" in dict(key_help("keyboard", corrects=True))
+    assert "F2" not in dict(key_help("keyboard"))
+
+
 def test_keys_of_episodes_are_listed_where_there_are_any_and_buttons_that_can_be_held() -> None:
     keys = {key for key, _ in KEYS}
     for hand in ("openvr", "gamepad", "keyboard", "spacemouse"):

@@ -7,8 +7,11 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
+
 from tams_app.records import Frame, FrameQuality
 from tams_app.runtime.process import HelperProcess
+from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.frame_ring import CAPTURED, FrameBlock
 from tams_app.video.live.reporting_helper import ReportingHelper
 
@@ -30,13 +33,17 @@ class QualityClient:
         log_directory: Path | None,
         on_quality: Callable[[FrameQuality], None],
         on_failure: Callable[[str, BaseException], None],
+        mount: MountMemory | None = None,
     ) -> None:
-        """`shown`: the memory of the frames shown, which the caller fills and closes."""
-        self._shown = shown
+        """`shown`: the memory of the frames shown, which the caller fills and closes.
+
+        `mount`: that of the cameras whose frames are corrected.
+        """
+        self._shown, self._mount = shown, mount
         self._captured = FrameBlock(replace(shown.layout, kind=CAPTURED))
         self._helper = ReportingHelper(
             "quality",
-            "tams_app.video.live.quality_process",
+            "tams_app.station.quality_process",
             log_directory=log_directory,
             report_type=FrameQuality,
             on_report=on_quality,
@@ -49,7 +56,7 @@ class QualityClient:
 
     def start(self) -> None:
         """Start the helper and wait until it works; HelperError or OSError if it cannot."""
-        layout = self._shown.layout
+        layout, mount = self._shown.layout, self._mount
         with ExitStack() as stack:
             stack.callback(self._captured.close)
             self._captured.create()
@@ -59,6 +66,8 @@ class QualityClient:
                 {
                     "captured_memory": self._captured.name,
                     "shown_memory": self._shown.name,
+                    "mount_memory": "" if mount is None else mount.name,
+                    "cameras": {} if mount is None else msgspec.to_builtins(mount.cameras),
                     "views": layout.views,
                     "width": layout.width,
                     "height": layout.height,

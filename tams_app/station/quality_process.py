@@ -1,8 +1,9 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
-Specification: captured_memory, shown_memory, views, width, height, reports. It reports every
-captured frame's fate as a FrameQuality, with scores where there was time to spare (`SparePace`),
-each view in turn, so that what is left out is spread evenly.
+Specification: captured_memory, shown_memory, mount_memory ("": none), views, width, height,
+cameras (`WristCamera` by view), reports. It reports every captured frame's fate as a FrameQuality,
+with scores where there was time to spare (`SparePace`), each view in turn, so that what is left out
+is spread evenly.
 """
 
 from __future__ import annotations
@@ -10,19 +11,23 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import cv2
+import msgspec
 import psutil
 
+from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.records import FrameQuality
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import use_idle
 from tams_app.runtime.shared_ring import open_block
+from tams_app.station.mount_memory import PresentViews
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.quality import Fate, Scorer, ViewQuality
+from tams_app.video.core.quality import Fate, Present, Scorer, ViewQuality
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.live.reporting_helper import line_of, reports_to_session
 
@@ -72,11 +77,13 @@ class ViewScores:
         captured: FrameReader,
         shown: FrameReader,
         report: Callable[[FrameQuality], None],
+        present: Present | None = None,
     ) -> None:
+        """`present`: as for `ViewQuality`."""
         self._captured = captured
         self._shown = shown
         self._report = report
-        self._quality = ViewQuality(view)
+        self._quality = ViewQuality(view, present=present)
         self._scorer = Scorer()
         self._waiting: deque[Fate] = deque()
 
@@ -161,12 +168,14 @@ def main() -> None:
         def report(quality: FrameQuality) -> None:
             results.sendall(line_of(quality))
 
+        present = _present(specification)
         views = [
             ViewScores(
                 name,
                 FrameReader(captures, captured, name),
                 FrameReader(screen, shown, name),
                 report,
+                present.get(name),
             )
             for name in names
         ]
@@ -176,6 +185,15 @@ def main() -> None:
             run(views, clock, SparePace(idle_fraction, clock.now_ns()), side.stop_requested)
         except ConnectionError as error:
             raise SystemExit("the session is gone") from error
+
+
+def _present(specification: dict[str, Any]) -> dict[str, Present]:
+    """By view, what the operator is shown of a frame that is corrected."""
+    if not specification["mount_memory"]:
+        return {}
+    cameras = msgspec.convert(specification["cameras"], dict[str, WristCamera])
+    views = PresentViews(cameras, open_block(str(specification["mount_memory"])))
+    return {view: partial(views.luma, view) for view in cameras}
 
 
 if __name__ == "__main__":

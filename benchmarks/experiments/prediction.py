@@ -1,0 +1,269 @@
+"""How much of the present a late eye-in-hand frame shows, corrected in different ways.
+
+`python -m benchmarks.experiments.prediction` lets a participant with perfect eyes carry the block
+in virtual time, one trial for each seed, and looks at the moving parts as an operator would for
+whom frame, state and samples are late: by the one-way latency, the frame by 45 ms more and the
+state by 5 ms more. First, how far from the truth the arm's TCP is believed to be now: by the newest
+state, by that state extrapolated at its own speed, by the forward model. Then the similarity (SSIM)
+of the frame to the one that the camera takes now: as it is, and warped to each of those poses, and
+to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+from hw.arms import arm_kind
+from hw.sim.layout import draw_layout
+from hw.sim.world.scene_renderer import SceneRenderer
+from tams_app.config import Config, load_config
+from tams_app.prediction.forward_model import ArmHeard, ForwardModel
+from tams_app.prediction.plane_warp import WristWarp
+from tams_app.prediction.trail import Trail
+from tams_app.records import Image, Pose, Tick, Vector
+from tams_app.robot.build import ready_pose
+from tams_app.session.viewing import scene_of
+from tams_app.session.virtual.videoless import VideolessTrial
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS
+from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
+
+ONE_WAY_MS = (40.0, 100.0, 200.0, 400.0)
+FRAME_MS, STATE_MS = 45.0, 5.0  # older than the one-way latency
+VIEW = "eih"
+_EACH_TICKS = 40
+_SPEED_OVER = 5  # states, 60 a second: what they are extrapolated by
+_WHOLE = 1 << 62
+BELIEFS = ("as received", "newest state", "extrapolated", "forward model", "true pose")
+
+
+class Recorded(VideolessTrial):
+    """A trial of which the renderer's state at each tick is kept."""
+
+    def __init__(self, config: Config, seed: int) -> None:
+        super().__init__(config, seed)
+        self.world = Trail(_WHOLE)
+
+    def on_tick(self, tick: Tick) -> None:
+        super().on_tick(tick)
+        self.world.add(self._robot.arm.simulated_ns, self._robot.qpos)
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """What is believed of the joints [rad] at a time, by the name of the belief."""
+
+    now_ns: int
+    frame_ns: int
+    frame_joints: Vector
+    believed: dict[str, Vector]
+
+
+def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Instant]:
+    """Each third of a second while the operator is engaged."""
+    kind = arm_kind(config.arm.model)
+    model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
+    state_ns = round((one_way_ms + STATE_MS) * NS_PER_MS)
+    frame_ns = round((one_way_ms + FRAME_MS) * NS_PER_MS)
+    states, heard = trial.ticks[::2], 0  # of 120 ticks a second
+    for number, tick in enumerate(trial.ticks):
+        now_ns = tick.started_ns
+        model.sent(tick.controller, now_ns)
+        while states[heard].started_ns + state_ns <= now_ns:
+            model.heard(_heard(states[heard]), 0)
+            heard += 1
+        forecast = model.at(now_ns)
+        moves = tick.arming == ArmingState.ENGAGED and heard > _SPEED_OVER
+        if forecast is None or not moves or number % _EACH_TICKS:
+            continue
+        newest, before = states[heard - 1], states[heard - 1 - _SPEED_OVER]
+        joints, then = _joints(newest), _joints(before)
+        share = (now_ns - _time(newest)) / (_time(newest) - _time(before))
+        late = model.at(now_ns - frame_ns)
+        assert late is not None
+        yield Instant(
+            now_ns,
+            now_ns - frame_ns,
+            late.joints,
+            {
+                "newest state": joints,
+                "extrapolated": joints + (joints - then) * share,
+                "forward model": forecast.joints,
+                "true pose": trial.world.at(now_ns)[:6],
+            },
+        )
+
+
+def _heard(tick: Tick) -> ArmHeard:
+    return ArmHeard(
+        t_ns=_time(tick),
+        joints=_joints(tick),
+        until_ns=tick.started_ns,
+        arming=ArmingState(tick.arming),
+        orientation_mode=tick.orientation_mode,
+        speed_scale=tick.speed_scale,
+    )
+
+
+def _time(tick: Tick) -> int:
+    assert tick.arm is not None
+    return tick.arm.received_ns
+
+
+def _joints(tick: Tick) -> Vector:
+    assert tick.arm is not None
+    return np.array(tick.arm.joints)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Of all instants at one latency, by belief: errors [mm, degrees] and similarities."""
+
+    away_mm: dict[str, list[float]]
+    turned_deg: dict[str, list[float]]
+    similar: dict[str, list[float]]
+    unseen: list[float]
+
+
+def measure(config: Config, trial: Recorded, seed: int, found: dict[float, Measured]) -> None:
+    """Add a trial's instants."""
+    kind, scene = arm_kind(config.arm.model), scene_of(config)
+    kinematics, figure = kind.kinematics(config.arm), scene.figure
+    assert figure is not None
+    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange])
+
+    def flange(joints: Vector) -> Pose:
+        return figure.place(joints)[figure.flange]
+
+    renderer = SceneRenderer(draw_layout(seed))
+    for one_way_ms, measured in found.items():
+        for instant in instants(config, trial, one_way_ms):
+            true = kinematics.tcp_pose(instant.believed["true pose"])
+            for name, joints in instant.believed.items():
+                pose = kinematics.tcp_pose(joints)
+                away_m = float(np.linalg.norm(pose.position - true.position))
+                measured.away_mm[name].append(away_m * 1000)
+                turn = (pose.rotation * true.rotation.inv()).magnitude()
+                measured.turned_deg[name].append(float(np.degrees(turn)))
+            late = renderer.render(VIEW, trial.world.at(instant.frame_ns))
+            present = FrameMoments.of(
+                luma_of(renderer.render(VIEW, trial.world.at(instant.now_ns)))
+            )
+            measured.similar["as received"].append(_similar(late, present))
+            then = flange(instant.frame_joints)
+            for name, joints in instant.believed.items():
+                warped = warp.to_now(late, then, flange(joints))
+                shown = late if warped is None else warped.image
+                measured.similar[name].append(_similar(shown, present))
+                if name == "forward model" and warped is not None:
+                    measured.unseen.append(warped.unseen)
+    renderer.close()
+
+
+def _similar(image: Image, present: FrameMoments) -> float:
+    return ssim(present, FrameMoments.of(luma_of(image)))
+
+
+def draw(config: Config, trial: Recorded, seed: int, one_way_ms: float) -> Image:
+    """The instant at which the tool has moved most since the frame: late, corrected, true."""
+    kind, scene = arm_kind(config.arm.model), scene_of(config)
+    kinematics, figure = kind.kinematics(config.arm), scene.figure
+    assert figure is not None
+
+    def moved(instant: Instant) -> float:
+        places = instant.frame_joints, instant.believed["true pose"]
+        then, now = (kinematics.tcp_pose(joints).position for joints in places)
+        return float(np.linalg.norm(now - then))
+
+    most = max(instants(config, trial, one_way_ms), key=moved)
+    renderer = SceneRenderer(draw_layout(seed))
+    late = renderer.render(VIEW, trial.world.at(most.frame_ns))
+    true = renderer.render(VIEW, trial.world.at(most.now_ns))
+    renderer.close()
+    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange])
+    poses = most.frame_joints, most.believed["forward model"]
+    then, now = (figure.place(joints)[figure.flange] for joints in poses)
+    warped = warp.to_now(late, then, now)
+    assert warped is not None
+    return np.asarray(np.hstack((late, warped.image, true)), np.uint8)
+
+
+def errors_table(found: dict[float, Measured]) -> Table:
+    shown = Table("one way", "TCP from the truth, by", "mm p50", "p95", "degrees p50", "p95",
+                  box=None)  # fmt: skip
+    for one_way_ms, measured in found.items():
+        for name, away in measured.away_mm.items():
+            figures = (*_quantiles(away), *_quantiles(measured.turned_deg[name]))
+            shown.add_row(f"{one_way_ms:g} ms", name, *(f"{value:.2f}" for value in figures))
+    return shown
+
+
+def similarity_table(found: dict[float, Measured]) -> Table:
+    shown = Table("one way", "frame old", *BELIEFS, "not seen", "instants", box=None)
+    for one_way_ms, measured in found.items():
+        cells = [f"{np.mean(measured.similar[name]):.3f}" for name in BELIEFS]
+        shown.add_row(f"{one_way_ms:g} ms", f"{one_way_ms + FRAME_MS:g} ms", *cells,
+                      f"{np.mean(measured.unseen):.1%}", str(len(measured.similar["as received"]))
+                      )  # fmt: skip
+    return shown
+
+
+def _quantiles(values: Sequence[float]) -> NDArray[np.float64]:
+    return np.asarray(np.percentile(values, (50, 95)))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seeds", type=int, default=5)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--picture", type=Path, help="of the last seed, at 100 ms one way")
+    options = parser.parse_args()
+    config = load_config(overrides={"rig.enabled": True})
+    console = Console()
+    console.width = max(console.width, 130)
+    beliefs = BELIEFS[1:]
+    found = {
+        one_way_ms: Measured(
+            {name: [] for name in beliefs},
+            {name: [] for name in beliefs},
+            {name: [] for name in BELIEFS},
+            [],
+        )
+        for one_way_ms in ONE_WAY_MS
+    }
+    for seed in track(range(1, options.seeds + 1), "trials", console=console, transient=True):
+        trial = Recorded(config, seed)
+        for _seconds in trial.perform():
+            pass
+        measure(config, trial, seed, found)
+    console.print(errors_table(found))
+    console.print(similarity_table(found))
+    if options.picture:
+        cv2.imwrite(str(options.picture), draw(config, trial, seed, 100.0))
+    if options.json:
+        told = {
+            f"{one_way_ms:g}": {
+                "similarity": {name: float(np.mean(one.similar[name])) for name in BELIEFS},
+                "away_mm": {name: list(_quantiles(one.away_mm[name])) for name in beliefs},
+                "turned_deg": {name: list(_quantiles(one.turned_deg[name])) for name in beliefs},
+                "unseen": float(np.mean(one.unseen)),
+                "instants": len(one.unseen),
+            }
+            for one_way_ms, one in found.items()
+        }
+        options.json.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

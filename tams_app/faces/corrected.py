@@ -1,0 +1,61 @@
+"""The newest frame of each view as it is drawn: as received, or corrected to the present."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from tams_app.prediction.present import AsReceived
+from tams_app.records import Image
+from tams_app.runtime.clock import Clock
+from tams_app.station.mount_memory import PresentViews
+from tams_app.video.live.frame_ring import FrameReader
+
+_WORDS = {
+    AsReceived.OLD: "too old",
+    AsReceived.UNKNOWN: "arm not known",
+    AsReceived.UNSURE: "prediction off",
+    AsReceived.HORIZON: "tilted too far",
+}
+
+
+class Corrected:
+    """`newest` tells the frame to draw, `words` what the view's title says of it."""
+
+    def __init__(
+        self, present: PresentViews | None, frames: Mapping[str, FrameReader], clock: Clock
+    ) -> None:
+        """`present`: the views that are corrected; None: none is."""
+        self._present, self._frames, self._clock = present, frames, clock
+        self._is_on = True
+        self._as_received: dict[str, AsReceived | None] = {}
+
+    def toggle(self) -> None:
+        """Show all frames as received from now on, or correct them again."""
+        self._is_on = not self._is_on
+
+    def moves(self, view: str) -> bool:
+        """Whether a frame that was drawn looks different later on."""
+        return self._is_on and self._as_received.get(view, AsReceived.UNKNOWN) is None
+
+    def newest(self, view: str) -> Image | None:
+        """The frame to draw now; None before the first, or if it was overwritten meanwhile."""
+        found = self._frames[view].newest_frame()
+        if found is None:
+            return None
+        _, capture_ns, image = found
+        if self._present is None or view not in self._present or not self._is_on:
+            return image
+        shown = self._present.show(view, image, capture_ns, self._clock.now_ns())
+        self._as_received[view] = shown.as_received
+        return shown.image
+
+    def words(self, view: str) -> str:
+        """What the title says besides; "" for a view that is never corrected."""
+        if self._present is None or view not in self._present:
+            return ""
+        if not self._is_on:
+            return " · as received"
+        if view not in self._as_received:
+            return ""
+        why = self._as_received[view]
+        return " · predicted" if why is None else f" · as received: {_WORDS[why]}"

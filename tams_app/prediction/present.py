@@ -1,0 +1,168 @@
+"""What is shown of a late frame: corrected to the present, where that can be trusted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from tams_app.prediction.forward_model import ArmHeard, ForwardModel
+from tams_app.prediction.plane_warp import WristWarp
+from tams_app.prediction.trail import Trail
+from tams_app.records import ControllerSample, Image, Pose, Vector
+from tams_app.rotation import Rotation
+from tams_app.units import NS_PER_MS, NS_PER_S
+
+PREDICTED_FACT = "predicted_views"  # names of those that are corrected, joined by commas
+OLDEST_NS = 500 * NS_PER_MS  # a frame that is older is shown as received
+WORST_M = 0.010  # so far the predicted TCP may have been off in the last two seconds
+_KEPT_NS = 5 * NS_PER_S  # quality is measured until so long after a capture
+_BEYOND_NS = 50 * NS_PER_MS  # the newest state: further ahead nothing is believed
+
+
+class AsReceived(StrEnum):
+    """Why a frame is shown as it was received."""
+
+    OLD = "the frame is too old"
+    UNKNOWN = "the arm is not known"
+    UNSURE = "the prediction was wrong"
+    HORIZON = "the camera sees more than the table"
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A frame as it is shown; `as_received`: why it is not corrected, None: it is.
+
+    unseen: the share of it that the frame did not show.
+    """
+
+    image: Image
+    as_received: AsReceived | None = None
+    unseen: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """Where the camera's mount was and is believed to be, base frame.
+
+    then: at `then_ns`, on the clock that frames are captured by. now: at `now_ns`, on the clock
+    that they are shown by; offset_ns: the former minus the latter. error_m: how far off such
+    beliefs were in the two seconds before.
+    """
+
+    then_ns: int
+    then: Pose
+    now_ns: int
+    now: Pose
+    error_m: float
+    offset_ns: int = 0
+
+
+class MountTrail:
+    """Where a camera's mount was over the last seconds, and where it was believed to be then."""
+
+    def __init__(self) -> None:
+        self._then, self._now = Trail(_KEPT_NS), Trail(_KEPT_NS)
+        self._quaternion: Vector = np.zeros(4)
+        self.offset_ns = 0  # of the newest
+
+    def add(self, placed: Placed) -> None:
+        """What is known from now on; the same place may be told again."""
+        self.offset_ns = placed.offset_ns
+        self._then.add(placed.then_ns, self._numbers(placed.then))
+        self._now.add(placed.now_ns, np.append(self._numbers(placed.now), placed.error_m))
+
+    def then(self, t_ns: int) -> Pose | None:
+        """Where it was; None: not known."""
+        known = self._then.covers(t_ns, _BEYOND_NS)
+        return _pose(self._then.at(t_ns)) if known else None
+
+    def now(self, now_ns: int) -> tuple[Pose, float] | None:
+        """Where it is believed to be, and the error [m] of such beliefs of late; None: not known.
+
+        The same later on: where it was believed to be at `now_ns`.
+        """
+        if not self._now.covers(now_ns, _BEYOND_NS):
+            return None
+        found = self._now.at(now_ns)
+        return _pose(found[:-1]), float(found[-1])
+
+    def _numbers(self, pose: Pose) -> Vector:
+        """Position and quaternion: of the two of a rotation the one that is near the last one."""
+        quaternion = np.array(pose.rotation)
+        sign = -1.0 if quaternion @ self._quaternion < 0.0 else 1.0
+        self._quaternion = sign * quaternion
+        return np.concatenate((pose.position, self._quaternion))
+
+
+def _pose(numbers: Vector) -> Pose:
+    return Pose(numbers[:3], Rotation.from_quat(numbers[3:]))
+
+
+class Present:
+    """Tells where the mount is, from each sample that is sent and each state that is received."""
+
+    def __init__(
+        self,
+        model: ForwardModel,
+        mount: Callable[[Vector], Pose],
+        tell: Callable[[Placed], None],
+    ) -> None:
+        """`mount`: where joints put it; `tell` gets each belief."""
+        self._model, self._mount, self._tell = model, mount, tell
+        self._then: tuple[int, Pose, int] | None = None
+
+    def sent(self, sample: ControllerSample, now_ns: int) -> None:
+        """A sample is on its way; from now on the arm is believed to be where it leads."""
+        self._model.sent(sample, now_ns)
+        forecast = self._model.at(now_ns)
+        if forecast is None or self._then is None:
+            return
+        then_ns, then, offset_ns = self._then
+        now = self._mount(forecast.joints)
+        self._tell(Placed(then_ns, then, now_ns, now, forecast.error_m, offset_ns))
+
+    def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0) -> None:
+        """A state was received.
+
+        Args:
+            state: with times of our clock.
+            way_ns: as for `ForwardModel`.
+            offset_ns: the clock that frames are captured by, minus ours.
+        """
+        self._model.heard(state, way_ns)
+        self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns
+
+
+class WristView:
+    """The view of a camera on the arm."""
+
+    def __init__(self, warp: WristWarp, trail: MountTrail) -> None:
+        self._warp, self._trail = warp, trail
+
+    def show(self, image: Image, capture_ns: int, now_ns: int) -> Shown:
+        """`image`, grey or BGR, as it would look now; as received where that is not known.
+
+        Args:
+            image: shape (height, width) or (height, width, 3); it stays as it is.
+            capture_ns: when it was captured, on the clock of `Placed.then_ns`.
+            now_ns: when it is shown, on the clock of `Placed.now_ns`.
+        """
+        if now_ns + self._trail.offset_ns - capture_ns > OLDEST_NS:
+            return Shown(image, AsReceived.OLD)
+        then, believed = self._trail.then(capture_ns), self._trail.now(now_ns)
+        if then is None or believed is None:
+            return Shown(image, AsReceived.UNKNOWN)
+        now, error_m = believed
+        if error_m > WORST_M:
+            return Shown(image, AsReceived.UNSURE)
+        warped = self._warp.to_now(image, then, now)
+        if warped is None:
+            return Shown(image, AsReceived.HORIZON)
+        return Shown(warped.image, None, warped.unseen)
+
+    def luma(self, luma: Image, capture_ns: int, now_ns: int) -> Image:
+        """The luma of what is shown of a frame."""
+        return self.show(luma, capture_ns, now_ns).image

@@ -1,0 +1,97 @@
+"""The predictive display of a session, made of its configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from hw.arms import arm_kind
+from tams_app.config import Config
+from tams_app.prediction.forward_model import ForwardModel
+from tams_app.prediction.present import PREDICTED_FACT, MountTrail, Placed, Present
+from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.recording.journal import Journal
+from tams_app.records import Pose, Vector
+from tams_app.robot.build import ready_pose
+from tams_app.runtime.clock import Clock
+from tams_app.runtime.parts import Parts
+from tams_app.session.late_states import LateStates
+from tams_app.session.viewing import scene_of
+from tams_app.station.mount_memory import MountMemory
+from tams_app.video.core.quality import Present as PresentLuma
+from tams_app.video.live.networks import resolve_network
+
+NOT_KNOWN = (
+    "view.predict: where the camera on the arm is has not been measured, so its frames are shown "
+    "as received"
+)
+
+
+def wrist_cameras(config: Config) -> dict[str, WristCamera]:
+    """By view, the cameras on the arm whose frames `view.predict` wants to be corrected."""
+    scene = scene_of(config)
+    if config.view.predict == "off" or scene.figure is None:
+        return {}
+    flange = scene.figure.flange
+    tool = scene.figure.solids[flange]
+    return {
+        view: WristCamera.of(lens, tool)
+        for view, lens in scene.lenses.items()
+        if lens.parent == flange
+    }
+
+
+def follow_states(
+    config: Config, clock: Clock, parts: Parts, log: Journal, mount: MountMemory | None
+) -> tuple[LateStates, ...]:
+    """What tells `mount` where the arm is, where both sides are one process; a thread works."""
+    if not _told(config, log, mount):
+        return ()
+    assert mount is not None
+    states = LateStates(present_of(config, mount.put), resolve_network(config, config.network))
+    parts.run("prediction", lambda stop: states.run(stop, clock))
+    return (states,)
+
+
+def predicted_trial(
+    config: Config, log: Journal
+) -> tuple[tuple[LateStates, ...], dict[str, PresentLuma]]:
+    """The same in virtual time, and by view the luma of what is shown of a frame."""
+    cameras, trail = wrist_cameras(config), MountTrail()
+    if not cameras:
+        return (), {}
+    log.fact(PREDICTED_FACT, ",".join(cameras))
+    network = resolve_network(config, config.network)
+    states = LateStates(present_of(config, trail.add), network, at_once=True)
+    return (states,), {view: camera.view(trail).luma for view, camera in cameras.items()}
+
+
+def linked_present(
+    config: Config | None, log: Journal, mount: MountMemory | None
+) -> Present | None:
+    """What tells `mount` where the arm at the other end of a link is, which moves by `config`."""
+    if config is None or not _told(config, log, mount):
+        return None
+    assert mount is not None
+    return present_of(config, mount.put)
+
+
+def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:
+    """Record which views are predicted; whether any is."""
+    if mount is not None:
+        log.fact(PREDICTED_FACT, ",".join(mount.cameras))
+    elif config.view.predict != "off":
+        log.note("warning", NOT_KNOWN)
+    return mount is not None
+
+
+def present_of(config: Config, tell: Callable[[Placed], None]) -> Present:
+    """What follows the arm's flange for those cameras; `tell` gets where it is believed to be."""
+    kind = arm_kind(config.arm.model)
+    figure = kind.figure()
+    assert figure is not None, "there are no such cameras without"
+
+    def mount(joints: Vector) -> Pose:
+        return figure.place(joints)[figure.flange]
+
+    model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
+    return Present(model, mount, tell)

@@ -1,0 +1,101 @@
+"""Where the camera on the arm is, for the processes that draw and score what it sees.
+
+Memory that they share with the application, which never waits for them.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+from collections.abc import Mapping
+
+from tams_app.prediction.present import MountTrail, Placed, Shown
+from tams_app.prediction.wrist_camera import WristCamera, numbers7, pose7
+from tams_app.records import Image
+from tams_app.runtime.shared_ring import (
+    RingShape,
+    SharedRing,
+    create_block,
+    new_block_name,
+    open_descriptor,
+    remove_block,
+)
+
+_RECORD = struct.Struct("<qq7d7ddq")  # times, poses then and now, error, offset
+_SHAPE = RingShape(head_bytes=_RECORD.size, heads=1024)  # eight seconds
+
+
+class MountMemory:
+    """The application's side; one thread puts.
+
+    `name` is what a reader's process opens it by, or `descriptor`, which it inherits, where the
+    name is hidden already. `cameras`: by view, those whose frames are to be corrected.
+    """
+
+    def __init__(self, cameras: Mapping[str, WristCamera]) -> None:
+        self.cameras = cameras
+        self.name = f"{new_block_name()}-mount"
+        self._memory = create_block(self.name, _SHAPE.size)
+        self.descriptor = open_descriptor(self.name)
+        self._ring = SharedRing(self._memory, _SHAPE)
+
+    def put(self, placed: Placed) -> None:
+        """What is believed from now on."""
+        self._ring.put(
+            _RECORD.pack(
+                placed.then_ns,
+                placed.now_ns,
+                *numbers7(placed.then),
+                *numbers7(placed.now),
+                placed.error_m,
+                placed.offset_ns,
+            )
+        )
+
+    def hide(self) -> None:
+        """Take the name away, once all readers have it open: nothing is left behind then."""
+        remove_block(self.name)
+
+    def close(self) -> None:
+        """Give the memory back; once, when nothing is put any more."""
+        self.hide()
+        os.close(self.descriptor)
+        self._memory.close()
+
+
+class PresentViews:
+    """The views that are corrected, in a process that has the memory open."""
+
+    def __init__(self, cameras: Mapping[str, WristCamera], block: mmap.mmap) -> None:
+        self._trail = MountTrail()
+        self._views = {view: camera.view(self._trail) for view, camera in cameras.items()}
+        self._ring = SharedRing(block, _SHAPE)
+        self._next = 0
+
+    def __contains__(self, view: str) -> bool:
+        return view in self._views
+
+    def show(self, view: str, image: Image, capture_ns: int, now_ns: int) -> Shown:
+        """As `WristView.show`; KeyError for a view that is not corrected."""
+        self._read()
+        return self._views[view].show(image, capture_ns, now_ns)
+
+    def luma(self, view: str, luma: Image, capture_ns: int, now_ns: int) -> Image:
+        """The luma of what is shown of a frame."""
+        return self.show(view, luma, capture_ns, now_ns).image
+
+    def _read(self) -> None:
+        written = self._ring.written()
+        self._next = max(self._next, written - _SHAPE.heads + 1)  # the oldest may be half gone
+        for number in range(self._next, written):
+            head = self._ring.head(number)
+            if head is not None:
+                self._trail.add(_placed(head))
+        self._next = written
+
+
+def _placed(head: bytes) -> Placed:
+    then_ns, now_ns, *numbers, error_m, offset_ns = _RECORD.unpack(head)
+    then, now = tuple(numbers[:7]), tuple(numbers[7:])
+    return Placed(then_ns, pose7(then), now_ns, pose7(now), error_m, offset_ns)

@@ -1,0 +1,119 @@
+"""Which picture of a view is drawn, and what its title says of it."""
+
+from __future__ import annotations
+
+import mmap
+from collections.abc import Iterator
+
+import pytest
+
+from tams_app.faces.corrected import Corrected
+from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.shared_ring import open_block
+from tams_app.station.mount_memory import MountMemory, PresentViews
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.live.frame_ring import SHOWN, FrameReader, FrameWriter, RingLayout
+from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+
+pytestmark = pytest.mark.untimed
+
+CAMERAS = {"eih": camera_of(64, 48)}
+THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
+FRAME = picture(lens_of(64, 48), THEN)
+AGE_NS = 120 * NS_PER_MS
+
+
+class Bench:
+    """Two views, one of them of a camera on the arm."""
+
+    def __init__(self) -> None:
+        layout = RingLayout(SHOWN, ("eih", "gt"), 64, 48)
+        self._block = mmap.mmap(-1, layout.block_bytes)
+        self.clock = VirtualClock(NS_PER_S)
+        self.mount = MountMemory(CAMERAS)
+        self._writers = {view: FrameWriter(self._block, layout, view) for view in layout.views}
+        readers = {view: FrameReader(self._block, layout, view) for view in layout.views}
+        present = PresentViews(CAMERAS, open_block(self.mount.name))
+        self.corrected = Corrected(present, readers, self.clock)
+        self.plain = Corrected(None, readers, self.clock)
+
+    def put(self, view: str) -> None:
+        now_ns = self.clock.now_ns()
+        self._writers[view].put(1, now_ns, FRAME, now_ns - AGE_NS)
+
+    def know(self, error_m: float = 0.0) -> None:
+        """Where the mount was and is, for the last half second."""
+        for late_ms in range(500, -1, -10):
+            now_ns = self.clock.now_ns() - late_ms * NS_PER_MS
+            self.mount.put(placed(now_ns, THEN, NOW, late_ns=20 * NS_PER_MS, error_m=error_m))
+
+    def wait(self, wait_ms: int) -> None:
+        self.clock.sleep_until_ns(self.clock.now_ns() + wait_ms * NS_PER_MS)
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    bench = Bench()
+    yield bench
+    bench.mount.close()
+
+
+def test_the_wrist_view_is_drawn_as_it_would_look_now_and_says_so(bench: Bench) -> None:
+    bench.put("eih")
+    bench.know()
+    image = bench.corrected.newest("eih")
+    assert image is not None
+    assert (image != FRAME).any()
+    assert bench.corrected.words("eih") == " · predicted"
+    assert bench.corrected.moves("eih")
+
+
+def test_what_cannot_be_corrected_is_drawn_as_received_and_says_why(bench: Bench) -> None:
+    bench.put("eih")
+    assert (bench.corrected.newest("eih") == FRAME).all()
+    assert bench.corrected.words("eih") == " · as received: arm not known"
+    assert not bench.corrected.moves("eih")
+    bench.know(error_m=0.02)
+    assert (bench.corrected.newest("eih") == FRAME).all()
+    assert bench.corrected.words("eih") == " · as received: prediction off"
+
+
+def test_a_frame_that_grows_too_old_is_drawn_as_received_again(bench: Bench) -> None:
+    bench.put("eih")
+    bench.know()
+    bench.corrected.newest("eih")
+    bench.wait(400)
+    bench.know()
+    assert bench.corrected.moves("eih")
+    assert (bench.corrected.newest("eih") == FRAME).all()
+    assert bench.corrected.words("eih") == " · as received: too old"
+
+
+def test_a_key_shows_it_as_received_and_predicted_again(bench: Bench) -> None:
+    bench.put("eih")
+    bench.know()
+    bench.corrected.toggle()
+    assert (bench.corrected.newest("eih") == FRAME).all()
+    assert bench.corrected.words("eih") == " · as received"
+    assert not bench.corrected.moves("eih")
+    bench.corrected.toggle()
+    assert (bench.corrected.newest("eih") != FRAME).any()
+    assert bench.corrected.words("eih") == " · predicted"
+
+
+def test_views_of_cameras_that_stand_still_are_drawn_as_received_without_a_word(
+    bench: Bench,
+) -> None:
+    for view in ("eih", "gt"):
+        bench.put(view)
+    bench.know()
+    assert (bench.corrected.newest("gt") == FRAME).all()
+    assert bench.corrected.words("gt") == ""
+    assert not bench.corrected.moves("gt")
+    assert (bench.plain.newest("eih") == FRAME).all()
+    assert bench.plain.words("eih") == ""
+
+
+def test_nothing_is_drawn_or_said_before_the_first_frame(bench: Bench) -> None:
+    assert bench.corrected.newest("eih") is None
+    assert bench.corrected.words("eih") == ""

@@ -1,0 +1,148 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tams_app.prediction.forward_model import ArmHeard, ForwardModel
+from tams_app.teleop.safety import ArmingState
+from tests.prediction.sides import MODEL, READY_JOINTS, Sides
+from tests.teleop.motions import within
+from tests.teleop.rig import PERIOD_NS, hand_for, make_config
+
+pytestmark = pytest.mark.untimed
+
+delays = st.integers(0, 48)
+velocities = st.lists(within(0.12), min_size=1, max_size=4)
+
+
+@settings(max_examples=25)
+@given(delays, delays, velocities)
+def test_the_arm_is_where_it_is_predicted_whatever_the_hand_does(way, back, path):
+    sides = Sides(way, back)
+    sides.engage()
+    errors = []
+    for velocity in path:
+        sides.hand.linear = hand_for(velocity, sides.config)
+        for _ in range(30):
+            sides.step()
+            errors.append(sides.error_m())
+    assert max(errors) < 2e-3
+
+
+def test_a_hand_that_turns_is_followed_in_orientation_mode():
+    sides = Sides(12, 12)
+    sides.engage()
+    sides.hand.grip = 1.0
+    sides.step(3)
+    sides.hand.grip = 0.0
+    sides.hand.angular = np.array([0.0, 0.0, 0.4])
+    for _ in range(60):
+        sides.step()
+        forecast = sides.model.at(sides.now_ns)
+        predicted = MODEL.tcp_pose(forecast.joints).rotation
+        turn = predicted * MODEL.tcp_pose(sides.arm.joints).rotation.inv()
+        assert turn.magnitude() < 0.01
+    start = MODEL.tcp_pose(READY_JOINTS).rotation
+    assert (MODEL.tcp_pose(sides.arm.joints).rotation * start.inv()).magnitude() > 0.1
+
+
+def test_a_press_moves_the_prediction_before_the_robot_s_side_has_told_of_it():
+    sides = Sides(way=6, back=40)
+    sides.step(50)
+    sides.hand.trigger = 1.0
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.step(30)  # what was received is of before the press
+    moved = sides.arm.joints - READY_JOINTS
+    assert np.abs(moved).max() > 0.01
+    assert sides.error_m() < 1e-3
+
+
+def test_an_arm_that_does_not_engage_is_predicted_to_stand_once_that_is_received():
+    sides = Sides(way=4, back=4)
+    sides.step(10, estop=True)
+    sides.hand.trigger = 1.0
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.step(40, arm_ready=False)
+    assert sides.output.arming is ArmingState.FAULT
+    assert sides.error_m() == 0.0
+
+
+def test_a_stop_that_only_the_robot_s_side_knows_ends_the_predicted_motion():
+    sides = Sides(way=4, back=12)
+    sides.engage()
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.step(30)
+    sides.step(1, estop=True)
+    sides.step(40)
+    assert sides.error_m() < 1e-9
+
+
+def test_a_slowed_arm_is_predicted_as_slow():
+    sides = Sides(way=6, back=6)
+    sides.engage()
+    sides.hand.linear = hand_for((0.15, 0.0, 0.0), sides.config)
+    slow_ns = 700_000_000  # of video, at which the arm is slowed and does not hold
+    sides.step(40, video_age_ns=slow_ns)
+    assert 0.0 < sides.output.speed_scale < 1.0
+    errors = []
+    for _ in range(40):
+        sides.step(video_age_ns=slow_ns)
+        errors.append(sides.error_m())
+    assert max(errors) < 1e-3
+
+
+def test_the_error_of_earlier_predictions_is_told_with_each():
+    sides = Sides(way=12, back=12)
+    sides.engage()
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    for _ in range(40):
+        sides.step()
+        sides.model.at(sides.now_ns)
+    assert sides.model.at(sides.now_ns).error_m < 2e-3
+    sides.arm.joints = sides.arm.joints + 0.05  # a jump that nobody asked for
+    for _ in range(20):
+        sides.step()
+        sides.model.at(sides.now_ns)
+    assert sides.model.at(sides.now_ns).error_m > 0.01
+
+
+def test_an_error_is_forgotten_after_two_seconds():
+    sides = Sides(way=2, back=2)
+    sides.step(20)
+    sides.arm.joints = sides.arm.joints + 0.05
+    for _ in range(10):
+        sides.step()
+        sides.model.at(sides.now_ns)
+    assert sides.model.at(sides.now_ns).error_m > 0.01
+    for _ in range(260):
+        sides.step()
+        sides.model.at(sides.now_ns)
+    assert sides.model.at(sides.now_ns).error_m < 1e-6
+
+
+def test_the_past_is_as_it_was_measured():
+    sides = Sides(way=3, back=3)
+    sides.engage()
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.step(20)
+    then_ns, joints = sides.now_ns, sides.arm.joints
+    sides.step(10)
+    past = sides.model.at(then_ns)
+    assert past.joints == pytest.approx(joints, abs=1e-12)
+    assert past.error_m == 0.0
+
+
+def test_nothing_is_predicted_before_the_first_state():
+    model = ForwardModel(make_config(), MODEL, MODEL.tcp_pose(READY_JOINTS).rotation)
+    assert model.at(1) is None
+
+
+def test_a_state_that_is_older_than_the_last_is_left_out():
+    model = ForwardModel(make_config(), MODEL, MODEL.tcp_pose(READY_JOINTS).rotation)
+
+    def state(t_ns: int, joints: np.ndarray) -> ArmHeard:
+        return ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0)
+
+    model.heard(state(2 * PERIOD_NS, READY_JOINTS), 0)
+    model.heard(state(PERIOD_NS, READY_JOINTS + 1.0), 0)
+    assert model.at(3 * PERIOD_NS).joints == pytest.approx(READY_JOINTS)

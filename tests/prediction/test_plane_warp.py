@@ -1,0 +1,145 @@
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tams_app.prediction.plane_warp import WristWarp, covered_by, mounted, plane_homography
+from tams_app.records import Lens, Pose, Solid, SolidKind
+from tams_app.rotation import Rotation
+from tests.prediction.wrist import above, lens_of, picture
+from tests.teleop.motions import within
+
+pytestmark = pytest.mark.untimed
+
+LENS = lens_of(64, 48)
+BARE: tuple[Solid, ...] = ()
+
+heights = st.floats(0.1, 0.5)
+turns = within(0.3).map(Rotation.from_rotvec)
+
+
+def pixel(lens: Lens, camera: Pose, point: np.ndarray) -> np.ndarray:
+    """Where `camera` sees a point of the base frame."""
+    seen = camera.rotation.inv().apply(point - camera.position)
+    x, y, depth = lens.matrix() @ seen
+    return np.array([x, y]) / depth
+
+
+@given(heights, heights, turns, turns, within(0.1), st.floats(-0.05, 0.05))
+def test_a_point_of_the_plane_is_where_the_homography_says(z0, z1, turn0, turn1, way, height_m):
+    then, now = above(0.0, 0.0, z0, turn0), above(way[0], way[1], z1, turn1)
+    homography = plane_homography(LENS, then, now, height_m)
+    assert homography is not None
+    for x, y in ((0.0, 0.0), (0.02, -0.03), (-0.05, 0.04)):
+        point = np.array([x, y, height_m])
+        before = homography @ [*pixel(LENS, now, point), 1.0]
+        assert before[:2] / before[2] == pytest.approx(pixel(LENS, then, point), abs=1e-6)
+
+
+def test_a_camera_that_sees_the_horizon_is_not_corrected():
+    level = above(0.0, 0.0, 0.2)
+    for angle in (1.2, -1.2):
+        tilted = above(0.0, 0.0, 0.2, Rotation.from_rotvec((angle, 0.0, 0.0)))
+        assert plane_homography(LENS, level, tilted, 0.0) is None
+        assert plane_homography(LENS, tilted, level, 0.0) is None
+
+
+def test_a_camera_at_the_plane_is_not_corrected():
+    high, low = above(0.0, 0.0, 0.2), above(0.0, 0.0, 0.019)
+    assert plane_homography(LENS, high, low, 0.0) is None
+    assert plane_homography(LENS, low, high, 0.0) is None
+    assert plane_homography(LENS, high, low, -0.01) is not None
+
+
+def test_a_mount_turns_and_moves_with_what_it_is_mounted_on():
+    mount = Pose(np.array([0.1, 0.0, 0.0]), Rotation.from_rotvec((0.0, 0.0, 0.5)))
+    place = Pose(np.array([1.0, 2.0, 3.0]), Rotation.from_rotvec((0.0, 0.0, np.pi / 2)))
+    found = mounted(place, mount)
+    assert found.position == pytest.approx([1.0, 2.1, 3.0])
+    assert found.rotation.as_rotvec() == pytest.approx((0.0, 0.0, np.pi / 2 + 0.5))
+
+
+def test_a_frame_of_the_plane_becomes_what_the_camera_sees_now():
+    then = above(0.0, 0.0, 0.20)
+    now = above(0.015, -0.01, 0.17, Rotation.from_rotvec((0.05, -0.04, 0.1)))
+    late, true = (picture(LENS, flange) for flange in (then, now))
+    warped = WristWarp(LENS, BARE).to_now(late, then, now)
+    assert warped is not None
+    seen = (warped.image != 64).any(axis=2)
+    apart = np.abs(warped.image.astype(int) - true)[seen]
+    assert np.percentile(apart, 99) <= 4
+    assert np.abs(late.astype(int) - true).mean() > 10
+    assert 0.0 < warped.unseen < 0.4
+    assert warped.unseen == pytest.approx(1 - seen.mean(), abs=0.02)
+
+
+def test_a_frame_that_is_not_late_stays_as_it_is():
+    place = above(0.0, 0.0, 0.2)
+    frame = picture(LENS, place)
+    warped = WristWarp(LENS, BARE).to_now(frame, place, place)
+    assert warped is not None
+    assert (warped.image == frame).all()
+    assert warped.unseen == 0.0
+
+
+FINGER = Solid(
+    SolidKind.BOX,
+    Pose(np.array([0.0, 0.05, 0.06]), Rotation.identity()),
+    (0.02, 0.02, 0.02),
+    (0.0, 0.0, 0.0),
+)
+
+
+def test_the_tool_stays_where_it_is_in_the_picture():
+    then, now = above(0.0, 0.0, 0.20), above(0.03, 0.0, 0.20)
+    frame = picture(LENS, then)
+    covered = covered_by((FINGER,), LENS)
+    frame[covered] = (0, 0, 200)
+    warped = WristWarp(LENS, (FINGER,)).to_now(frame, then, now)
+    assert warped is not None
+    assert (warped.image[covered] == (0, 0, 200)).all()
+    assert not (warped.image[~covered] == (0, 0, 200)).all(axis=1).any()  # no second one beside it
+
+
+def test_what_was_behind_the_tool_is_told_as_not_seen():
+    then, now = above(0.0, 0.0, 0.20), above(0.03, 0.0, 0.20)
+    frame = picture(LENS, then)
+    bare = WristWarp(LENS, BARE).to_now(frame, then, now)
+    held = WristWarp(LENS, (FINGER,)).to_now(frame, then, now)
+    assert bare is not None
+    assert held is not None
+    behind = ((held.image == 64) & (bare.image != 64)).all(axis=2)
+    assert behind.any()
+
+
+@pytest.mark.parametrize("kind", SolidKind)
+def test_a_solid_covers_its_outline_and_a_margin(kind):
+    solid = Solid(kind, Pose(np.array([0.0, 0.05, 0.10]), Rotation.identity()), (0.04,) * 3,
+                  (0.0, 0.0, 0.0))  # fmt: skip
+    covered = covered_by((solid,), LENS)
+    half = LENS.focal_px * 0.02 / 0.08  # of its near side [px]
+    middle = (LENS.height - 1) / 2
+    rows = np.flatnonzero(covered.any(axis=1))
+    assert rows[0] == pytest.approx(middle - half - 3, abs=1.5)
+    assert rows[-1] == pytest.approx(middle + half + 3, abs=1.5)
+
+
+def test_a_solid_behind_the_camera_covers_nothing():
+    behind = Solid(SolidKind.BOX, Pose(np.array([0.0, 0.05, -0.2]), Rotation.identity()),
+                   (0.05,) * 3, (0.0, 0.0, 0.0))  # fmt: skip
+    assert not covered_by((behind,), LENS).any()
+
+
+def test_pixels_are_taken_between_as_linear():
+    """Half a pixel of motion averages neighbours: nothing is sharpened or invented."""
+    height = LENS.focal_px * 0.5 / LENS.focal_px  # half a metre: a pixel is 0.5 m / focal
+    then = above(0.0, 0.0, height)
+    now = above(0.5 * height / LENS.focal_px, 0.0, height)
+    frame = np.zeros((LENS.height, LENS.width, 3), np.uint8)
+    frame[:, ::2] = 200
+    warped = WristWarp(LENS, BARE).to_now(frame, then, now)
+    assert warped is not None
+    inside = cv2.cvtColor(warped.image, cv2.COLOR_BGR2GRAY)[5:-5, 5:-5]
+    assert inside.min() >= 90
+    assert inside.max() <= 110

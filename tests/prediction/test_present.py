@@ -1,0 +1,193 @@
+import math
+
+import msgspec
+import numpy as np
+import pytest
+
+from tams_app.prediction.forward_model import ArmHeard
+from tams_app.prediction.plane_warp import WristWarp
+from tams_app.prediction.present import (
+    OLDEST_NS,
+    WORST_M,
+    AsReceived,
+    MountTrail,
+    Placed,
+    Present,
+    WristView,
+)
+from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.records import Pose, Solid, SolidKind
+from tams_app.rotation import Rotation
+from tams_app.teleop.safety import ArmingState
+from tams_app.units import NS_PER_MS
+from tests.prediction.sides import MODEL, READY_JOINTS, Sides
+from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.teleop.rig import PERIOD_NS, hand_for
+
+pytestmark = pytest.mark.untimed
+
+START_NS = 1_000_000_000
+THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
+
+
+def trail_of(error_m: float = 0.0, late_ns: int = 100 * NS_PER_MS) -> MountTrail:
+    trail = MountTrail()
+    for step in range(40):
+        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW, late_ns, error_m))
+    return trail
+
+
+def last_ns() -> int:
+    return START_NS + 39 * PERIOD_NS
+
+
+LENS = lens_of(64, 48)
+FRAME = picture(LENS, THEN)
+
+
+def show(trail: MountTrail, age_ms: float = 120.0, now_ns: int | None = None):
+    now_ns = last_ns() if now_ns is None else now_ns
+    age_ns = round(age_ms * NS_PER_MS)
+    view = WristView(WristWarp(LENS, ()), trail)
+    return view.show(FRAME, now_ns - age_ns, now_ns)
+
+
+def test_a_frame_is_shown_as_it_would_look_from_where_the_mount_is_believed_to_be():
+    shown = show(trail_of())
+    warped = WristWarp(LENS, ()).to_now(FRAME, THEN, NOW)
+    assert shown.as_received is None
+    assert (shown.image == warped.image).all()
+    assert shown.unseen == warped.unseen
+
+
+def test_a_frame_that_is_too_old_is_shown_as_received():
+    trail = MountTrail()
+    for step in range(120):
+        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW))
+    end_ns = START_NS + 119 * PERIOD_NS
+    assert show(trail, OLDEST_NS / NS_PER_MS, end_ns).as_received is None
+    old = show(trail, OLDEST_NS / NS_PER_MS + 1, end_ns)
+    assert old.as_received is AsReceived.OLD
+    assert old.image is FRAME
+
+
+def test_a_frame_is_shown_as_received_while_predictions_are_wrong():
+    assert show(trail_of(error_m=WORST_M)).as_received is None
+    assert show(trail_of(error_m=1.01 * WORST_M)).as_received is AsReceived.UNSURE
+
+
+def test_a_frame_is_shown_as_received_where_the_mount_is_not_known():
+    assert show(MountTrail()).as_received is AsReceived.UNKNOWN
+    late = trail_of(late_ns=200 * NS_PER_MS)
+    assert show(late, age_ms=160.0).as_received is None  # 40 ms after the newest state
+    assert show(late, age_ms=140.0).as_received is AsReceived.UNKNOWN
+    assert show(trail_of(), 120.0, last_ns() + 40 * NS_PER_MS).as_received is None
+    silent = show(trail_of(), 120.0, last_ns() + 60 * NS_PER_MS)
+    assert silent.as_received is AsReceived.UNKNOWN
+    before = show(trail_of(), 450.0)
+    assert before.as_received is AsReceived.UNKNOWN
+
+
+def test_a_frame_is_shown_as_received_where_the_camera_sees_the_horizon():
+    trail = MountTrail()
+    tilted = above(0.0, 0.0, 0.2, Rotation.from_rotvec((1.2, 0.0, 0.0)))
+    for step in range(40):
+        trail.add(placed(START_NS + step * PERIOD_NS, THEN, tilted))
+    assert show(trail).as_received is AsReceived.HORIZON
+
+
+def test_a_tool_that_points_down_turns_smoothly_between_two_samples():
+    """There the quaternion's scalar part changes its sign, and with it all of them might."""
+    trail = MountTrail()
+    for step, angle in enumerate((math.pi - 0.05, math.pi + 0.05)):
+        pose = Pose(np.zeros(3), Rotation.from_rotvec((angle, 0.0, 0.0)))
+        pose = Pose(pose.position, Rotation.from_rotvec(pose.rotation.as_rotvec()))
+        trail.add(placed(step * 1000, pose, pose))
+    between = trail.then(500)
+    assert abs(between.rotation.magnitude()) == pytest.approx(math.pi, abs=1e-3)
+    assert between.rotation.apply((0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0), abs=1e-3)
+
+
+def test_where_the_mount_was_believed_to_be_is_remembered():
+    trail = MountTrail()
+    for step in range(100):
+        pose = Pose(np.array([step, 0.0, 0.0]), Rotation.identity())
+        trail.add(placed(step * PERIOD_NS, pose, pose))
+    assert trail.now(40 * PERIOD_NS)[0].position[0] == pytest.approx(40)
+    assert trail.then(40 * PERIOD_NS).position[0] == pytest.approx(40)
+
+
+def test_each_sample_tells_where_the_mount_is_then_and_now():
+    told: list[Placed] = []
+    sides = Sides(way=6, back=6)
+    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
+    sides.engage()
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.step(60)
+    last = told[-1]
+    assert last.now_ns == sides.now_ns
+    assert last.then_ns == sides.now_ns - 7 * PERIOD_NS  # the state comes after the sample
+    true = MODEL.tcp_pose(sides.arm.joints).position
+    assert np.linalg.norm(last.now.position - true) < 2e-3
+    assert np.linalg.norm(last.then.position - true) > 4e-3
+
+
+def test_frames_may_be_captured_by_another_clock():
+    told: list[Placed] = []
+    sides = Sides(way=0, back=0)
+    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    state = ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0)
+    present.heard(state, way_ns=0, offset_ns=5_000_000_000)
+    present.sent(sides.hand.sample(START_NS, 0.0), START_NS + PERIOD_NS)
+    assert told[-1].now_ns == START_NS + PERIOD_NS
+    assert told[-1].then_ns == START_NS + 5_000_000_000
+    trail = MountTrail()
+    trail.add(told[-1])
+    assert trail.offset_ns == 5_000_000_000
+
+
+def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
+    trail = MountTrail()
+    offset_ns = 7_000_000_000
+    for step in range(120):
+        t_ns = START_NS + step * PERIOD_NS
+        trail.add(Placed(t_ns + offset_ns, THEN, t_ns, NOW, 0.0, offset_ns))
+    end_ns = START_NS + 119 * PERIOD_NS
+    view = WristView(WristWarp(LENS, ()), trail)
+    assert view.show(FRAME, end_ns + offset_ns - OLDEST_NS, end_ns).as_received is None
+    old = view.show(FRAME, end_ns + offset_ns - OLDEST_NS - 1, end_ns)
+    assert old.as_received is AsReceived.OLD
+
+
+def test_nothing_is_told_before_the_first_state():
+    told: list[Placed] = []
+    sides = Sides(way=0, back=0)
+    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    present.sent(sides.hand.sample(START_NS, 0.0), START_NS)
+    assert told == []
+
+
+def test_the_luma_of_what_is_shown_is_that_of_the_picture():
+    view = WristView(WristWarp(LENS, ()), trail_of())
+    age_ns = 120 * NS_PER_MS
+    grey = view.luma(FRAME[..., 0], last_ns() - age_ns, last_ns())
+    assert (grey == show(trail_of()).image[..., 0]).all()
+
+
+def test_a_camera_s_description_corrects_as_the_camera():
+    view = camera_of(64, 48).view(trail_of())
+    shown = view.show(FRAME, last_ns() - 120 * NS_PER_MS, last_ns())
+    assert (shown.image == show(trail_of()).image).all()
+
+
+def test_a_description_has_the_tool_and_survives_its_way_to_another_process():
+    part = Solid(SolidKind.CYLINDER, above(0.0, 0.05, 0.06), (0.02, 0.02, 0.03), (1.0, 0.0, 0.0))
+    camera = WristCamera.of(LENS, (part,))
+    received = msgspec.json.decode(msgspec.json.encode(camera), type=WristCamera)
+    age_ns = 120 * NS_PER_MS
+    frame = FRAME.copy()
+    shown = received.view(trail_of()).show(frame, last_ns() - age_ns, last_ns())
+    expected = WristWarp(LENS, (part,)).to_now(frame, THEN, NOW)
+    assert (shown.image == expected.image).all()
+    assert (shown.image != show(trail_of()).image).any()

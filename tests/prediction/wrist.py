@@ -1,0 +1,47 @@
+"""A camera on a flange above a plane with a pattern, for any size of picture."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.present import Placed
+from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.records import Image, Lens, Pose
+from tams_app.rotation import Rotation
+
+STRAIGHT = Rotation.identity()
+LOOKS_DOWN = Rotation.from_rotvec((np.pi, 0.0, 0.0))
+MOUNT = Pose(np.array([0.0, 0.05, 0.0]), STRAIGHT)
+
+
+def lens_of(width: int, height: int) -> Lens:
+    return Lens("flange", MOUNT, 60.0, width, height)
+
+
+def camera_of(width: int, height: int) -> WristCamera:
+    """With nothing before it."""
+    return WristCamera.of(lens_of(width, height), ())
+
+
+def above(x: float, y: float, z: float, turn: Rotation = STRAIGHT) -> Pose:
+    """A camera, or a flange, that looks down at the plane."""
+    return Pose(np.array([x, y, z]), turn * LOOKS_DOWN)
+
+
+def picture(lens: Lens, flange: Pose) -> Image:
+    """A smooth pattern on the plane z = 0, BGR, as the camera on `flange` sees it."""
+    camera = mounted(flange, lens.pose)
+    x, y = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
+    rays = np.stack((x, y, np.ones_like(x)), axis=-1) @ np.linalg.inv(lens.matrix()).T
+    rays = rays @ camera.rotation.as_matrix().T
+    points = camera.position - rays * (camera.position[2] / rays[..., 2:])
+    wave = 127 + 60 * np.sin(40 * points[..., 0]) + 60 * np.cos(55 * points[..., 1])
+    return np.repeat(wave[..., None], 3, axis=2).astype(np.uint8)
+
+
+def placed(
+    now_ns: int, then: Pose, now: Pose, late_ns: int = 0, error_m: float = 0.0, offset_ns: int = 0
+) -> Placed:
+    """The mount was at `then` so long before, and is believed to be at `now`."""
+    return Placed(now_ns - late_ns + offset_ns, then, now_ns, now, error_m, offset_ns)

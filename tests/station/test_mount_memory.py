@@ -1,0 +1,83 @@
+"""Where the mount is, on its way to another process."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tams_app.prediction.present import AsReceived
+from tams_app.runtime.shared_ring import map_descriptor, open_block
+from tams_app.station.mount_memory import MountMemory, PresentViews
+from tams_app.units import NS_PER_MS
+from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.teleop.rig import PERIOD_NS
+
+pytestmark = pytest.mark.untimed
+
+CAMERAS = {"eih": camera_of(64, 48)}
+THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
+FRAME = picture(lens_of(64, 48), THEN)
+AGE_NS = 120 * NS_PER_MS
+
+
+@pytest.fixture
+def memory() -> Iterator[MountMemory]:
+    memory = MountMemory(CAMERAS)
+    yield memory
+    memory.close()
+
+
+def fill(memory: MountMemory, records: int, first: int = 1) -> int:
+    """Put so many beliefs; when the last of them was."""
+    for number in range(first, first + records):
+        memory.put(placed(number * PERIOD_NS, THEN, NOW, late_ns=40 * NS_PER_MS))
+    return (first + records - 1) * PERIOD_NS
+
+
+def test_a_frame_is_corrected_by_what_was_put(memory: MountMemory) -> None:
+    views = PresentViews(CAMERAS, open_block(memory.name))
+    assert views.show("eih", FRAME, 1, 1).as_received is AsReceived.UNKNOWN
+    now_ns = fill(memory, 60)
+    shown = views.show("eih", FRAME, now_ns - AGE_NS, now_ns)
+    assert shown.as_received is None
+    assert (shown.image != FRAME).any()
+    luma = views.luma("eih", FRAME[..., 0], now_ns - AGE_NS, now_ns)
+    assert (luma == shown.image[..., 0]).all()
+
+
+def test_what_was_overwritten_before_it_was_read_is_missed_and_no_more(
+    memory: MountMemory,
+) -> None:
+    views = PresentViews(CAMERAS, map_descriptor(os.dup(memory.descriptor)))
+    now_ns = fill(memory, 3000)
+    assert views.show("eih", FRAME, now_ns - AGE_NS, now_ns).as_received is None
+    now_ns = fill(memory, 30, first=3001)
+    assert views.show("eih", FRAME, now_ns - AGE_NS, now_ns).as_received is None
+
+
+def test_only_the_views_of_cameras_on_the_arm_are_corrected(memory: MountMemory) -> None:
+    views = PresentViews(CAMERAS, open_block(memory.name))
+    assert "eih" in views
+    assert "gt" not in views
+    with pytest.raises(KeyError):
+        views.show("gt", FRAME, 0, 0)
+
+
+def test_the_frames_clock_goes_with_what_is_put(memory: MountMemory) -> None:
+    views = PresentViews(CAMERAS, open_block(memory.name))
+    offset_ns = 10**12
+    for number in range(60):
+        memory.put(placed(number * PERIOD_NS, THEN, NOW, offset_ns=offset_ns, error_m=0.001))
+    now_ns = 59 * PERIOD_NS
+    shown = views.show("eih", FRAME, now_ns + offset_ns - AGE_NS, now_ns)
+    assert shown.as_received is None
+
+
+def test_nothing_is_left_of_the_memory(memory: MountMemory) -> None:
+    assert Path("/dev/shm", memory.name).exists()
+    memory.hide()
+    assert not Path("/dev/shm", memory.name).exists()
+    memory.hide()
