@@ -68,6 +68,7 @@ class Instant:
     frame_ns: int
     frame_joints: Vector
     believed: dict[str, Vector]
+    closed: bool  # the gripper, by the newest state
 
 
 def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Instant]:
@@ -102,6 +103,7 @@ def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Ins
                 "forward model": forecast.joints,
                 "true pose": trial.world.at(now_ns)[:6],
             },
+            _closed(newest),
         )
 
 
@@ -114,6 +116,11 @@ def _heard(tick: Tick) -> ArmHeard:
         orientation_mode=tick.orientation_mode,
         speed_scale=tick.speed_scale,
     )
+
+
+def _closed(tick: Tick) -> bool:
+    assert tick.arm is not None
+    return bool(tick.arm.gripper_closed)
 
 
 def _time(tick: Tick) -> int:
@@ -141,7 +148,7 @@ def measure(config: Config, trial: Recorded, seed: int, found: dict[float, Measu
     kind, scene = arm_kind(config.arm.model), scene_of(config)
     kinematics, figure = kind.kinematics(config.arm), scene.figure
     assert figure is not None
-    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange])
+    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange], figure.grip)
 
     def flange(joints: Vector) -> Pose:
         return figure.place(joints)[figure.flange]
@@ -163,7 +170,7 @@ def measure(config: Config, trial: Recorded, seed: int, found: dict[float, Measu
             measured.similar["as received"].append(_similar(late, present))
             then = flange(instant.frame_joints)
             for name, joints in instant.believed.items():
-                warped = warp.to_now(late, then, flange(joints))
+                warped = warp.to_now(late, then, flange(joints), instant.closed)
                 shown = late if warped is None else warped.image
                 measured.similar[name].append(_similar(shown, present))
                 if name == "forward model" and warped is not None:
@@ -191,10 +198,10 @@ def draw(config: Config, trial: Recorded, seed: int, one_way_ms: float) -> Image
     late = renderer.render(VIEW, trial.world.at(most.frame_ns))
     true = renderer.render(VIEW, trial.world.at(most.now_ns))
     renderer.close()
-    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange])
+    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange], figure.grip)
     poses = most.frame_joints, most.believed["forward model"]
     then, now = (figure.place(joints)[figure.flange] for joints in poses)
-    warped = warp.to_now(late, then, now)
+    warped = warp.to_now(late, then, now, most.closed)
     assert warped is not None
     return np.asarray(np.hstack((late, warped.image, true)), np.uint8)
 

@@ -13,6 +13,7 @@ from tams_app.vectors import Floats3
 
 _SHELL = (0.88, 0.88, 0.89)
 _JOINT = (0.30, 0.31, 0.34)
+_PAD = (0.16, 0.78, 0.28)
 
 
 def _rod(start: Floats3, end: Floats3, radius: float, colour: Floats3 = _SHELL) -> Solid:
@@ -69,13 +70,22 @@ _SOLIDS = {
     "link6": (
         _rod((0, 0, -0.026), (0, 0, -0.003), 0.032, _JOINT),
         _rod((0, 0, -0.003), (0, 0, 0), 0.031),
-        # the gripper; its fingers stand still, as nothing senses them
+        # the gripper; its fingers stand still, open, as nothing senses them
         _box((0, 0, 0.027), (0.018, 0.034, 0.021)),
         _box((0, 0, 0.050), (0.0125, 0.032, 0.003)),
-        _box((0, -0.015, 0.061), (0.0055, 0.0030, 0.009)),
-        _box((0, 0.015, 0.061), (0.0055, 0.0030, 0.009)),
+        *(
+            _box((x, side * y, z), half, colour)
+            for side in (-1, 1)
+            for (x, y, z), half, colour in (
+                ((0, 0.015, 0.061), (0.0055, 0.0030, 0.009), _JOINT),
+                ((0, 0.012, 0.075), (0.0065, 0.0040, 0.011), _PAD),
+                ((0, 0.0152, 0.075), (0.0068, 0.0012, 0.006), _JOINT),
+            )
+        ),
     ),
 }
+# Where closed fingers are, and up to 10 mm beyond their tips what they hold.
+_GRIP = (_box((0, 0, 0.074), (0.0085, 0.0165, 0.022)),)
 
 
 class Lite6Figure:
@@ -83,6 +93,7 @@ class Lite6Figure:
 
     flange = "link6"
     solids: Mapping[str, tuple[Solid, ...]] = _SOLIDS
+    grip: tuple[Solid, ...] = _GRIP
 
     def place(self, joints: Vector) -> Mapping[str, Pose]:
         """The links' frames in the base frame, for `joints` [rad], shape (6,)."""

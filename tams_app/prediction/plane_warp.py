@@ -98,21 +98,33 @@ class Warped:
 class WristWarp:
     """Warps the frames of a camera on the arm; for one size of picture."""
 
-    def __init__(self, lens: Lens, tool: Iterable[Solid], height_m: float = 0.0) -> None:
-        """`tool`: what moves with the camera and stands still in its picture, in the lens's frame.
+    def __init__(
+        self,
+        lens: Lens,
+        tool: Iterable[Solid],
+        grip: Iterable[Solid] = (),
+        height_m: float = 0.0,
+    ) -> None:
+        """`tool`: what moves with the camera and stands still in its picture, in the mount's frame.
 
-        `height_m`: of the plane that the scene is taken for, base frame.
+        `grip`: what does so besides while the gripper is closed. `height_m`: of the plane that the
+        scene is taken for, base frame.
         """
         self._lens, self._height_m = lens, height_m
-        self._still = covered_by(tool, lens)
-        self._seen = np.where(self._still, 0, 255).astype(np.uint8)
+        still = covered_by(tool, lens)
+        self._still = {False: still, True: still | covered_by(grip, lens)}
+        self._seen = {
+            closed: np.where(still, 0, 255).astype(np.uint8)
+            for closed, still in self._still.items()
+        }
 
-    def to_now(self, image: Image, then: Pose, now: Pose) -> Warped | None:
+    def to_now(self, image: Image, then: Pose, now: Pose, closed: bool = False) -> Warped | None:
         """`image`, taken with the lens's parent at `then`, as seen from `now`; None: it cannot be.
 
-        Grey or BGR. Tool and gripper stay as received. Dark grey is what the frame did not show.
+        Grey or BGR. Tool and gripper stay as received, and if that is `closed` what it holds. Dark
+        grey is what the frame did not show.
         """
-        lens = self._lens
+        lens, still = self._lens, self._still[closed]
         place = mounted(then, lens.pose), mounted(now, lens.pose)
         homography = plane_homography(lens, *place, self._height_m)
         if homography is None:
@@ -121,9 +133,9 @@ class WristWarp:
         inverse = cv2.WARP_INVERSE_MAP
         warped = cv2.warpPerspective(image, homography, size, flags=cv2.INTER_LINEAR | inverse)
         seen = cv2.warpPerspective(
-            self._seen, homography, size, flags=cv2.INTER_NEAREST | inverse
+            self._seen[closed], homography, size, flags=cv2.INTER_NEAREST | inverse
         ).astype(bool)
-        unseen = ~(seen | self._still)
+        unseen = ~(seen | still)
         warped[unseen] = _UNSEEN
-        warped[self._still] = image[self._still]
+        warped[still] = image[still]
         return Warped(np.asarray(warped, np.uint8), float(unseen.mean()))

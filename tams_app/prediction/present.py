@@ -49,7 +49,7 @@ class Placed:
 
     then: at `then_ns`, on the clock that frames are captured by. now: at `now_ns`, on the clock
     that they are shown by; offset_ns: the former minus the latter. error_m: how far off such
-    beliefs were in the two seconds before.
+    beliefs were in the two seconds before. closed: the gripper is.
     """
 
     then_ns: int
@@ -58,6 +58,16 @@ class Placed:
     now: Pose
     error_m: float
     offset_ns: int = 0
+    closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Believed:
+    """The mount's pose at a time as it was believed then, and the rest of `Placed`."""
+
+    pose: Pose
+    error_m: float
+    closed: bool
 
 
 class MountTrail:
@@ -72,22 +82,20 @@ class MountTrail:
         """What is known from now on; the same place may be told again."""
         self.offset_ns = placed.offset_ns
         self._then.add(placed.then_ns, self._numbers(placed.then))
-        self._now.add(placed.now_ns, np.append(self._numbers(placed.now), placed.error_m))
+        beside = (placed.error_m, float(placed.closed))
+        self._now.add(placed.now_ns, np.append(self._numbers(placed.now), beside))
 
     def then(self, t_ns: int) -> Pose | None:
         """Where it was; None: not known."""
         known = self._then.covers(t_ns, _BEYOND_NS)
         return _pose(self._then.at(t_ns)) if known else None
 
-    def now(self, now_ns: int) -> tuple[Pose, float] | None:
-        """Where it is believed to be, and the error [m] of such beliefs of late; None: not known.
-
-        The same later on: where it was believed to be at `now_ns`.
-        """
+    def now(self, now_ns: int) -> Believed | None:
+        """Where it is believed to be, or was, at `now_ns`; None: not known."""
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
         found = self._now.at(now_ns)
-        return _pose(found[:-1]), float(found[-1])
+        return Believed(_pose(found[:7]), float(found[7]), bool(found[8] > 0.5))
 
     def _numbers(self, pose: Pose) -> Vector:
         """Position and quaternion: of the two of a rotation the one that is near the last one."""
@@ -112,7 +120,7 @@ class Present:
     ) -> None:
         """`mount`: where joints put it; `tell` gets each belief."""
         self._model, self._mount, self._tell = model, mount, tell
-        self._then: tuple[int, Pose, int] | None = None
+        self._then: tuple[int, Pose, int, bool] | None = None
 
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
         """A sample is on its way; from now on the arm is believed to be where it leads."""
@@ -120,20 +128,21 @@ class Present:
         forecast = self._model.at(now_ns)
         if forecast is None or self._then is None:
             return
-        then_ns, then, offset_ns = self._then
+        then_ns, then, offset_ns, closed = self._then
         now = self._mount(forecast.joints)
-        self._tell(Placed(then_ns, then, now_ns, now, forecast.error_m, offset_ns))
+        self._tell(Placed(then_ns, then, now_ns, now, forecast.error_m, offset_ns, closed))
 
-    def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0) -> None:
+    def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         """A state was received.
 
         Args:
             state: with times of our clock.
             way_ns: as for `ForwardModel`.
             offset_ns: the clock that frames are captured by, minus ours.
+            closed: the gripper is.
         """
         self._model.heard(state, way_ns)
-        self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns
+        self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns, closed
 
 
 class WristView:
@@ -155,10 +164,9 @@ class WristView:
         then, believed = self._trail.then(capture_ns), self._trail.now(now_ns)
         if then is None or believed is None:
             return Shown(image, AsReceived.UNKNOWN)
-        now, error_m = believed
-        if error_m > WORST_M:
+        if believed.error_m > WORST_M:
             return Shown(image, AsReceived.UNSURE)
-        warped = self._warp.to_now(image, then, now)
+        warped = self._warp.to_now(image, then, believed.pose, believed.closed)
         if warped is None:
             return Shown(image, AsReceived.HORIZON)
         return Shown(warped.image, None, warped.unseen)

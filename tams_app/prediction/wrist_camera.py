@@ -23,31 +23,43 @@ class ToolPart(msgspec.Struct, frozen=True):
     pose: Numbers7
     extent: Floats3
 
+    @staticmethod
+    def all_of(solids: Iterable[Solid]) -> tuple[ToolPart, ...]:
+        """The descriptions of `solids`."""
+        return tuple(ToolPart(one.kind.value, numbers7(one.pose), one.extent) for one in solids)
+
+    @property
+    def solid(self) -> Solid:
+        """What is described, without its colour."""
+        return Solid(SolidKind(self.form), pose7(self.pose), self.extent, ZERO)
+
 
 class WristCamera(msgspec.Struct, frozen=True):
-    """Its pose on the mount (position [m], quaternion), its picture, and the tool before it."""
+    """Its pose on the mount (position [m], quaternion), its picture, and the tool before it.
+
+    grip: what closed fingers cover besides.
+    """
 
     pose: Numbers7
     fovy_deg: float
     width: int
     height: int
     tool: tuple[ToolPart, ...] = ()
+    grip: tuple[ToolPart, ...] = ()
 
     @staticmethod
-    def of(lens: Lens, tool: Iterable[Solid]) -> WristCamera:
-        """`tool`: in the frame that the lens is mounted on."""
-        parts = (ToolPart(one.kind.value, numbers7(one.pose), one.extent) for one in tool)
+    def of(lens: Lens, tool: Iterable[Solid], grip: Iterable[Solid] = ()) -> WristCamera:
+        """`tool`, `grip`: in the frame that the lens is mounted on."""
+        size = lens.width, lens.height
         return WristCamera(
-            numbers7(lens.pose), lens.fovy_deg, lens.width, lens.height, tuple(parts)
+            numbers7(lens.pose), lens.fovy_deg, *size, ToolPart.all_of(tool), ToolPart.all_of(grip)
         )
 
     def view(self, trail: MountTrail) -> WristView:
         """What corrects its frames; `trail`: of its mount."""
         lens = Lens("mount", pose7(self.pose), self.fovy_deg, self.width, self.height)
-        tool = (
-            Solid(SolidKind(part.form), pose7(part.pose), part.extent, ZERO) for part in self.tool
-        )
-        return WristView(WristWarp(lens, tool), trail)
+        tool, grip = ([part.solid for part in parts] for parts in (self.tool, self.grip))
+        return WristView(WristWarp(lens, tool, grip), trail)
 
 
 def numbers7(pose: Pose) -> Numbers7:

@@ -41,7 +41,11 @@ class ArmFigure(Protocol):
 
     @property
     def solids(self) -> Mapping[str, tuple[Solid, ...]]:
-        """Those of each link, by the name of its frame; `base` does not move."""
+        """Those of each link, by the name of its frame; `base` does not move. Fingers are open."""
+
+    @property
+    def grip(self) -> tuple[Solid, ...]:
+        """What closed fingers cover besides, with what they may hold, in the flange's frame."""
 
     def place(self, joints: Vector) -> Mapping[str, Pose]:
         """Where the links' frames are in the base frame, for `joints` [rad], shape (6,)."""

@@ -131,7 +131,7 @@ def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
 
 
 def codecs(config: Config, note: Note) -> Codecs:
-    """The configured encoder and decoder, or what works here in their place, which `note` reports."""
+    """The configured encoder and decoder; what works here in their place is told by `note`."""
     chosen = choose_codecs(config.video, starts_at_capacity(config))
     for remark in chosen.remarks:
         note("warning", remark)

@@ -29,7 +29,7 @@ class LateStates(Listener):
         self._present, self._at_once = present, at_once
         self._delay_ns = round((network.latency_ms + network.jitter_ms) * NS_PER_MS)
         self._ticks: deque[Tick] = deque()
-        self._coming: deque[tuple[int, ArmHeard]] = deque()
+        self._coming: deque[tuple[int, ArmHeard, bool]] = deque()
 
     def on_tick(self, tick: Tick) -> None:
         """In the control thread, which `step` must not hold up."""
@@ -61,6 +61,8 @@ class LateStates(Listener):
                 orientation_mode=tick.orientation_mode,
                 speed_scale=tick.speed_scale,
             )
-            self._coming.append((now_ns + self._delay_ns, state))
+            closed = bool(tick.arm.gripper_closed)
+            self._coming.append((now_ns + self._delay_ns, state, closed))
         while self._coming and self._coming[0][0] <= now_ns:
-            self._present.heard(self._coming.popleft()[1], way_ns=0)
+            _, state, closed = self._coming.popleft()
+            self._present.heard(state, way_ns=0, closed=closed)

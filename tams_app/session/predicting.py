@@ -32,9 +32,9 @@ def wrist_cameras(config: Config) -> dict[str, WristCamera]:
     if config.view.predict == "off" or scene.figure is None:
         return {}
     flange = scene.figure.flange
-    tool = scene.figure.solids[flange]
+    tool, grip = scene.figure.solids[flange], scene.figure.grip
     return {
-        view: WristCamera.of(lens, tool)
+        view: WristCamera.of(lens, tool, grip)
         for view, lens in scene.lenses.items()
         if lens.parent == flange
     }

@@ -214,7 +214,8 @@ class LinkedRobot:
             speed_scale=state.speed_scale,
             lag_ns=_TICK_NS // 2,  # until the tick that takes a sample, in the mean
         )
-        self._present.heard(arm, round(median(self._ways_ns)), offset.offset_ns)
+        way_ns, closed = round(median(self._ways_ns)), bool(state.gripper_closed)
+        self._present.heard(arm, way_ns, offset.offset_ns, closed)
 
     def _begin(self, session: int) -> None:
         self._session = session

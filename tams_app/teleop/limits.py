@@ -175,7 +175,9 @@ class Limits:
         left_s = [1.0 / closing - margin_s] if closing > 0.0 else []
         left_s += [
             ((high if speed > 0.0 else low) - at) / speed
-            for at, speed, (low, high) in zip(joints, speeds, self._joint_ranges, strict=True)
+            for at, speed, (low, high) in zip(
+                joints.tolist(), speeds, self._joint_ranges, strict=True
+            )
             if speed
         ]
         least_s = min(left_s)

@@ -102,6 +102,19 @@ def test_the_tool_stays_where_it_is_in_the_picture():
     assert not (warped.image[~covered] == (0, 0, 200)).all(axis=1).any()  # no second one beside it
 
 
+def test_what_a_closed_gripper_holds_stays_where_it_is_in_the_picture():
+    then, now = above(0.0, 0.0, 0.20), above(0.03, 0.0, 0.20)
+    frame = picture(LENS, then)
+    covered = covered_by((FINGER,), LENS)
+    warp = WristWarp(LENS, BARE, (FINGER,))
+    open_, closed = (warp.to_now(frame, then, now, one) for one in (False, True))
+    assert open_ is not None
+    assert closed is not None
+    assert (closed.image[covered] == frame[covered]).all()
+    assert (open_.image[covered] != frame[covered]).any()
+    assert (open_.image == WristWarp(LENS, BARE).to_now(frame, then, now).image).all()
+
+
 def test_what_was_behind_the_tool_is_told_as_not_seen():
     then, now = above(0.0, 0.0, 0.20), above(0.03, 0.0, 0.20)
     frame = picture(LENS, then)

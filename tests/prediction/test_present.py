@@ -113,7 +113,7 @@ def test_where_the_mount_was_believed_to_be_is_remembered():
     for step in range(100):
         pose = Pose(np.array([step, 0.0, 0.0]), Rotation.identity())
         trail.add(placed(step * PERIOD_NS, pose, pose))
-    assert trail.now(40 * PERIOD_NS)[0].position[0] == pytest.approx(40)
+    assert trail.now(40 * PERIOD_NS).pose.position[0] == pytest.approx(40)
     assert trail.then(40 * PERIOD_NS).position[0] == pytest.approx(40)
 
 

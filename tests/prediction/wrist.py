@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from tams_app.prediction.plane_warp import mounted
 from tams_app.prediction.present import Placed
 from tams_app.prediction.wrist_camera import WristCamera
-from tams_app.records import Image, Lens, Pose
+from tams_app.records import Image, Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 
 STRAIGHT = Rotation.identity()
@@ -19,9 +21,12 @@ def lens_of(width: int, height: int) -> Lens:
     return Lens("flange", MOUNT, 60.0, width, height)
 
 
+GRIP = Solid(SolidKind.BOX, Pose(np.array([0.0, 0.05, 0.06]), STRAIGHT), (0.02,) * 3, (0.0,) * 3)
+
+
 def camera_of(width: int, height: int) -> WristCamera:
-    """With nothing before it."""
-    return WristCamera.of(lens_of(width, height), ())
+    """With nothing before it but closed fingers."""
+    return WristCamera.of(lens_of(width, height), (), (GRIP,))
 
 
 def above(x: float, y: float, z: float, turn: Rotation = STRAIGHT) -> Pose:
@@ -41,7 +46,8 @@ def picture(lens: Lens, flange: Pose) -> Image:
 
 
 def placed(
-    now_ns: int, then: Pose, now: Pose, late_ns: int = 0, error_m: float = 0.0, offset_ns: int = 0
+    now_ns: int, then: Pose, now: Pose, late_ns: int = 0, error_m: float = 0.0, **more: Any
 ) -> Placed:
     """The mount was at `then` so long before, and is believed to be at `now`."""
-    return Placed(now_ns - late_ns + offset_ns, then, now_ns, now, error_m, offset_ns)
+    then_ns = now_ns - late_ns + more.get("offset_ns", 0)
+    return Placed(then_ns, then, now_ns, now, error_m, **more)

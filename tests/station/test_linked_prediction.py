@@ -36,8 +36,9 @@ class Present:
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
         self.samples.append((sample, now_ns))
 
-    def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0) -> None:
+    def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         self.states.append((state, way_ns, offset_ns))
+        self.closed = closed
 
 
 class Link:
@@ -85,8 +86,9 @@ class Link:
 
 
 def test_each_sample_that_is_sent_is_told_and_each_state_on_our_clock() -> None:
-    link = Link(30.0, 50.0, orientation_mode=True, speed_scale=0.5)
+    link = Link(30.0, 50.0, orientation_mode=True, speed_scale=0.5, gripper_closed=True)
     link.run(60)
+    assert link.present.closed
     assert len(link.present.samples) == 60
     state, way_ns, offset_ns = link.present.states[-1]
     assert state.joints == pytest.approx(JOINTS, abs=1e-6)

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import pytest
 
+from tams_app.prediction.plane_warp import covered_by
 from tams_app.prediction.present import AsReceived
 from tams_app.runtime.shared_ring import map_descriptor, open_block
 from tams_app.station.mount_memory import MountMemory, PresentViews
 from tams_app.units import NS_PER_MS
-from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.prediction.wrist import GRIP, above, camera_of, lens_of, picture, placed
 from tests.teleop.rig import PERIOD_NS
 
 pytestmark = pytest.mark.untimed
@@ -74,6 +75,19 @@ def test_the_frames_clock_goes_with_what_is_put(memory: MountMemory) -> None:
     now_ns = 59 * PERIOD_NS
     shown = views.show("eih", FRAME, now_ns + offset_ns - AGE_NS, now_ns)
     assert shown.as_received is None
+
+
+def test_what_a_closed_gripper_holds_stays_where_it_is(memory: MountMemory) -> None:
+    views = PresentViews(CAMERAS, open_block(memory.name))
+    held = covered_by((GRIP,), lens_of(64, 48))
+    shown = []
+    for closed in (False, True):
+        for number in range(60):
+            now_ns = (60 * closed + number) * PERIOD_NS
+            memory.put(placed(now_ns, THEN, NOW, closed=closed))
+        shown.append(views.show("eih", FRAME, now_ns - AGE_NS, now_ns).image)
+    assert (shown[0][held] != FRAME[held]).any()
+    assert (shown[1][held] == FRAME[held]).all()
 
 
 def test_nothing_is_left_of_the_memory(memory: MountMemory) -> None:

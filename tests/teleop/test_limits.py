@@ -273,6 +273,20 @@ def test_a_joint_comes_to_rest_before_its_limit_and_may_leave_it() -> None:
     assert held.limit(Twist((-0.2, 0.0, 0.0), ZERO), MIDDLE, joints, 1.0).joint_scale == 1.0
 
 
+@pytest.mark.parametrize("joint", range(6))
+def test_a_joint_s_limit_scales_by_a_plain_number_that_the_link_can_send(joint: int) -> None:
+    config = make_config()
+    model = Lite6Model()
+    joints = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
+    joints[joint] = model.joint_ranges[joint][1] - 0.02
+    tcp = Tcp.of(model.tcp_pose(joints))
+    limits = Limits(config, model, tcp.rotation)
+    for twist in (Twist((0.1, 0.1, 0.0), ZERO), Twist(ZERO, (0.1, 0.2, 0.3))):
+        limited = limits.limit(twist, tcp, joints, 1.0)
+        assert type(limited.joint_scale) is float
+        assert all(type(part) is float for part in (*limited.twist.linear, *limited.twist.angular))
+
+
 @pytest.mark.parametrize(
     "directions",
     [

@@ -71,3 +71,33 @@ def test_the_flange_is_a_link_and_the_kind_of_arm_has_this_figure() -> None:
     figure = arm_kind("lite6").figure()
     assert figure is not None
     assert figure.solids == FIGURE.solids
+
+
+def boxes_of_fingers(closed_m: float) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Middle and half size of the scene's boxes of the fingers in the flange's frame."""
+    model = mujoco.MjModel.from_xml_path(str(SCENE))
+    data = mujoco.MjData(model)
+    for finger in ("finger_left", "finger_right"):
+        data.qpos[model.joint(finger).qposadr[0]] = closed_m
+    mujoco.mj_kinematics(model, data)
+    flange = data.body(FIGURE.flange)
+    turn = flange.xmat.reshape(3, 3)
+    return [
+        ((data.geom_xpos[geom] - flange.xpos) @ turn, model.geom_size[geom])
+        for geom in range(model.ngeom)
+        if model.body(int(model.geom_bodyid[geom])).name.startswith("finger_")
+    ]
+
+
+def test_the_fingers_are_those_of_the_scene_when_open() -> None:
+    drawn = [(one.pose.position, np.array(one.extent) / 2) for one in FIGURE.solids[FIGURE.flange]]
+    for middle, half in boxes_of_fingers(0.0):
+        assert any(np.allclose(middle, at) and np.allclose(half, size) for at, size in drawn)
+
+
+def test_the_grip_covers_the_fingers_when_closed_and_a_block_between_them() -> None:
+    (grip,) = FIGURE.grip
+    reach = np.array(grip.extent) / 2
+    block = np.array([0.0, 0.0, 0.084]), np.array([0.0085, 0.0060, 0.010])
+    for middle, half in (*boxes_of_fingers(0.002), block):
+        assert (np.abs(middle - grip.pose.position) + half <= reach + 1e-4).all()
