@@ -67,7 +67,8 @@ class Video(ABC):
         self._protection = Protection(protected, network, self._rule, video.fps, always, real)
         self._flight = FlightBound(video.views) if self._feedback else None
         start_kbps = sum(self._start_kbps.values())
-        self._pacer = Pacer(start_kbps, threading.Lock()) if self._feedback else None
+        most_kbps = config.policy.budget.max_kbps
+        self._pacer = Pacer(start_kbps, most_kbps, threading.Lock()) if self._feedback else None
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock = clock
         self._log = log

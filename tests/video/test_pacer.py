@@ -45,6 +45,19 @@ def test_in_an_outage_small_frames_do_not_pile_up() -> None:
         assert pacer.reserve(now_ns, 1500) == now_ns
 
 
+def test_at_the_most_that_the_estimate_may_be_a_frame_leaves_at_once() -> None:
+    pacer = Pacer(1000.0, most_kbps=20_000.0)
+    pacer.set(19_999.0)
+    sizes = [1240] * 100
+    assert len(pacer.parts(sizes)) > 5
+    pacer.set(20_000.0)
+    assert len(pacer.parts(sizes)) == 1
+    now_ns = NS_PER_S
+    assert pacer.reserve(now_ns, sum(sizes)) == now_ns
+    assert pacer.reserve(now_ns, sum(sizes)) - now_ns < NS_PER_MS / 1000
+    assert pacer.waiting_bytes(now_ns + NS_PER_MS) == 0.0
+
+
 @given(SIZES, st.floats(0.0, 50_000.0))
 def test_every_packet_is_in_one_part_in_order(sizes: list[int], kbps: float) -> None:
     parts = Pacer(kbps).parts(sizes)

@@ -2,10 +2,13 @@
 
 A burst waits at the bottleneck all the same, where it delays the state of the arm, and overflows
 the queue when the capacity falls; and of its packets only the first says how long the queue was.
+Where the estimate is at the most that it may be, the uplink may carry anything beyond, and a frame
+that was paced would only be later.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 
@@ -13,6 +16,7 @@ from tams_app.units import NS_PER_MS
 
 _FASTER = 1.5  # than the estimate: what waits here when it is too low must go
 _LEAST_KBPS = 200.0  # what views and padding send in an outage, when the estimate is next to none
+_AT_ONCE_KBPS = 1e9  # a frame takes less than a microsecond
 _PART_NS = 5 * NS_PER_MS  # leave at once: waking for each packet would cost more than it gives
 
 
@@ -20,16 +24,24 @@ class Pacer:
     """When the packets of all views leave, in the order in which they ask."""
 
     def __init__(
-        self, capacity_kbps: float, lock: AbstractContextManager[object] | None = None
+        self,
+        capacity_kbps: float,
+        most_kbps: float = math.inf,
+        lock: AbstractContextManager[object] | None = None,
     ) -> None:
-        """`capacity_kbps`: the estimate until the first `set`. With a `lock` any thread may ask."""
+        """`capacity_kbps`: the estimate until the first `set`; it never exceeds `most_kbps`.
+
+        With a `lock` any thread may ask.
+        """
         self._lock = nullcontext() if lock is None else lock
+        self._most_kbps = most_kbps
         self._free_ns = 0
         self.set(capacity_kbps)
 
     def set(self, capacity_kbps: float) -> None:
         """From now on the uplink is believed to carry so much."""
-        self._kbps = _FASTER * max(capacity_kbps, _LEAST_KBPS / _FASTER)
+        paced_kbps = _FASTER * max(capacity_kbps, _LEAST_KBPS / _FASTER)
+        self._kbps = paced_kbps if capacity_kbps < self._most_kbps else _AT_ONCE_KBPS
 
     def parts(self, sizes_bytes: Sequence[int]) -> list[slice]:
         """Divide a frame's packets, of these sizes, into parts that leave at once."""

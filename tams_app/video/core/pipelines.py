@@ -92,8 +92,13 @@ def encoder_chain(
     encoder_kbps: int,
     feedback: bool = False,
     encoder: Encoder = X264,
+    paced: bool = False,
 ) -> str:
-    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's."""
+    """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's.
+
+    `paced`: they wait in the queue of that name, as lists: what sets the numbers' caps takes a list
+    apart, and Python would be called for each packet.
+    """
     extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
     # the payloader does not count what an extension takes
     mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
@@ -101,7 +106,7 @@ def encoder_chain(
         f"{encoder.launch(config, encoder_kbps)} ! h264parse "
         f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
         f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
-        f"timestamp-offset=0 seqnum-offset=0 {extension}"
+        f"timestamp-offset=0 seqnum-offset=0 {_PACED if paced else ''}{extension}"
     )
 
 
@@ -149,8 +154,7 @@ def session_sender(
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
         f'leaky-type=downstream caps="{raw_caps(config)}" '
-        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder)} "
-        f"{_PACED if paced else ''}{history}"
+        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder, paced)} {history}"
         "! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
         f"{feedback_in} ! session.recv_rtcp_sink"
