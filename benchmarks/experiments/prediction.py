@@ -7,14 +7,19 @@ state by 5 ms more. First, how far from the truth the arm's TCP is believed to b
 state, by that state extrapolated at its own speed, by the forward model. Then the similarity (SSIM)
 of the frame to the one that the camera takes now: as it is, and warped to each of those poses, and
 to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant.
+
+`--sessions` runs whole trials in virtual time instead, each with `view.predict` off and on: live
+SSIM as in a log, of the frames captured while the arm moves, and of the primary view.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import cv2
@@ -24,17 +29,20 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.experiments.virtual_runs import read_summary, run_side_by_side
 from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
 from hw.sim.world.scene_renderer import SceneRenderer
-from tams_app.config import Config, load_config
+from tams_app.config import Config, Network, load_config
 from tams_app.prediction.forward_model import ArmHeard, ForwardModel
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.trail import Trail
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Image, Pose, Tick, Vector
 from tams_app.robot.build import ready_pose
 from tams_app.session.viewing import scene_of
 from tams_app.session.virtual.videoless import VideolessTrial
+from tams_app.study.unattended import TrialsProgress
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
@@ -230,8 +238,81 @@ def _quantiles(values: Sequence[float]) -> NDArray[np.float64]:
     return np.asarray(np.percentile(values, (50, 95)))
 
 
+PREDICT = ("off", "eih")
+_MOVING_M_S = 0.02
+_SESSION_S = 25.0
+NETWORKS = {
+    **{
+        f"{one_way_ms:g} ms": Network(latency_ms=one_way_ms, rate_kbps=12_000.0)
+        for one_way_ms in ONE_WAY_MS[:3]
+    },
+    "s2": None,
+}
+
+
+def run_sessions(seeds: int, processes: int, console: Console) -> dict[str, dict[str, list[float]]]:
+    """By network and measure, its value in each trial."""
+    configs = {}
+    for (name, network), predict in product(NETWORKS.items(), PREDICT):
+        word = name if network is None else "case"
+        given = {} if network is None else {"networks.case": network.model_dump()}
+        for seed in range(1, seeds + 1):
+            configs[f"{name.split()[0]}-{predict}-{seed}"] = load_config(
+                None,
+                {
+                    **given,
+                    "network": word,
+                    "seed": seed,
+                    "view.predict": predict,
+                    "seconds": _SESSION_S,
+                    "recording.bitstream": False,
+                },
+            )
+    found: dict[str, dict[str, list[float]]] = {}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        TrialsProgress(console, len(configs)) as bar,
+    ):
+        run_side_by_side(configs, Path(folder), processes, bar.trial_ended)
+        for name, predict, seed in product(NETWORKS, PREDICT, range(1, seeds + 1)):
+            trial = Path(folder) / f"{name.split()[0]}-{predict}-{seed}"
+            row = found.setdefault(name, {})
+            row.setdefault(f"moving, {predict}", []).append(_moving_live(trial))
+            primary = read_summary(trial)["primary_view"]
+            row.setdefault(f"primary, {predict}", []).append(primary["live_ssim"])
+            row.setdefault(f"primary received, {predict}", []).append(primary["received_ssim"])
+    return found
+
+
+def _moving_live(folder: Path) -> float:
+    """Mean live SSIM of the wrist view's frames captured while the arm moves."""
+    log = read_log(folder / LOG_NAME)
+    times_ns = np.array([tick.started_ns for tick in log.ticks])
+    moves = np.array([tick.speed > _MOVING_M_S for tick in log.ticks])
+    scores = [
+        one.live
+        for one in log.quality
+        if one.view == VIEW
+        and one.live is not None
+        and moves[min(np.searchsorted(times_ns, one.capture_ns), len(moves) - 1)]
+    ]
+    return float(np.mean(scores))
+
+
+def sessions_table(found: dict[str, dict[str, list[float]]]) -> Table:
+    shown = Table("network", "live SSIM", "off", "predicted", "difference, each trial", box=None)
+    for name, row in found.items():
+        for measure, of in (("moving", "eih, arm moving"), ("primary", "primary view")):
+            before, after = row[f"{measure}, off"], row[f"{measure}, eih"]
+            gains = " ".join(f"{b - a:+.3f}" for a, b in zip(before, after, strict=True))
+            shown.add_row(name, of, f"{np.mean(before):.3f}", f"{np.mean(after):.3f}", gains)
+    return shown
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sessions", action="store_true", help="whole trials, off and on")
+    parser.add_argument("--processes", type=int, default=2, help="of --sessions")
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--picture", type=Path, help="of the last seed, at 100 ms one way")
@@ -239,6 +320,12 @@ def main() -> None:
     config = load_config(overrides={"rig.enabled": True})
     console = Console()
     console.width = max(console.width, 130)
+    if options.sessions:
+        rows = run_sessions(options.seeds, options.processes, console)
+        console.print(sessions_table(rows))
+        if options.json:
+            options.json.write_text(json.dumps(rows, indent=2) + "\n", encoding="utf-8")
+        return
     beliefs = BELIEFS[1:]
     found = {
         one_way_ms: Measured(
