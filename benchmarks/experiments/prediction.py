@@ -6,7 +6,8 @@ whom frame, state and samples are late: by the one-way latency, the frame by 45 
 state by 5 ms more. First, how far from the truth the arm's TCP is believed to be now: by the newest
 state, by that state extrapolated at its own speed, by the forward model. Then the similarity (SSIM)
 of the frame to the one that the camera takes now: as it is, and warped to each of those poses, and
-to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant.
+to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant,
+`--animation FILE` some seconds of motion.
 
 `--sessions` runs whole trials in virtual time instead, each with `view.predict` off and on: live
 SSIM as in a log, of the frames captured while the arm moves, and of the primary view.
@@ -53,6 +54,7 @@ VIEW = "eih"
 _EACH_TICKS = 40
 _SPEED_OVER = 5  # states, 60 a second: what they are extrapolated by
 _WHOLE = 1 << 62
+_FRAME_MS, _ANIMATED, _QUALITY = 100, 90, 50  # of an animation
 BELIEFS = ("as received", "newest state", "extrapolated", "forward model", "true pose")
 
 
@@ -79,8 +81,10 @@ class Instant:
     closed: bool  # the gripper, by the newest state
 
 
-def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Instant]:
-    """Each third of a second while the operator is engaged."""
+def instants(
+    config: Config, trial: Recorded, one_way_ms: float, each_ticks: int = _EACH_TICKS
+) -> Iterator[Instant]:
+    """Some while the operator is engaged; by default each third of a second."""
     kind = arm_kind(config.arm.model)
     model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
     state_ns = round((one_way_ms + STATE_MS) * NS_PER_MS)
@@ -94,7 +98,7 @@ def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Ins
             heard += 1
         forecast = model.at(now_ns)
         moves = tick.arming == ArmingState.ENGAGED and heard > _SPEED_OVER
-        if forecast is None or not moves or number % _EACH_TICKS:
+        if forecast is None or not moves or number % each_ticks:
             continue
         newest, before = states[heard - 1], states[heard - 1 - _SPEED_OVER]
         joints, then = _joints(newest), _joints(before)
@@ -190,28 +194,55 @@ def _similar(image: Image, present: FrameMoments) -> float:
     return ssim(present, FrameMoments.of(luma_of(image)))
 
 
-def draw(config: Config, trial: Recorded, seed: int, one_way_ms: float) -> Image:
-    """The instant at which the tool has moved most since the frame: late, corrected, true."""
-    kind, scene = arm_kind(config.arm.model), scene_of(config)
-    kinematics, figure = kind.kinematics(config.arm), scene.figure
-    assert figure is not None
+class Artist:
+    """Draws an instant of a trial: late, corrected and true, beside each other."""
 
-    def moved(instant: Instant) -> float:
+    def __init__(self, config: Config, trial: Recorded, seed: int) -> None:
+        scene = scene_of(config)
+        assert scene.figure is not None
+        self._trial, self._figure = trial, scene.figure
+        self._warp = WristWarp(
+            scene.lenses[VIEW], self._figure.solids[self._figure.flange], self._figure.grip
+        )
+        self._kinematics = arm_kind(config.arm.model).kinematics(config.arm)
+        self._renderer = SceneRenderer(draw_layout(seed))
+
+    def moved_m(self, instant: Instant) -> float:
+        """How far the TCP has moved since the frame."""
         places = instant.frame_joints, instant.believed["true pose"]
-        then, now = (kinematics.tcp_pose(joints).position for joints in places)
+        then, now = (self._kinematics.tcp_pose(joints).position for joints in places)
         return float(np.linalg.norm(now - then))
 
-    most = max(instants(config, trial, one_way_ms), key=moved)
-    renderer = SceneRenderer(draw_layout(seed))
-    late = renderer.render(VIEW, trial.world.at(most.frame_ns))
-    true = renderer.render(VIEW, trial.world.at(most.now_ns))
-    renderer.close()
-    warp = WristWarp(scene.lenses[VIEW], figure.solids[figure.flange], figure.grip)
-    poses = most.frame_joints, most.believed["forward model"]
-    then, now = (figure.place(joints)[figure.flange] for joints in poses)
-    warped = warp.to_now(late, then, now, most.closed)
-    assert warped is not None
-    return np.asarray(np.hstack((late, warped.image, true)), np.uint8)
+    def draw(self, instant: Instant) -> Image:
+        late = self._renderer.render(VIEW, self._trial.world.at(instant.frame_ns))
+        true = self._renderer.render(VIEW, self._trial.world.at(instant.now_ns))
+        poses = instant.frame_joints, instant.believed["forward model"]
+        flange = self._figure.flange
+        then, now = (self._figure.place(joints)[flange] for joints in poses)
+        warped = self._warp.to_now(late, then, now, instant.closed)
+        assert warped is not None
+        return np.asarray(np.hstack((late, warped.image, true)), np.uint8)
+
+    def close(self) -> None:
+        self._renderer.close()
+
+
+def animate(artist: Artist, shown: Sequence[Instant], path: Path, one_way_ms: float) -> None:
+    """The instants as a looped WebP, in real time, each picture with its name."""
+    names = (f"as received, {one_way_ms:g} ms one way", "predicted from it", "the camera now")
+    frames = []
+    for instant in shown:
+        image = cv2.resize(artist.draw(instant), (3 * 320, 240), interpolation=cv2.INTER_AREA)
+        for place, name in enumerate(names):
+            at = (320 * place + 8, 230)
+            for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
+                cv2.putText(image, name, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness,
+                            cv2.LINE_AA)  # fmt: skip
+        frames.append(image)
+    animation = cv2.Animation()
+    animation.frames = frames
+    animation.durations = np.full(len(frames), _FRAME_MS)
+    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
 
 
 def errors_table(found: dict[float, Measured]) -> Table:
@@ -316,6 +347,7 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--picture", type=Path, help="of the last seed, at 100 ms one way")
+    parser.add_argument("--animation", type=Path, help="of the last seed, at 200 ms one way")
     options = parser.parse_args()
     config = load_config(overrides={"rig.enabled": True})
     console = Console()
@@ -343,8 +375,15 @@ def main() -> None:
         measure(config, trial, seed, found)
     console.print(errors_table(found))
     console.print(similarity_table(found))
-    if options.picture:
-        cv2.imwrite(str(options.picture), draw(config, trial, seed, 100.0))
+    if options.picture or options.animation:
+        artist = Artist(config, trial, seed)
+        if options.picture:
+            most = max(instants(config, trial, 100.0), key=artist.moved_m)
+            cv2.imwrite(str(options.picture), artist.draw(most))
+        if options.animation:
+            each = list(instants(config, trial, 200.0, each_ticks=12))
+            animate(artist, each[:_ANIMATED], options.animation, 200.0)
+        artist.close()
     if options.json:
         told = {
             f"{one_way_ms:g}": {

@@ -124,4 +124,7 @@ def without_figures(state: SessionState) -> SessionState:
         loss=None,
         asked_fps=None,
         live_ssim=None,
+        joints_urad=(),
+        joints_ns=0,
+        speed_scale=1.0,  # slowed by the video's age
     )

@@ -58,7 +58,7 @@ def operate(
             lambda: tuple(map(station.steered_by, views)),
             call.identity,
             call.hand,
-            linked_present(moves_by, log, station.mount),
+            linked_present(ours, moves_by, log, station.mount),
         )
         identify, feedback = link.identify(views), call.welcome.feedback
         receivers = station.receive(call.rule, feedback, identify)

@@ -17,12 +17,12 @@ from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
 from tams_app.session.viewing import scene_of
 from tams_app.station.mount_memory import MountMemory
-from tams_app.video.core.quality import Present as PresentLuma
+from tams_app.video.core.quality import Correction
 from tams_app.video.live.networks import resolve_network
 
 NOT_KNOWN = (
-    "view.predict: where the camera on the arm is has not been measured, so its frames are shown "
-    "as received"
+    "view.predict: where the camera on the arm is, or how the hand moves the arm, is not known, so "
+    "its frames are shown as received"
 )
 
 
@@ -54,7 +54,7 @@ def follow_states(
 
 def predicted_trial(
     config: Config, log: Journal
-) -> tuple[tuple[LateStates, ...], dict[str, PresentLuma]]:
+) -> tuple[tuple[LateStates, ...], dict[str, Correction]]:
     """The same in virtual time, and by view the luma of what is shown of a frame."""
     cameras, trail = wrist_cameras(config), MountTrail()
     if not cameras:
@@ -66,13 +66,16 @@ def predicted_trial(
 
 
 def linked_present(
-    config: Config | None, log: Journal, mount: MountMemory | None
+    ours: Config, moves_by: Config | None, log: Journal, mount: MountMemory | None
 ) -> Present | None:
-    """What tells `mount` where the arm at the other end of a link is, which moves by `config`."""
-    if config is None or not _told(config, log, mount):
+    """What tells `mount` where the arm at the other end of a link is.
+
+    `moves_by`: the configuration by which it moves; None: that was not told.
+    """
+    if not _told(ours, log, mount) or moves_by is None:
         return None
     assert mount is not None
-    return present_of(config, mount.put)
+    return present_of(moves_by, mount.put)
 
 
 def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:

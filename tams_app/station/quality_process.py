@@ -27,7 +27,7 @@ from tams_app.runtime.realtime import use_idle
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import PresentViews
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.quality import Fate, Present, Scorer, ViewQuality
+from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
 from tams_app.video.live.reporting_helper import line_of, reports_to_session
 
@@ -77,13 +77,13 @@ class ViewScores:
         captured: FrameReader,
         shown: FrameReader,
         report: Callable[[FrameQuality], None],
-        present: Present | None = None,
+        correct: Correction | None = None,
     ) -> None:
-        """`present`: as for `ViewQuality`."""
+        """`correct`: as for `ViewQuality`."""
         self._captured = captured
         self._shown = shown
         self._report = report
-        self._quality = ViewQuality(view, present=present)
+        self._quality = ViewQuality(view, correct=correct)
         self._scorer = Scorer()
         self._waiting: deque[Fate] = deque()
 
@@ -168,14 +168,14 @@ def main() -> None:
         def report(quality: FrameQuality) -> None:
             results.sendall(line_of(quality))
 
-        present = _present(specification)
+        corrections = _corrections(specification)
         views = [
             ViewScores(
                 name,
                 FrameReader(captures, captured, name),
                 FrameReader(screen, shown, name),
                 report,
-                present.get(name),
+                corrections.get(name),
             )
             for name in names
         ]
@@ -187,7 +187,7 @@ def main() -> None:
             raise SystemExit("the session is gone") from error
 
 
-def _present(specification: dict[str, Any]) -> dict[str, Present]:
+def _corrections(specification: dict[str, Any]) -> dict[str, Correction]:
     """By view, what the operator is shown of a frame that is corrected."""
     if not specification["mount_memory"]:
         return {}

@@ -98,7 +98,7 @@ def test_live_looks_at_what_the_screen_showed_of_a_frame_that_is_corrected() -> 
         asked.append((capture_ns, now_ns))
         return 255 - shown
 
-    quality = ViewQuality("eih", present=present)
+    quality = ViewQuality("eih", correct=present)
     fates: list[Fate] = []
     for index in range(6):
         fates += quality.captured(index, captured_at(index), luma(index))
@@ -115,11 +115,11 @@ def test_a_frame_whose_image_or_capture_is_not_known_is_not_corrected() -> None:
     def present(_shown: Luma, _capture_ns: int, _now_ns: int) -> Luma:
         raise AssertionError
 
-    quality = ViewQuality("eih", present=present)
+    quality = ViewQuality("eih", correct=present)
     quality.shown(7, captured_at(0) - NS_PER_MS, luma(1))  # of no capture here
     (first,) = quality.captured(8, captured_at(0), luma(2)) or quality.finish(captured_at(1))
     assert same(first.on_screen, luma(1))
-    quality = ViewQuality("eih", present=present)
+    quality = ViewQuality("eih", correct=present)
     quality.captured(0, captured_at(0), luma(0))
     quality.shown(0, captured_at(0) + NS_PER_MS, None)
     quality.captured(1, captured_at(1), luma(1))

@@ -54,8 +54,8 @@ class VirtualTrial:
             records = virtual_records(config, folder, self._clock, wall_start_ns)
             self._log = stack.enter_context(records)
             scored = config.video.views if config.video.quality.enabled else ()
-            states, present = predicted_trial(config, self._log)
-            self._scores = scores = FrameScores(scored, self._log.record, present)
+            states, corrections = predicted_trial(config, self._log)
+            self._scores = scores = FrameScores(scored, self._log.record, corrections)
 
             def shown(frame: ShownFrame) -> None:
                 scores.shown(frame)

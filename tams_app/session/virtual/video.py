@@ -9,7 +9,7 @@ from tams_app.records import Frame, FrameQuality, ShownFrame
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
-from tams_app.video.core.quality import Fate, Present, Scorer, ViewQuality
+from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.networks import resolve_network
 from tams_app.video.virtual.shared import VideoRecords
@@ -26,12 +26,12 @@ class FrameScores:
         self,
         views: Iterable[str],
         record: Callable[[FrameQuality], None],
-        present: Mapping[str, Present] | None = None,
+        corrections: Mapping[str, Correction] | None = None,
     ) -> None:
-        """`present`: by view, what the screen shows of a frame that is corrected."""
-        found = present or {}
+        """`corrections`: by view, what the screen shows of a frame that is corrected."""
+        found = corrections or {}
         self._views = {
-            view: (ViewQuality(view, present=found.get(view)), Scorer()) for view in views
+            view: (ViewQuality(view, correct=found.get(view)), Scorer()) for view in views
         }
         self._record = record
 

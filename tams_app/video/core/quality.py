@@ -15,7 +15,7 @@ from tams_app.records import FrameQuality
 from tams_app.video.core.frame_interval import FrameIntervals, freeze_ns
 from tams_app.video.core.ssim import FrameMoments, Luma, ssim
 
-Present: TypeAlias = Callable[[Luma, int, int], Luma]
+Correction: TypeAlias = Callable[[Luma, int, int], Luma]
 """What the screen shows of a frame (captured [ns]) at a time [ns], where it is corrected."""
 
 WINDOW_FRAMES = 90  # three seconds: the link, repair and decoding keep nothing for as long
@@ -67,12 +67,12 @@ class ViewQuality:
     """
 
     def __init__(
-        self, view: str, window_frames: int = WINDOW_FRAMES, present: Present | None = None
+        self, view: str, window_frames: int = WINDOW_FRAMES, correct: Correction | None = None
     ) -> None:
-        """`present`: what is on screen of a frame; None: the frame."""
+        """`correct`: what is on screen of a frame; None: the frame."""
         self._view = view
         self._window_frames = window_frames
-        self._present = present
+        self._correct = correct
         self._pending: OrderedDict[int, _Captured] = OrderedDict()
         self._history: deque[_Shown] = deque()  # from what pending captures found on screen on
         self._newest_capture_ns = 0
@@ -140,11 +140,11 @@ class ViewQuality:
 
     def _on_screen(self, shown: _Shown | None, now_ns: int) -> Image | None:
         """What the screen showed of it."""
-        if shown is None or self._present is None:
+        if shown is None or self._correct is None:
             return shown.image if shown else None
         if shown.image.luma is None or shown.capture_ns is None:
             return shown.image
-        return Image(self._present(shown.image.luma, shown.capture_ns, now_ns))
+        return Image(self._correct(shown.image.luma, shown.capture_ns, now_ns))
 
     def _stayed_ns(self, on_screen: _Shown, now_ns: int) -> int:
         """The time that an image stayed on screen, up to now."""

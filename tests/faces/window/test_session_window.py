@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 from rich.console import Console
@@ -360,12 +361,15 @@ def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
 
 
 def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
-    facts = facts_of(STATE, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
+    moving = msgspec.structs.replace(STATE, joints_urad=(1,) * 6, joints_ns=2, speed_scale=0.5)
+    facts = facts_of(moving, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
     state = facts.state
+    assert (state.joints_urad, state.joints_ns, state.speed_scale) == ((), 0, 1.0)
     assert set(state.views.values()) == {ViewState()}
     told = {name for name in SessionState.__struct_fields__ if getattr(state, name) is not None}
     arm = {"arming", "reason", "lasting", "last_stop", "orientation_mode", "gripper_closed"}
     hand = {"hand", "pressed", "deadman", "tcp_mm", "phase", "primary_view"}
-    assert told == arm | hand | {"t_s", "now_ns", "views", "placed"}
+    nothing = {"joints_urad", "joints_ns", "speed_scale"}
+    assert told == arm | hand | {"t_s", "now_ns", "views", "placed"} | nothing
     assert facts.trial is not None
     assert (facts.trial.participant, state.arming) == ("P01", "holding")
