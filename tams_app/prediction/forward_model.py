@@ -118,10 +118,10 @@ class ForwardModel:
             self._drive.toggle_mode()
         self._engaged = buttons.press or (self._engaged and buttons.pressed)
         self._drive.note_interval(now_ns, interval_s)
-        arm = self._arm(now_ns)
         try:
             if self._engaged:
-                self._drive.follow(sample, arm, 0, self._video_scale(heard), now_ns, interval_s)
+                scale, arm = self._video_scale(heard), self._arm(now_ns)
+                self._drive.follow(sample, arm, 0, scale, now_ns, interval_s)
             else:
                 self._drive.rest(interval_s)
         except TrajectoryError:
@@ -187,7 +187,8 @@ class ForwardModel:
 
     def _move(self, interval_s: float) -> None:
         twist = self._drive.twist
-        speeds = joint_speeds(self._model, (*twist.linear, *twist.angular), self._joints)
+        wanted = (*twist.linear, *twist.angular)
+        speeds = joint_speeds(self._model, wanted, self._joints) if any(wanted) else None
         if speeds is None:
             return
         change: NDArray[np.float64] = np.array(speeds) * interval_s

@@ -19,6 +19,8 @@ PREDICTED_FACT = "predicted_views"  # names of those that are corrected, joined 
 OLDEST_NS = 500 * NS_PER_MS  # a frame that is older is shown as received
 WORST_M = 0.010  # so far the predicted TCP may have been off in the last two seconds
 _KEPT_NS = 5 * NS_PER_S  # quality is measured until so long after a capture
+_EACH_NS = 12 * NS_PER_MS
+_AHEAD_NS = 20 * NS_PER_MS  # until the next belief comes, the last motion goes on
 _BEYOND_NS = 50 * NS_PER_MS  # the newest state: further ahead nothing is believed
 
 
@@ -94,7 +96,7 @@ class MountTrail:
         """Where it is believed to be, or was, at `now_ns`; None: not known."""
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
-        found = self._now.at(now_ns)
+        found = self._now.at(now_ns, _AHEAD_NS)
         return Believed(_pose(found[:7]), float(found[7]), bool(found[8] > 0.5))
 
     def _numbers(self, pose: Pose) -> Vector:
@@ -121,9 +123,16 @@ class Present:
         """`mount`: where joints put it; `tell` gets each belief."""
         self._model, self._mount, self._tell = model, mount, tell
         self._then: tuple[int, Pose, int, bool] | None = None
+        self._sent_ns = 0
 
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
-        """A sample is on its way; from now on the arm is believed to be where it leads."""
+        """A sample is on its way; from now on the arm is believed to be where it leads.
+
+        Of 120 samples a second each second one is taken: the rest would cost, and tell no more.
+        """
+        if 0 <= now_ns - self._sent_ns < _EACH_NS:
+            return
+        self._sent_ns = now_ns
         self._model.sent(sample, now_ns)
         forecast = self._model.at(now_ns)
         if forecast is None or self._then is None:

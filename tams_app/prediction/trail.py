@@ -42,18 +42,22 @@ class Trail:
             return False
         return self._samples[0][0] <= t_ns <= self._samples[-1][0] + beyond_ns
 
-    def at(self, t_ns: int) -> Vector:
+    def at(self, t_ns: int, ahead_ns: int = 0) -> Vector:
         """The value then; before the oldest and after the newest sample, theirs.
 
-        IndexError where there is none.
+        `ahead_ns`: the newest two are continued for so long after the newest. IndexError where
+        there is none.
         """
-        after = bisect_right(self._samples, t_ns, key=_time)
+        samples = self._samples
+        after = bisect_right(samples, t_ns, key=_time)
         if after == 0:
-            return self._samples[0][1]
-        before_ns, before = self._samples[after - 1]
-        if after == len(self._samples) or t_ns == before_ns:
-            return before
-        after_ns, later = self._samples[after]
+            return samples[0][1]
+        if after == len(samples):
+            if len(samples) == 1 or not ahead_ns:
+                return samples[-1][1]
+            after, t_ns = after - 1, min(t_ns, samples[-1][0] + ahead_ns)
+        before_ns, before = samples[after - 1]
+        after_ns, later = samples[after]
         return before + (later - before) * ((t_ns - before_ns) / (after_ns - before_ns))
 
 

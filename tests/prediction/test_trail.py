@@ -43,3 +43,15 @@ def test_a_sample_that_is_not_newer_is_left_out():
     trail.add(40, np.zeros(1))
     assert len(trail) == 1
     assert trail.newest[1] == pytest.approx([1.0])
+
+
+def test_a_trail_may_go_on_for_a_while_as_it_went_last():
+    trail = Trail(1000)
+    trail.add(100, np.array([1.0]))
+    assert trail.at(150, ahead_ns=40) == pytest.approx([1.0])  # one sample has no direction
+    trail.add(110, np.array([3.0]))
+    assert trail.at(115, ahead_ns=40) == pytest.approx([4.0])
+    assert trail.at(150, ahead_ns=40) == pytest.approx([11.0])
+    assert trail.at(500, ahead_ns=40) == pytest.approx([11.0])
+    assert trail.at(500) == pytest.approx([3.0])
+    assert trail.at(105, ahead_ns=40) == pytest.approx([2.0])

@@ -78,7 +78,7 @@ def test_the_control_thread_hands_over_and_another_one_works() -> None:
     worker.join(0.3)
     stop.set()
     worker.join()
-    assert len(found) >= 50
+    assert len(found) >= 25  # each second tick
 
 
 def test_only_a_camera_on_the_arm_whose_pose_is_known_is_corrected() -> None:
