@@ -84,6 +84,7 @@ class ForwardModel:
         self._model = model
         self._drive = Drive(config, model, ready)
         self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * NS_PER_MS)
+        self._stall_s = config.arm.velocity_deadman_s
         self._engaged = False
         self._changed_ns = 0  # when trigger or mode was changed last
         self._moved: Vector = np.zeros(6)  # by the model since the start
@@ -104,6 +105,8 @@ class ForwardModel:
         heard = self._heard
         if heard is None:
             return
+        if interval_s > self._stall_s:  # the arm stops by itself, as `Teleop` has it
+            self._drive.halt()
         self._move(interval_s)
         self._trail.add(now_ns, self._moved)
         if heard.arming not in _MOVABLE:

@@ -120,6 +120,18 @@ def test_an_error_is_forgotten_after_two_seconds():
     assert sides.model.at(sides.now_ns).error_m < 1e-6
 
 
+def test_an_operator_s_computer_that_stood_still_predicts_no_motion_of_that_time():
+    """No sample came there either, and the arm's own deadman has stopped it."""
+    sides = Sides(way=0, back=0)
+    sides.engage()
+    sides.hand.linear = hand_for((0.2, 0.0, 0.0), sides.config)
+    sides.step(30)
+    joints = sides.model.at(sides.now_ns).joints
+    later_ns = sides.now_ns + 2_000_000_000
+    sides.model.sent(sides.hand.sample(later_ns, 0.0), later_ns)
+    assert sides.model.at(later_ns).joints == pytest.approx(joints, abs=0.02)
+
+
 def test_the_past_is_as_it_was_measured():
     sides = Sides(way=3, back=3)
     sides.engage()
