@@ -33,6 +33,8 @@ from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.trajectory import TrajectoryError
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+GOOD_M, WORST_M = 0.010, 0.030
+_BETTER = 0.5  # times the error of what is not predicted
 _KEPT_NS = 3 * NS_PER_S
 _CHECKED_NS = 2 * NS_PER_S  # how long an error counts
 _PREDICTED = 1000  # that wait to be checked, while nothing is received
@@ -69,11 +71,20 @@ class Forecast:
     """The arm at a time.
 
     joints: [rad], shape (6,). error_m: how far off the TCP was in the last two seconds where it was
-    predicted; 0 while nothing was predicted that has been received since.
+    predicted, at worst; late_m: where the newest state had it, at worst. 0 while nothing was
+    predicted that has been received since.
     """
 
     joints: Vector
     error_m: float
+    late_m: float
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether predictions have been good, or much better than none, and never far off."""
+        if self.error_m <= GOOD_M:
+            return True
+        return self.error_m <= WORST_M and self.error_m <= _BETTER * self.late_m
 
 
 class ForwardModel:
@@ -94,8 +105,8 @@ class ForwardModel:
         self._joints: Vector = np.zeros(6)  # of the model, once the newest sample counts
         self._last_ns: int | None = None
         self._way_ns = 0
-        self._predicted: deque[tuple[int, Vector]] = deque(maxlen=_PREDICTED)
-        self._errors: deque[tuple[int, float]] = deque()
+        self._predicted: deque[tuple[int, Vector, Vector]] = deque(maxlen=_PREDICTED)
+        self._errors: deque[tuple[int, float, float]] = deque()
 
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
         """A sample is on its way."""
@@ -150,11 +161,13 @@ class ForwardModel:
         if heard is None:
             return None
         if t_ns <= heard.t_ns or not self._trail:
-            return Forecast(self._measured.at(t_ns), 0.0)
+            return Forecast(self._measured.at(t_ns), 0.0, 0.0)
         start = self._trail.at(self._shows_ns(heard, heard.t_ns))
         joints = heard.joints + self._trail.at(self._shows_ns(heard, t_ns)) - start
-        self._predicted.append((t_ns, joints))
-        return Forecast(joints, max((error for _, error in self._errors), default=0.0))
+        self._predicted.append((t_ns, joints, heard.joints))
+        error_m = max((error_m for _, error_m, _ in self._errors), default=0.0)
+        late_m = max((late_m for _, _, late_m in self._errors), default=0.0)
+        return Forecast(joints, error_m, late_m)
 
     def _shows_ns(self, state: ArmHeard, t_ns: int) -> int:
         """When the newest sample was sent that shows in the joints at `t_ns`."""
@@ -205,10 +218,14 @@ class ForwardModel:
             self._errors.popleft()
         before = self._heard
         while self._predicted and self._predicted[0][0] <= state.t_ns:
-            t_ns, joints = self._predicted.popleft()
+            t_ns, joints, heard = self._predicted.popleft()
             if before is None or t_ns < before.t_ns:
                 continue
             share = (t_ns - before.t_ns) / (state.t_ns - before.t_ns)
             true = before.joints + (state.joints - before.joints) * share
-            apart = self._model.tcp_pose(joints).position - self._model.tcp_pose(true).position
-            self._errors.append((t_ns, math.sqrt(apart @ apart)))
+            self._errors.append((t_ns, self._apart_m(joints, true), self._apart_m(heard, true)))
+
+    def _apart_m(self, joints: Vector, others: Vector) -> float:
+        """How far the TCP is apart."""
+        one, other = (self._model.tcp_pose(each).position for each in (joints, others))
+        return math.sqrt((one - other) @ (one - other))

@@ -17,7 +17,6 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 PREDICTED_FACT = "predicted_views"  # names of those that are corrected, joined by commas
 OLDEST_NS = 500 * NS_PER_MS  # a frame that is older is shown as received
-WORST_M = 0.010  # so far the predicted TCP may have been off in the last two seconds
 _KEPT_NS = 5 * NS_PER_S  # quality is measured until so long after a capture
 _EACH_NS = 12 * NS_PER_MS
 _AHEAD_NS = 20 * NS_PER_MS  # until the next belief comes, the last motion goes on
@@ -50,15 +49,15 @@ class Placed:
     """Where the camera's mount was and is believed to be, base frame.
 
     then: at `then_ns`, on the clock that frames are captured by. now: at `now_ns`, on the clock
-    that they are shown by; offset_ns: the former minus the latter. error_m: how far off such
-    beliefs were in the two seconds before. closed: the gripper is.
+    that they are shown by; offset_ns: the former minus the latter. trusted: `Forecast.is_trusted`.
+    closed: the gripper is.
     """
 
     then_ns: int
     then: Pose
     now_ns: int
     now: Pose
-    error_m: float
+    trusted: bool = True
     offset_ns: int = 0
     closed: bool = False
 
@@ -68,7 +67,7 @@ class Believed:
     """The mount's pose at a time as it was believed then, and the rest of `Placed`."""
 
     pose: Pose
-    error_m: float
+    trusted: bool
     closed: bool
 
 
@@ -84,7 +83,7 @@ class MountTrail:
         """What is known from now on; the same place may be told again."""
         self.offset_ns = placed.offset_ns
         self._then.add(placed.then_ns, self._numbers(placed.then))
-        beside = (placed.error_m, float(placed.closed))
+        beside = (float(placed.trusted), float(placed.closed))
         self._now.add(placed.now_ns, np.append(self._numbers(placed.now), beside))
 
     def then(self, t_ns: int) -> Pose | None:
@@ -97,7 +96,7 @@ class MountTrail:
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
         found = self._now.at(now_ns, _AHEAD_NS)
-        return Believed(_pose(found[:7]), float(found[7]), bool(found[8] > 0.5))
+        return Believed(_pose(found[:7]), bool(found[7] > 0.5), bool(found[8] > 0.5))
 
     def _numbers(self, pose: Pose) -> Vector:
         """Position and quaternion: of the two of a rotation the one that is near the last one."""
@@ -139,7 +138,8 @@ class Present:
             return
         then_ns, then, offset_ns, closed = self._then
         now = self._mount(forecast.joints)
-        self._tell(Placed(then_ns, then, now_ns, now, forecast.error_m, offset_ns, closed))
+        trusted = forecast.is_trusted
+        self._tell(Placed(then_ns, then, now_ns, now, trusted, offset_ns, closed))
 
     def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         """A state was received.
@@ -173,7 +173,7 @@ class WristView:
         then, believed = self._trail.then(capture_ns), self._trail.now(now_ns)
         if then is None or believed is None:
             return Shown(image, AsReceived.UNKNOWN)
-        if believed.error_m > WORST_M:
+        if not believed.trusted:
             return Shown(image, AsReceived.UNSURE)
         warped = self._warp.to_now(image, then, believed.pose, believed.closed)
         if warped is None:

@@ -22,7 +22,7 @@ from tams_app.runtime.shared_ring import (
     remove_block,
 )
 
-_RECORD = struct.Struct("<qq7d7ddq?")  # times, poses then and now, error, offset, closed
+_RECORD = struct.Struct("<qq7d7d?q?")  # times, poses then and now, trusted, offset, closed
 _SHAPE = RingShape(head_bytes=_RECORD.size, heads=1024)  # eight seconds
 
 
@@ -48,7 +48,7 @@ class MountMemory:
                 placed.now_ns,
                 *numbers7(placed.then),
                 *numbers7(placed.now),
-                placed.error_m,
+                placed.trusted,
                 placed.offset_ns,
                 placed.closed,
             )
@@ -97,6 +97,6 @@ class PresentViews:
 
 
 def _placed(head: bytes) -> Placed:
-    then_ns, now_ns, *numbers, error_m, offset_ns, closed = _RECORD.unpack(head)
+    then_ns, now_ns, *numbers, trusted, offset_ns, closed = _RECORD.unpack(head)
     then, now = tuple(numbers[:7]), tuple(numbers[7:])
-    return Placed(then_ns, pose7(then), now_ns, pose7(now), error_m, offset_ns, closed)
+    return Placed(then_ns, pose7(then), now_ns, pose7(now), trusted, offset_ns, closed)

@@ -41,11 +41,11 @@ class Bench:
         now_ns = self.clock.now_ns()
         self._writers[view].put(1, now_ns, FRAME, now_ns - AGE_NS)
 
-    def know(self, error_m: float = 0.0) -> None:
+    def know(self, trusted: bool = True) -> None:
         """Where the mount was and is, for the last half second."""
         for late_ms in range(500, -1, -10):
             now_ns = self.clock.now_ns() - late_ms * NS_PER_MS
-            self.mount.put(placed(now_ns, THEN, NOW, late_ns=20 * NS_PER_MS, error_m=error_m))
+            self.mount.put(placed(now_ns, THEN, NOW, late_ns=20 * NS_PER_MS, trusted=trusted))
 
     def wait(self, wait_ms: int) -> None:
         self.clock.sleep_until_ns(self.clock.now_ns() + wait_ms * NS_PER_MS)
@@ -73,7 +73,7 @@ def test_what_cannot_be_corrected_is_drawn_as_received_and_says_why(bench: Bench
     assert (bench.corrected.newest("eih") == FRAME).all()
     assert bench.corrected.words("eih") == " · as received: arm not known"
     assert not bench.corrected.moves("eih")
-    bench.know(error_m=0.02)
+    bench.know(trusted=False)
     assert (bench.corrected.newest("eih") == FRAME).all()
     assert bench.corrected.words("eih") == " · as received: prediction off"
 

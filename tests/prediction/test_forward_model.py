@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.prediction.forward_model import ArmHeard, ForwardModel
+from tams_app.prediction.forward_model import ArmHeard, Forecast, ForwardModel
 from tams_app.teleop.safety import ArmingState
 from tests.prediction.sides import MODEL, READY_JOINTS, Sides
 from tests.teleop.motions import within
@@ -104,6 +104,33 @@ def test_the_error_of_earlier_predictions_is_told_with_each():
         sides.step()
         sides.model.at(sides.now_ns)
     assert sides.model.at(sides.now_ns).error_m > 0.01
+
+
+@pytest.mark.parametrize(
+    ("error_m", "late_m", "trusted"),
+    [
+        (0.010, 0.0, True),  # good
+        (0.011, 0.021, False),  # bad, and what is not predicted is not much worse
+        (0.011, 0.023, True),  # much better than nothing
+        (0.030, 0.080, True),
+        (0.031, 0.500, False),  # too far off, whatever else there is
+    ],
+)
+def test_predictions_are_trusted_that_are_good_or_much_better_than_none(error_m, late_m, trusted):
+    assert Forecast(READY_JOINTS, error_m, late_m).is_trusted is trusted
+
+
+def test_how_far_off_the_newest_state_was_is_told_beside_the_error_of_predictions():
+    sides = Sides(way=24, back=24)
+    sides.engage()
+    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    for _ in range(100):
+        sides.step()
+        sides.model.at(sides.now_ns)
+    forecast = sides.model.at(sides.now_ns)
+    assert forecast.error_m < 2e-3
+    assert forecast.late_m == pytest.approx(0.1 * 24 / 120, abs=3e-3)
+    assert forecast.is_trusted
 
 
 def test_an_error_is_forgotten_after_two_seconds():

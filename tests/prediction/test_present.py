@@ -8,7 +8,6 @@ from tams_app.prediction.forward_model import ArmHeard
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import (
     OLDEST_NS,
-    WORST_M,
     AsReceived,
     MountTrail,
     Placed,
@@ -30,10 +29,10 @@ START_NS = 1_000_000_000
 THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
 
 
-def trail_of(error_m: float = 0.0, late_ns: int = 100 * NS_PER_MS) -> MountTrail:
+def trail_of(trusted: bool = True, late_ns: int = 100 * NS_PER_MS) -> MountTrail:
     trail = MountTrail()
     for step in range(40):
-        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW, late_ns, error_m))
+        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW, late_ns, trusted=trusted))
     return trail
 
 
@@ -72,8 +71,8 @@ def test_a_frame_that_is_too_old_is_shown_as_received():
 
 
 def test_a_frame_is_shown_as_received_while_predictions_are_wrong():
-    assert show(trail_of(error_m=WORST_M)).as_received is None
-    assert show(trail_of(error_m=1.01 * WORST_M)).as_received is AsReceived.UNSURE
+    assert show(trail_of(trusted=True)).as_received is None
+    assert show(trail_of(trusted=False)).as_received is AsReceived.UNSURE
 
 
 def test_a_frame_is_shown_as_received_where_the_mount_is_not_known():
@@ -156,7 +155,7 @@ def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
     offset_ns = 7_000_000_000
     for step in range(120):
         t_ns = START_NS + step * PERIOD_NS
-        trail.add(Placed(t_ns + offset_ns, THEN, t_ns, NOW, 0.0, offset_ns))
+        trail.add(Placed(t_ns + offset_ns, THEN, t_ns, NOW, True, offset_ns))
     end_ns = START_NS + 119 * PERIOD_NS
     view = WristView(WristWarp(LENS, ()), trail)
     assert view.show(FRAME, end_ns + offset_ns - OLDEST_NS, end_ns).as_received is None

@@ -45,9 +45,7 @@ def picture(lens: Lens, flange: Pose) -> Image:
     return np.repeat(wave[..., None], 3, axis=2).astype(np.uint8)
 
 
-def placed(
-    now_ns: int, then: Pose, now: Pose, late_ns: int = 0, error_m: float = 0.0, **more: Any
-) -> Placed:
+def placed(now_ns: int, then: Pose, now: Pose, late_ns: int = 0, **more: Any) -> Placed:
     """The mount was at `then` so long before, and is believed to be at `now`."""
     then_ns = now_ns - late_ns + more.get("offset_ns", 0)
-    return Placed(then_ns, then, now_ns, now, error_m, **more)
+    return Placed(then_ns, then, now_ns, now, **more)

@@ -71,7 +71,7 @@ def test_the_frames_clock_goes_with_what_is_put(memory: MountMemory) -> None:
     views = PresentViews(CAMERAS, open_block(memory.name))
     offset_ns = 10**12
     for number in range(60):
-        memory.put(placed(number * PERIOD_NS, THEN, NOW, offset_ns=offset_ns, error_m=0.001))
+        memory.put(placed(number * PERIOD_NS, THEN, NOW, offset_ns=offset_ns))
     now_ns = 59 * PERIOD_NS
     shown = views.show("eih", FRAME, now_ns + offset_ns - AGE_NS, now_ns)
     assert shown.as_received is None
