@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import secrets
 from collections.abc import Callable, Mapping
@@ -17,12 +18,12 @@ from tams_app.config.section import Section
 from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
-from tams_app.link.messages import PROTOCOL, STATE_RATE_HZ, Welcome, encode
+from tams_app.link.messages import PROTOCOL, Welcome, encode
 from tams_app.recording.journal import Journal
-from tams_app.records import ArmState, LinkHealth, SessionState, SteeredBy, Tick
+from tams_app.records import Allocation, ArmState, LinkHealth, SessionState, SteeredBy, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_hand import LinkedHand
-from tams_app.robot.linked_state import LinkedState
+from tams_app.robot.linked_state import LinkedState, state_interval_ns
 from tams_app.robot.operator import StreamedOperator
 from tams_app.runtime.clock import Clock
 from tams_app.summary.joined import OPERATOR_FOLDER_FACT, SESSION_FACT
@@ -33,7 +34,6 @@ from tams_app.video.core.packets import receiver_ssrc
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.udp import ViewPorts
 
-_STATE_NS = round(NS_PER_S / STATE_RATE_HZ) - NS_PER_S // 1000  # of a tick's time, some less
 _HEALTH_NS = NS_PER_S // 10
 _FAREWELLS = 5
 _FOLDER = re.compile(rb"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")  # as a session's is called
@@ -77,6 +77,7 @@ class LinkedOperator(StreamedOperator):
         self._sent: Mapping[str, SentFrames] = {}
         self._revoked = False
         self._introduction = b""
+        self._state_ns = state_interval_ns(math.inf)
         self._state_due_ns = self._health_due_ns = 0
 
     # --- start and end --------------------------------------------------------------------------
@@ -197,10 +198,13 @@ class LinkedOperator(StreamedOperator):
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         self._hand.is_armed = output.arming.is_armed
 
+    def on_allocation(self, allocation: Allocation) -> None:
+        self._state_ns = state_interval_ns(allocation.capacity_kbps)
+
     def on_tick(self, tick: Tick) -> None:
         now_ns, hand = tick.started_ns, self._hand
         if now_ns >= self._state_due_ns and self._gateway is not None:
-            self._state_due_ns = now_ns + _STATE_NS
+            self._state_due_ns = now_ns + self._state_ns
             first_ns = tuple(sent.first_ns for sent in self._sent.values())
             answer = self._state.datagram(hand.message, hand.heard_ns, hand.acknowledged, first_ns)
             self._gateway.send(answer)

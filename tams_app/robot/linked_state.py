@@ -7,13 +7,26 @@ from collections.abc import Callable
 
 import msgspec
 
-from tams_app.link.messages import HandMessage, StateMessage, encode
-from tams_app.link.sealing import LONGEST_MESSAGE_BYTES, STATE_BYTES
-from tams_app.records import Haptic, SessionState
+from tams_app.link.messages import STATE_RATE_HZ, HandMessage, StateMessage, encode
+from tams_app.link.sealing import LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
+from tams_app.records import IP_UDP_HEADER_BYTES, Haptic, SessionState
 from tams_app.runtime.clock import Clock
+from tams_app.units import NS_PER_S
 
+_SHARE = 0.1  # of the uplink at most, but on the narrowest
+_LEAST_HZ = 10.0
 _NOTES_KEPT = 3
 _NOTE_BYTES = 220
+
+
+def state_interval_ns(capacity_kbps: float) -> int:
+    """The time between two states on an uplink that is believed to carry so much.
+
+    They take a tenth of it, 10 to 60 times a second: at 60 their datagrams alone are 273 kbit/s.
+    """
+    state_bits = 8 * (sealed_bytes(0, STATE_BYTES) + IP_UDP_HEADER_BYTES)
+    rate_hz = min(max(1000 * _SHARE * capacity_kbps / state_bits, _LEAST_HZ), STATE_RATE_HZ)
+    return round(NS_PER_S / rate_hz) - NS_PER_S // 1000  # of a tick's time, some less
 
 
 class LinkedState:
