@@ -15,8 +15,9 @@ from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
+from tests.faces.window.facts import FACTS
 from tests.faces.window.feeding import Feeding, feeding
-from tests.faces.window.xvfb import virtual_screen
+from tests.faces.window.xvfb import virtual_screen, wait_for
 
 
 @dataclass
@@ -65,6 +66,9 @@ def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
             worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
             hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
             hearing.start()
+            assert wait_for(lambda: len(found.overlays()) > len(video.views))  # and the panel
+            worn.show(FACTS)
+            assert wait_for(lambda: found.seen("tams.panel").size > 0)
             try:
                 yield worn
             finally:
