@@ -10,13 +10,6 @@ from tams_app.runtime.clock import Clock
 from tams_app.station.mount_memory import PresentViews
 from tams_app.video.live.frame_ring import FrameReader
 
-_WORDS = {
-    AsReceived.OLD: "too old",
-    AsReceived.UNKNOWN: "arm not known",
-    AsReceived.UNSURE: "prediction off",
-    AsReceived.HORIZON: "tilted too far",
-}
-
 
 class Corrected:
     """`newest` tells the frame to draw, `words` what the view's title says of it."""
@@ -42,7 +35,7 @@ class Corrected:
         found = self._frames[view].newest_frame()
         if found is None:
             return None
-        _, capture_ns, image = found
+        capture_ns, image = found
         if self._present is None or view not in self._present or not self._is_on:
             return image
         shown = self._present.show(view, image, capture_ns, self._clock.now_ns())
@@ -58,4 +51,4 @@ class Corrected:
         if view not in self._as_received:
             return ""
         why = self._as_received[view]
-        return " · predicted" if why is None else f" · as received: {_WORDS[why]}"
+        return " · predicted" if why is None else f" · as received: {why}"

@@ -141,10 +141,13 @@ class ForwardModel:
         except TrajectoryError:
             self._drive.reset()
 
-    def heard(self, state: ArmHeard, way_ns: int) -> None:
-        """A state was received; `way_ns`: how long our samples take to the robot's side now."""
+    def heard(self, state: ArmHeard, way_ns: int) -> bool:
+        """A state was received; False if it is not newer than the last, and is left out.
+
+        `way_ns`: how long our samples take to the robot's side now.
+        """
         if self._heard is not None and state.t_ns <= self._heard.t_ns:
-            return
+            return False
         self._check(state)
         self._heard, self._way_ns = state, way_ns
         self._measured.add(state.t_ns, state.joints)
@@ -154,6 +157,7 @@ class ForwardModel:
             self._joints = state.joints + self._moved - shown
         else:
             self._joints = state.joints
+        return True
 
     def at(self, t_ns: int) -> Forecast | None:
         """The joints at `t_ns`, then or to come; None before the first state."""

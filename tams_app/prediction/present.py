@@ -24,12 +24,12 @@ _BEYOND_NS = 50 * NS_PER_MS  # the newest state: further ahead nothing is believ
 
 
 class AsReceived(StrEnum):
-    """Why a frame is shown as it was received."""
+    """Why a frame is shown as it was received, in the words of its view's title."""
 
-    OLD = "the frame is too old"
-    UNKNOWN = "the arm is not known"
-    UNSURE = "the prediction was wrong"
-    HORIZON = "the camera sees more than the table"
+    OLD = "too old"
+    UNKNOWN = "arm not known"
+    UNSURE = "prediction off"
+    HORIZON = "tilted too far"  # the camera sees more than the table
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,8 +150,8 @@ class Present:
             offset_ns: the clock that frames are captured by, minus ours.
             closed: the gripper is.
         """
-        self._model.heard(state, way_ns)
-        self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns, closed
+        if self._model.heard(state, way_ns):
+            self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns, closed
 
 
 class WristView:

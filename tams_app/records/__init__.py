@@ -15,7 +15,7 @@ from tams_app.records.arm import (
     ServoMode,
 )
 from tams_app.records.episode import Episode, EpisodeRequest
-from tams_app.records.figure import ArmFigure, Lens, Solid, SolidKind
+from tams_app.records.figure import ArmFigure, Lens, Solid, SolidKind, focal_length_px
 from tams_app.records.frames import (
     CameraRates,
     DroppedFrame,
@@ -147,5 +147,6 @@ __all__ = [
     "ViewName",
     "ViewState",
     "Whole",
+    "focal_length_px",
     "without_figures",
 ]

@@ -51,6 +51,11 @@ class ArmFigure(Protocol):
         """Where the links' frames are in the base frame, for `joints` [rad], shape (6,)."""
 
 
+def focal_length_px(fovy_deg: float, height_px: int) -> float:
+    """The focal length of a lens with this vertical field of view."""
+    return height_px / 2.0 / math.tan(math.radians(fovy_deg) / 2.0)
+
+
 @dataclass(frozen=True, slots=True)
 class Lens:
     """The pose of a view's camera in the frame `parent`, and its picture, without distortion.
@@ -67,7 +72,7 @@ class Lens:
     @property
     def focal_px(self) -> float:
         """The focal length in pixels, the same both ways."""
-        return self.height / 2.0 / math.tan(math.radians(self.fovy_deg) / 2.0)
+        return focal_length_px(self.fovy_deg, self.height)
 
     def matrix(self) -> NDArray[np.float64]:
         """Camera matrix, shape (3, 3), whose pixels have whole numbers in their middle."""

@@ -173,7 +173,7 @@ class Session(Ending):
 
     @property
     def mount(self) -> MountMemory | None:
-        """Where the camera on the arm is, for those who correct its frames; None: nobody does."""
+        """Where the camera on the arm is, by which its frames are corrected; None: none are."""
         return None if self.side.station is None else self.side.station.mount
 
     @property

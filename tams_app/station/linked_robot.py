@@ -47,6 +47,7 @@ from tams_app.video.live.udp import ViewPorts
 _HEALTH_NS = NS_PER_S // 10
 _TICK_NS = round(NS_PER_S / HAND_RATE_HZ)
 _TAKEN_WITHIN_NS = 2 * _TICK_NS  # a sample that was received by the tick that a state tells of
+_JOINTS = 6
 _WAYS = 30  # half a second of states
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
 _AWAY = ControllerSample(
@@ -198,7 +199,8 @@ class LinkedRobot:
     def _tell_of_arm(self, message: StateMessage) -> None:
         """Hand the arm's state to what predicts it, once the clocks are known."""
         state, offset = message.state, self.offset
-        if self._present is None or offset is None or not state.joints_urad or not message.echo_ns:
+        knows = len(state.joints_urad) == _JOINTS and message.echo_ns > 0
+        if self._present is None or offset is None or not knows:
             return
         try:
             arming = ArmingState(state.arming)
@@ -220,6 +222,7 @@ class LinkedRobot:
     def _begin(self, session: int) -> None:
         self._session = session
         self._robots_clock.forget()
+        self._ways_ns.clear()
         self.state = None
         self._log.note("info", "connected to the robot")
 

@@ -37,8 +37,8 @@ class Station:
     """`launch` and `receive` in either order, then `wait_ready`, `take_controller`; each once.
 
     `screen`: the memory of the frames shown, for windows, for a simulated operator who looks at
-    them, and for those who score them. `mount`: where the camera on the arm is, for those who
-    correct its frames; None: nobody does. `keyboard`: the controller, where a window has to feed
+    them, and for those who score them. `mount`: where the camera on the arm is, by which
+    its frames are corrected; None: none are. `keyboard`: the controller, where a window has to feed
     it.
     """
 

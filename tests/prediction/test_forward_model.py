@@ -99,7 +99,7 @@ def test_the_error_of_earlier_predictions_is_told_with_each():
         sides.step()
         sides.model.at(sides.now_ns)
     assert sides.model.at(sides.now_ns).error_m < 2e-3
-    sides.arm.joints = sides.arm.joints + 0.05  # a jump that nobody asked for
+    sides.arm.joints = sides.arm.joints + 0.05  # a jump that no command caused
     for _ in range(20):
         sides.step()
         sides.model.at(sides.now_ns)

@@ -163,6 +163,19 @@ def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
     assert old.as_received is AsReceived.OLD
 
 
+def test_a_state_that_is_older_than_the_last_moves_nothing():
+    """Else a clock that was misjudged would leave an old prediction beside new places."""
+    told: list[Placed] = []
+    sides = Sides(way=0, back=0)
+    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    for t_ns in (START_NS, START_NS - PERIOD_NS):
+        joints = READY_JOINTS + (START_NS - t_ns) * 1e-9
+        present.heard(ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0), way_ns=0)
+    present.sent(sides.hand.sample(START_NS, 0.0), START_NS + PERIOD_NS)
+    assert told[-1].then_ns == START_NS
+    assert told[-1].then.position == pytest.approx(MODEL.tcp_pose(READY_JOINTS).position)
+
+
 def test_nothing_is_told_before_the_first_state():
     told: list[Placed] = []
     sides = Sides(way=0, back=0)

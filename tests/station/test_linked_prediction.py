@@ -113,7 +113,9 @@ def test_a_state_speaks_for_samples_that_its_tick_certainly_had() -> None:
 
 
 @pytest.mark.parametrize(
-    "state", [{"joints_urad": ()}, {"arming": "starting"}], ids=["no joints", "no tick yet"]
+    "state",
+    [{"joints_urad": ()}, {"joints_urad": (1, 2, 3)}, {"arming": "starting"}],
+    ids=["no joints", "joints of another arm", "no tick yet"],
 )
 def test_what_says_nothing_of_the_arm_is_left_out(state: dict[str, Any]) -> None:
     link = Link(30.0, 30.0, **state)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from enum import Enum, auto
 from typing import Any
 
 from tams_app.faces.banner import banner_of
@@ -51,14 +50,6 @@ _NOT_LOOKING_NS = 200 * NS_PER_MS
 _FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
 _SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 _TIMELINE_PX, _GAP_PX = 48, 4
-
-
-class Taken(Enum):
-    """What a look for frames has found."""
-
-    NOTHING = auto()
-    CORRECTIONS = auto()  # of frames that were there already
-    FRAMES = auto()
 
 
 class OperatorWindow:
@@ -329,8 +320,8 @@ class OperatorWindow:
             self._take_in(as_known(facts, now_ns), now_ns)
         elif self._facts is not None and self._is_silent(self._facts, now_ns):
             self._take_in(as_known(self._facts, now_ns), now_ns)
-        if self._pacer.may_draw(now_ns) and (taken := self._take_frames()) is not Taken.NOTHING:
-            self._drawings += taken is Taken.FRAMES
+        if self._pacer.may_draw(now_ns) and self._take_frames():
+            self._drawings += 1
             self._pacer.drawn(now_ns, time.process_time_ns())
         self._looked_ns = self._clock.now_ns()
         return True
@@ -382,23 +373,21 @@ class OperatorWindow:
             title += self._corrected.words(view)
             picture.set_title(title, view_class(self._opening.views.index(view)))
 
-    def _take_frames(self) -> Taken:
-        """Show the newest frame of each view, and those that are corrected as they look now."""
-        new: list[str] = []
-        again: list[str] = []
+    def _take_frames(self) -> bool:
+        """Show the newest frame of each view, or how it looks by now; whether any has changed."""
+        changed = []
         for view, reader in self._frames.items():
             written = reader.written()
-            is_new = written != self._seen[view]
-            if not is_new and not self._corrected.moves(view):
+            if written == self._seen[view] and not self._corrected.moves(view):
                 continue
             image = self._corrected.newest(view)
             if image is None:  # overwritten meanwhile: the next look finds a newer one
                 continue
             self._seen[view] = written
             self._textures[view] = texture_of(image)
-            (new if is_new else again).append(view)
-        self._show_textures([*new, *again])
-        return Taken.FRAMES if new else Taken.CORRECTIONS if again else Taken.NOTHING
+            changed.append(view)
+        self._show_textures(changed)
+        return bool(changed)
 
     def _show_textures(self, views: Any) -> None:
         for view, picture in zip(self._places.views, self._pictures, strict=True):

@@ -12,7 +12,6 @@ from __future__ import annotations
 import mmap
 import os
 import struct
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 
@@ -130,26 +129,23 @@ class FrameReader:
         self._next = max(self._next, until)
         return entries
 
-    def newest_frame(self) -> tuple[int, int, Image] | None:
-        """The newest frame, and when it was put and captured [ns]; None as for `newest_image`."""
+    def newest_frame(self) -> tuple[int, Image] | None:
+        """When the newest frame was captured [ns], and a copy of it.
+
+        None before the first, or if it was overwritten meanwhile.
+        """
         number = self._ring.written() - 1
         head = self._ring.head(number) if number >= 0 else None
         image = self._ring.bulk(number) if head is not None else None
         if head is None or image is None:
             return None
-        _, put_ns, capture_ns = _ENTRY.unpack(head)
-        return put_ns, capture_ns, image.reshape(self._bulk_shape)
+        _, _, capture_ns = _ENTRY.unpack(head)
+        return capture_ns, image.reshape(self._bulk_shape)
 
-    def newest_image(self, take: Callable[[Image], Image] = np.copy) -> Image | None:
-        """The result of `take` on the newest frame; None before the first, or if overwritten.
-
-        It is called with the frame as it is kept, in memory that is not to be kept; what it has
-        written elsewhere does not count if None is returned.
-        """
-        number = self._ring.written() - 1
-        if number < 0:
-            return None
-        return self._ring.bulk(number, lambda bulk: take(bulk.reshape(self._bulk_shape)))
+    def newest_image(self) -> Image | None:
+        """A copy of the newest frame; None as for `newest_frame`."""
+        found = self.newest_frame()
+        return None if found is None else found[1]
 
     def _luma(self, bulk: Bulk) -> Luma:
         image = bulk.reshape(self._bulk_shape)

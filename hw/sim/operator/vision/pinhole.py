@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 
 from hw.sim.layout import TCP_OFFSET_M
 from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
-from tams_app.records import Vector
+from tams_app.records import Vector, focal_length_px
 
 Matrix = NDArray[np.float64]
 _NEAREST_M = 0.01
@@ -28,8 +27,7 @@ class Pinhole:
     @staticmethod
     def of(place: Vector, axes: Matrix, fovy_deg: float) -> Pinhole:
         """From the vertical field of view of an image of 640 by 480."""
-        focal_px = HEIGHT_PX / 2 / math.tan(math.radians(fovy_deg) / 2)
-        return Pinhole(np.asarray(place, float), axes, focal_px)
+        return Pinhole(np.asarray(place, float), axes, focal_length_px(fovy_deg, HEIGHT_PX))
 
     def depths(self, points: Matrix) -> Vector:
         """Distance along the optical axis [m], shape (n,), of `points`, shape (n, 3)."""

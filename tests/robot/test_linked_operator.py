@@ -1,0 +1,45 @@
+"""What goes to an operator over the link, and how often."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from tams_app.config import load_config
+from tams_app.robot.control import Signals
+from tams_app.robot.linked_operator import LinkedOperator
+from tams_app.runtime.clock import VirtualClock
+from tams_app.units import NS_PER_S
+from tests.faces.window.facts import STATE
+
+pytestmark = pytest.mark.untimed
+
+TICK_NS = NS_PER_S // 120
+
+
+def states_sent(capacity_kbps: float | None) -> int:
+    """In a second of ticks; None: before the first allocation."""
+    clock, sent = VirtualClock(NS_PER_S), []
+    log: Any = SimpleNamespace(record=lambda _: None, note=lambda *_: None, fact=lambda *_: None)
+    gateway: Any = SimpleNamespace(send=sent.append, event=None)
+    operator = LinkedOperator(
+        load_config(), clock, Signals(), log, lambda _: gateway, lambda _: STATE, "robot"
+    )
+    operator._gateway, operator._sent = gateway, {}
+    if capacity_kbps is not None:
+        allocation: Any = SimpleNamespace(capacity_kbps=capacity_kbps)
+        operator.on_allocation(allocation)
+    for _ in range(120):
+        clock.advance_ns(TICK_NS)
+        tick: Any = SimpleNamespace(started_ns=clock.now_ns())
+        operator.on_tick(tick)
+    return len(sent)
+
+
+@pytest.mark.parametrize(
+    ("capacity_kbps", "states"), [(None, 60), (20_000.0, 60), (1000.0, 20), (100.0, 10)]
+)
+def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
+    assert states_sent(capacity_kbps) == pytest.approx(states, abs=1)
