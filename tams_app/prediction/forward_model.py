@@ -134,7 +134,7 @@ class ForwardModel:
         self._drive.note_interval(now_ns, interval_s)
         try:
             if self._engaged:
-                scale, arm = self._video_scale(heard), self._arm(now_ns)
+                arm, scale = self._arm(now_ns), heard.speed_scale
                 self._drive.follow(sample, arm, 0, scale, now_ns, interval_s)
             else:
                 self._drive.rest(interval_s)
@@ -176,11 +176,6 @@ class ForwardModel:
     def _shows_ns(self, state: ArmHeard, t_ns: int) -> int:
         """When the newest sample was sent that shows in the joints at `t_ns`."""
         return t_ns - self._way_ns - state.lag_ns
-
-    def _video_scale(self, heard: ArmHeard) -> float:
-        """As the robot's side slows the arm, without what the model's own posture does to it."""
-        posture = self._drive.joint_scale
-        return heard.speed_scale if posture <= heard.speed_scale else heard.speed_scale / posture
 
     def _adopt(self, state: ArmHeard) -> None:
         """Correct what the model believes of trigger and mode, unless it is yet to be received."""

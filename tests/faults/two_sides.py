@@ -87,8 +87,12 @@ class HandSide:
         key: Path | None = None,
         seconds: float | None = None,
         headless: bool = True,
+        predict: str = "off",
     ) -> None:
-        """`port`: where it calls, on loopback. `seconds`: after which it ends."""
+        """`port`: where it calls, on loopback. `seconds`: after which it ends.
+
+        `predict`: `view.predict`.
+        """
         out.mkdir()
         self._hand: Hand | None = None
         self._notes: list[str] = []
@@ -98,6 +102,7 @@ class HandSide:
                 "rig.enabled": True,
                 "headless": headless,
                 "seconds": seconds,
+                "view.predict": predict,
                 "recording.directory": str(out),
                 "recording.min_free_mb": 1.0,
             }

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
 
 from hw.lite6.kinematics import Lite6Model
 from tams_app.prediction.forward_model import ArmHeard, ForwardModel
-from tams_app.records import Activity, ArmState, ControllerSample, ServoMode
+from tams_app.records import Activity, ArmState, ControllerSample, ServoMode, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
@@ -19,14 +20,17 @@ MODEL = Lite6Model()
 
 
 class JointArm:
-    """Follows twists exactly, by its joints, and reports at once."""
+    """Follows twists exactly, by its joints, `lag` ticks late, and reports at once."""
 
-    def __init__(self) -> None:
+    def __init__(self, lag: int = 0) -> None:
         self.joints = READY_JOINTS.copy()
+        self._coming: deque[Twist | None] = deque([None] * lag)
 
     def follow(self, output: TeleopOutput, interval_s: float) -> None:
-        if output.twist is not None:
-            twist = (*output.twist.linear, *output.twist.angular)
+        self._coming.append(output.twist)
+        told = self._coming.popleft()
+        if told is not None:
+            twist = (*told.linear, *told.angular)
             speeds = np.linalg.solve(MODEL.jacobian(self.joints), twist)
             self.joints = self.joints + speeds * interval_s
 
@@ -38,9 +42,10 @@ class JointArm:
 class Sides:
     """Samples take `way` ticks to the robot's side, states `back` ticks from there."""
 
-    def __init__(self, way: int, back: int) -> None:
-        self.config = make_config()
-        self.hand, self.arm = Hand(), JointArm()
+    def __init__(self, way: int, back: int, lag: int = 0) -> None:
+        """`lag`: ticks until a command shows in the joints."""
+        self.config, self._lag = make_config(), lag
+        self.hand, self.arm = Hand(), JointArm(lag)
         self._bench = Bench(self.config, self.arm, MODEL)  # type: ignore[arg-type]
         self.model = ForwardModel(self.config, MODEL, self.ready)
         self.way, self.back = way, back
@@ -84,6 +89,7 @@ class Sides:
                 arming=output.arming,
                 orientation_mode=output.orientation_mode,
                 speed_scale=output.speed_scale,
+                lag_ns=self._lag * PERIOD_NS,
             )
         )
         if len(self._states) > self.back:

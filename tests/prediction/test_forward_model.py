@@ -57,14 +57,15 @@ def test_a_press_moves_the_prediction_before_the_robot_s_side_has_told_of_it():
     assert sides.error_m() < 1e-3
 
 
-def test_an_arm_that_does_not_engage_is_predicted_to_stand_once_that_is_received():
+def test_an_arm_in_fault_is_predicted_to_stand_whatever_the_trigger_does():
     sides = Sides(way=4, back=4)
     sides.step(10, estop=True)
     sides.hand.trigger = 1.0
     sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
-    sides.step(40, arm_ready=False)
-    assert sides.output.arming is ArmingState.FAULT
-    assert sides.error_m() == 0.0
+    for _ in range(40):
+        sides.step(arm_ready=False)
+        assert sides.output.arming is ArmingState.FAULT
+        assert sides.error_m() == 0.0  # also before the state that follows the press has come
 
 
 def test_a_stop_that_only_the_robot_s_side_knows_ends_the_predicted_motion():
@@ -75,6 +76,49 @@ def test_a_stop_that_only_the_robot_s_side_knows_ends_the_predicted_motion():
     sides.step(1, estop=True)
     sides.step(40)
     assert sides.error_m() < 1e-9
+
+
+def test_an_arm_that_follows_late_is_predicted_so():
+    sides = Sides(way=6, back=6, lag=12)
+    sides.engage()
+    for direction in (0.12, -0.12):
+        sides.hand.linear = hand_for((direction, 0.0, 0.0), sides.config)
+        for _ in range(40):
+            sides.step()
+            assert sides.error_m() < 3e-3
+
+
+def test_an_operator_s_side_that_begins_later_learns_of_the_mode():
+    sides = Sides(way=6, back=6)
+    sides.engage()
+    sides.hand.grip = 1.0
+    sides.step(10)
+    sides.hand.grip = sides.hand.trigger = 0.0
+    sides.step(10)
+    sides.model = ForwardModel(sides.config, MODEL, sides.ready)
+    sides.engage()
+    assert sides.output.orientation_mode
+    before = MODEL.tcp_pose(sides.arm.joints).rotation
+    sides.hand.angular = np.array([0.0, 0.0, 0.4])
+    for _ in range(60):
+        sides.step()
+        true = MODEL.tcp_pose(sides.arm.joints).rotation
+        predicted = MODEL.tcp_pose(sides.model.at(sides.now_ns).joints).rotation
+        assert (predicted * true.inv()).magnitude() < 0.01
+    assert (true * before.inv()).magnitude() > 0.1
+
+
+def test_an_arm_that_slows_down_near_its_reach_is_predicted_so():
+    sides = Sides(way=12, back=12)
+    sides.engage()
+    sides.hand.linear = hand_for((0.2, 0.0, 0.15), sides.config)
+    scales, errors = [], []
+    for _ in range(150):
+        sides.step()
+        scales.append(sides.output.speed_scale)
+        errors.append(sides.error_m())
+    assert min(scales) < 0.6
+    assert max(errors) < 4e-3
 
 
 def test_a_slowed_arm_is_predicted_as_slow():

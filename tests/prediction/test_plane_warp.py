@@ -144,6 +144,13 @@ def test_a_solid_behind_the_camera_covers_nothing():
     assert not covered_by((behind,), LENS).any()
 
 
+def test_the_tool_counts_as_seen():
+    place = above(0.0, 0.0, 0.20)
+    warped = WristWarp(LENS, (FINGER,)).to_now(picture(LENS, place), place, place)
+    assert warped is not None
+    assert warped.unseen == 0.0
+
+
 def test_pixels_are_taken_between_as_linear():
     """Half a pixel of motion averages neighbours: nothing is sharpened or invented."""
     height = LENS.focal_px * 0.5 / LENS.focal_px  # half a metre: a pixel is 0.5 m / focal

@@ -116,6 +116,15 @@ def test_where_the_mount_was_believed_to_be_is_remembered():
     assert trail.then(40 * PERIOD_NS).position[0] == pytest.approx(40)
 
 
+def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
+    trail = MountTrail()
+    for step in (0, 1):
+        pose = Pose(np.array([0.1 * step, 0.0, 0.0]), Rotation.identity())
+        trail.add(placed(step * 16 * NS_PER_MS, pose, pose))
+    ahead = [trail.now((16 + later) * NS_PER_MS).pose.position[0] for later in (0, 8, 40)]
+    assert ahead == pytest.approx([0.1, 0.15, 0.225])
+
+
 def test_each_second_sample_tells_where_the_mount_is_then_and_now():
     told: list[Placed] = []
     sides = Sides(way=6, back=6)

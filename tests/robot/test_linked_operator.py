@@ -8,10 +8,13 @@ from typing import Any
 import pytest
 
 from tams_app.config import load_config
+from tams_app.link.messages import Welcome, decode
+from tams_app.robot import linked_operator
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
+from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
 
 pytestmark = pytest.mark.untimed
@@ -43,3 +46,29 @@ def states_sent(capacity_kbps: float | None) -> int:
 )
 def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
     assert states_sent(capacity_kbps) == pytest.approx(states, abs=1)
+
+
+@pytest.mark.parametrize("fits", [True, False])
+def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
+    monkeypatch: pytest.MonkeyPatch, fits: bool
+) -> None:
+    if not fits:
+        monkeypatch.setattr(linked_operator, "WELCOME_BYTES", 300)
+    config = load_config(None, {"limits.max_speed_mm_s": 150.0})
+    told: list[bytes] = []
+    notes: list[str] = []
+    log: Any = SimpleNamespace(
+        record=lambda _: None, note=lambda _, text: notes.append(text), fact=lambda *_: None
+    )
+
+    def gateway(content: bytes) -> Any:
+        told.append(content)
+        return SimpleNamespace(launch=lambda: None, wait_ready=lambda: None, entrance_port=1)
+
+    operator = LinkedOperator(
+        config, VirtualClock(NS_PER_S), Signals(), log, gateway, lambda _: STATE, "robot"
+    )
+    operator.open(RepairRule(True, 60, 300.0), True, {})
+    driving = decode(told[0], Welcome).driving
+    assert driving == ({"limits": {"max_speed_mm_s": 150.0}} if fits else None)
+    assert ("as received" in " ".join(notes)) is not fits

@@ -48,6 +48,7 @@ class Link:
         self.clock, self.present = VirtualClock(NS_PER_S), Present()
         self._way_ns, self._back_ns = round(way_ms * NS_PER_MS), round(back_ms * NS_PER_MS)
         self._state, self._coming = state, []
+        self.session = 1
         self.event = SimpleNamespace(connected=True, left=False, counts={})
         self.robot = LinkedRobot(
             self.clock,
@@ -64,7 +65,7 @@ class Link:
         now_ns = self.clock.now_ns()
         due = [one for one in self._coming if one[0] <= now_ns]
         self._coming = [one for one in self._coming if one[0] > now_ns]
-        return [Received(at_ns, 1, content) for at_ns, content in due]
+        return [Received(at_ns, self.session, content) for at_ns, content in due]
 
     def send(self, content: bytes) -> None:
         hand = decode(content, HandMessage)
@@ -101,6 +102,17 @@ def test_each_sample_that_is_sent_is_told_and_each_state_on_our_clock() -> None:
     assert state.t_ns + offset_ns == pytest.approx(
         link.present.samples[-1][1] + OFFSET_NS - 52 * NS_PER_MS, abs=2 * TICK_NS
     )
+
+
+def test_a_link_that_is_made_anew_has_a_way_of_its_own():
+    link = Link(300.0, 300.0)
+    link.run(150)
+    link._coming.clear()
+    link._way_ns = link._back_ns = 20 * NS_PER_MS
+    link.session = 2
+    link.run(12)
+    _, way_ns, offset_ns = link.present.states[-1]
+    assert way_ns + offset_ns - OFFSET_NS == pytest.approx(20 * NS_PER_MS, abs=2 * TICK_NS)
 
 
 def test_a_state_speaks_for_samples_that_its_tick_certainly_had() -> None:
