@@ -28,6 +28,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
+from tams_app.summary.stages import STAGES
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
 from tams_app.summary.tracking import Windows, steps, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -56,6 +57,7 @@ VIEW_KEYS: dict[str, Any] = {
     "frames_left_out": 0,
     "frames_shown": 0,
     "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
+    "latency_stages_ms": {stage: {"p50": 0.0, "p95": 0.0} for stage in STAGES},
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
     "not_whole_s": 0.0,
     **SSIM,

@@ -21,6 +21,7 @@ from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
 from tams_app.report.plots import Stretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
+from tams_app.summary.stages import STAGES, slowest_stage
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS
@@ -58,6 +59,16 @@ class PhaseStills:
     missing: tuple[str, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class StagesTable:
+    """A row for each view, a cell for each stage; `slowest`: the longest of all, that of `view`."""
+
+    names: list[str]
+    rows: list[tuple[str, list[str]]]
+    view: str
+    slowest: str
+
+
 def write_page(
     log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], path: Path
 ) -> None:
@@ -77,9 +88,33 @@ def write_page(
         stops=stop_rows(log),
         stills=stills,
         has_pictures=any(still.pictures for still in stills),
+        stages=stages_table(summary),
         timeline=to_svg(timeline_figure(log)),
     )
     write_file(path, page)
+
+
+def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
+    """Where each view's latency comes from; None where no stage is known."""
+    views = {
+        view: entry["latency_stages_ms"]
+        for view, entry in summary["views"].items()
+        if slowest_stage(entry["latency_stages_ms"]) is not None
+    }
+    if not views:
+        return None
+    names = [STAGES[stage] for stage in STAGES]
+    rows = [
+        (view, [f"{known(one['p50'])} / {known(one['p95'])}" for one in stages.values()])
+        for view, stages in views.items()
+    ]
+    slowest_ms = {
+        (view, stage): stages[stage]["p95"]
+        for view, stages in views.items()
+        if (stage := slowest_stage(stages)) is not None
+    }
+    view, stage = max(slowest_ms, key=lambda one: slowest_ms[one])
+    return StagesTable(names, rows, view, STAGES[stage])
 
 
 def stop_rows(log: SessionLog) -> list[Stop]:

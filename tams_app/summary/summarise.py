@@ -16,6 +16,7 @@ from tams_app.records import LATE_NS, Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
 from tams_app.summary.operator import operator, seen
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
+from tams_app.summary.stages import latency_stages
 from tams_app.summary.tables import (
     Flags,
     FrameTable,
@@ -124,6 +125,7 @@ def _view(
         "frames_left_out": sum(one.view == view and one.under_way for one in log.dropped),
         "frames_shown": int(np.sum(shown)),
         "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
+        "latency_stages_ms": latency_stages(log, view, frames, packets),
         "freezes": _freezes(frames, span),
         "not_whole_s": _not_whole_s(log, view, span),
         **view_quality(log, view, quality),

@@ -18,7 +18,7 @@ from tams_app import palette
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
-from tams_app.recording import SessionLog, read_log
+from tams_app.recording import FrameSent, SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.recording.writer import DirectRecorder
@@ -329,3 +329,20 @@ def test_the_uplink_s_row_has_no_colour_of_a_view() -> None:
 def test_a_session_without_video_has_a_figure_too() -> None:
     log = replace(Synthetic(1.0).log(), captured=[], shown=[], packets=[], quality=[], phases=[])
     assert len(timeline_figure(log).axes) == 7
+
+
+def test_the_slowest_stage_of_the_latency_is_named_and_an_unknown_one_is_a_dash(
+    folder: Path, page: str
+) -> None:
+    assert "Where the time goes" not in page
+    log = read_log(folder / "session.mcap")
+    log.sent = [
+        FrameSent("gt", 0, second(0.1), second(0.1) + 25 * NS_PER_MS, True, 900, 0, 0),
+        FrameSent("gs", 0, second(0.1), second(0.13), True, 900, second(0.1) + 21 * NS_PER_MS, 0),
+    ]
+    write_page(log, summarise(log), [], folder / "stages.html")
+    told = unescape((folder / "stages.html").read_text(encoding="utf-8"))
+    assert "Beside the network, most of the latency of GS is camera to encoder." in told
+    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
+    known = ["GS", "21", "/", "21", "9", "/", "9", *["–", "/", "–"] * 3]
+    assert known in [row[: len(known)] for row in rows]
