@@ -11,7 +11,7 @@ from statistics import median
 import cv2
 
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import SeeingPerception
+from hw.sim.operator.seeing import OnScreen, SeeingPerception
 from hw.sim.operator.task import Stage
 from tams_app.runtime.machine_speed import this_machine
 from tams_app.station.operator_choice import GLANCE_S
@@ -27,7 +27,9 @@ _ROUNDS = 10
 def glance_cpu_s() -> float:
     """Processor time of one glance [s], from glances at stored images."""
     images = stored_views()
-    eyes = SeeingPerception(lambda: images, EfferenceCopy(), sampling_s=0.0, delay_s=0.0)
+    eyes = SeeingPerception(
+        lambda _: OnScreen(images), EfferenceCopy(), sampling_s=0.0, delay_s=0.0
+    )
     began_s = 0.0
     for glance in range(_FIRST + _COUNTED):
         if glance == _FIRST:

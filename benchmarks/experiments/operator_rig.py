@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from benchmarks.operator_calibration import NormalisedErrors, normalised_errors
-from hw.sim.operator.seeing import SeeingParticipant
+from hw.sim.operator.seeing import OnScreen, SeeingParticipant
 from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
@@ -104,7 +104,7 @@ class OperatorRig:
         self._screen = Screen(config, self._cameras, delay_ns, distort)
         self.watched: list[Watched] = []
         self._participant = seeing = SeeingParticipant(
-            config, participant, self._screen.images, self._note
+            config, participant, lambda _: OnScreen(self._screen.images()), self._note
         )
         self.eyes, self.operator = seeing.eyes, seeing.operator
         self._judge = TrialJudge(config.trial, build.task_geometry())

@@ -2,7 +2,8 @@
 
 `python -m benchmarks.experiments.prediction_trials` runs each of five seeds with `view.predict` off
 and on, over one-way latencies without jitter and loss and over s2. It compares the wrist view's
-frames that were captured while the arm moves, and the primary view.
+frames that were captured while the arm moves, and the primary view. The operator looks at the
+frames as received, so that all else of a pair is the same.
 """
 
 from __future__ import annotations
@@ -50,6 +51,7 @@ def run_sessions(seeds: int, processes: int, console: Console) -> dict[str, dict
                     "network": word,
                     "seed": seed,
                     "view.predict": predict,
+                    "rig.operator.looks_at": "received",
                     "seconds": _SESSION_S,
                     "recording.bitstream": False,
                 },

@@ -36,6 +36,9 @@ class OperatorConfig(Section):
     kind: OperatorKind = "auto"
     """Who works in a live session: `seeing`, from the images alone; `scripted`, who knows where
     things are; `auto`: seeing where this computer is fast enough. Studies: always seeing."""
+    looks_at: Literal["shown", "received"] = "shown"
+    """What the seeing operator looks at where a view is predicted: what is `shown` of a frame, or
+    the frame as it was `received`."""
     reach_speed_m_s: Positive = 0.20
     """Scripted: speed of the hand on long ways."""
     fine_speed_m_s: Positive = 0.06

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.prediction.forward_model import ForwardModel
-from tams_app.prediction.present import PREDICTED_FACT, MountTrail, Placed, Present
+from tams_app.prediction.present import PREDICTED_FACT, MountTrail, Placed, Present, WristView
 from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.recording.journal import Journal
 from tams_app.records import Pose, Vector
@@ -17,7 +17,6 @@ from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
 from tams_app.session.viewing import scene_of
 from tams_app.station.mount_memory import MountMemory
-from tams_app.video.core.quality import Correction
 from tams_app.video.live.networks import resolve_network
 
 NOT_KNOWN = (
@@ -54,15 +53,15 @@ def follow_states(
 
 def predicted_trial(
     config: Config, log: Journal
-) -> tuple[tuple[LateStates, ...], dict[str, Correction]]:
-    """The same in virtual time, and by view the luma of what is shown of a frame."""
+) -> tuple[tuple[LateStates, ...], dict[str, WristView]]:
+    """The same in virtual time, and what shows the frames of the views that are corrected."""
     cameras, trail = wrist_cameras(config), MountTrail()
     if not cameras:
         return (), {}
     log.fact(PREDICTED_FACT, ",".join(cameras))
     network = resolve_network(config, config.network)
     states = LateStates(present_of(config, trail.add), network, at_once=True)
-    return (states,), {view: camera.view(trail).luma for view, camera in cameras.items()}
+    return (states,), {view: camera.view(trail) for view, camera in cameras.items()}
 
 
 def linked_present(

@@ -9,6 +9,10 @@ import mmap
 import os
 import struct
 from collections.abc import Mapping
+from functools import partial
+from typing import Any
+
+import msgspec
 
 from tams_app.prediction.present import MountTrail, Placed, Shown
 from tams_app.prediction.wrist_camera import WristCamera, numbers7, pose7
@@ -18,6 +22,7 @@ from tams_app.runtime.shared_ring import (
     SharedRing,
     create_block,
     new_block_name,
+    open_block,
     open_descriptor,
     remove_block,
 )
@@ -65,6 +70,13 @@ class MountMemory:
         self._memory.close()
 
 
+def mount_specification(mount: MountMemory | None) -> dict[str, Any]:
+    """What a helper process makes `described_views` from; None: no view is corrected."""
+    if mount is None:
+        return {"mount_memory": "", "cameras": {}}
+    return {"mount_memory": mount.name, "cameras": msgspec.to_builtins(mount.cameras)}
+
+
 class PresentViews:
     """The views that are corrected, in a process that has the memory open."""
 
@@ -82,10 +94,6 @@ class PresentViews:
         self._read()
         return self._views[view].show(image, capture_ns, now_ns)
 
-    def luma(self, view: str, luma: Image, capture_ns: int, now_ns: int) -> Image:
-        """The luma of what is shown of a frame."""
-        return self.show(view, luma, capture_ns, now_ns).image
-
     def _read(self) -> None:
         written = self._ring.written()
         self._next = max(self._next, written - _SHAPE.heads + 1)  # the oldest may be half gone
@@ -94,6 +102,16 @@ class PresentViews:
             if head is not None:
                 self._trail.add(_placed(head))
         self._next = written
+
+
+def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown]]:
+    """By view that is corrected, what shows its frames as `WristView.show` does."""
+    name = str(specification["mount_memory"])
+    if not name:
+        return {}
+    cameras = msgspec.convert(specification["cameras"], dict[str, WristCamera])
+    views = PresentViews(cameras, open_block(name))
+    return {view: partial(views.show, view) for view in cameras}
 
 
 def _placed(head: bytes) -> Placed:

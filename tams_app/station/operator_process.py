@@ -1,6 +1,7 @@
 """The helper process of the simulated operator, who holds the rig's controller.
 
-Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports.
+Specification: config, confirms, sees, controller_memory, shown_memory, world_memory, reports, and
+that of `mount_specification`.
 It publishes the controller at a rate of its own, as a VR runtime does, and reports what the seeing
 operator's glances show. Here alone operator and world meet: the scripted operator reads where
 things truly are, the seeing one gets the frames shown, nothing else.
@@ -20,7 +21,7 @@ import cv2
 from hw.controller import Controller
 from hw.sim.operator.demo import demo_controller
 from hw.sim.operator.remote_controller import ControllerPublisher
-from hw.sim.operator.seeing import Images, SeeingParticipant
+from hw.sim.operator.seeing import Images, OnScreen, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config
 from tams_app.errors import TamsError
@@ -36,7 +37,9 @@ from tams_app.runtime.realtime import (
 )
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
+from tams_app.station.mount_memory import described_views
 from tams_app.station.operator_choice import LEAST_GLANCES_HZ, eyes_share
+from tams_app.station.operator_screen import on_screen
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
 from tams_app.video.live.reporting_helper import line_of, reports_to_session
@@ -100,7 +103,7 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
         def report(glance: OperatorGlance) -> None:
             reports.sendall(line_of(glance))
 
-        images = _screen(config, str(specification["shown_memory"]), stack)
+        images = _screen(config, specification, stack)
         person = SeeingParticipant(config, config.seed, images, report, confirms)
         controller: Controller = person.controller
         eyes = Worker(
@@ -125,13 +128,19 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
         raise eyes.failure
 
 
-def _screen(config: Config, memory_name: str, stack: ExitStack) -> Images:
-    """The images on the screen now, by view."""
+def _screen(config: Config, specification: dict[str, Any], stack: ExitStack) -> Images:
+    """What is on the screen."""
     video = config.video
     layout = RingLayout(SHOWN, video.views, video.width, video.height)
-    block = stack.enter_context(open_block(memory_name))
+    block = stack.enter_context(open_block(str(specification["shown_memory"])))
     readers = {view: FrameReader(block, layout, view) for view in video.views}
-    return lambda: {view: reader.newest_image() for view, reader in readers.items()}
+    shows = described_views(specification)
+
+    def images(now_ns: int) -> OnScreen:
+        frames = {view: reader.newest_frame() for view, reader in readers.items()}
+        return on_screen(frames, shows, now_ns)
+
+    return images
 
 
 if __name__ == "__main__":

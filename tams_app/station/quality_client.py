@@ -7,11 +7,9 @@ from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
-
 from tams_app.records import Frame, FrameQuality
 from tams_app.runtime.process import HelperProcess
-from tams_app.station.mount_memory import MountMemory
+from tams_app.station.mount_memory import MountMemory, mount_specification
 from tams_app.video.live.frame_ring import CAPTURED, FrameBlock
 from tams_app.video.live.reporting_helper import ReportingHelper
 
@@ -66,8 +64,7 @@ class QualityClient:
                 {
                     "captured_memory": self._captured.name,
                     "shown_memory": self._shown.name,
-                    "mount_memory": "" if mount is None else mount.name,
-                    "cameras": {} if mount is None else msgspec.to_builtins(mount.cameras),
+                    **mount_specification(mount),
                     "views": layout.views,
                     "width": layout.width,
                     "height": layout.height,

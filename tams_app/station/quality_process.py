@@ -11,21 +11,19 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import cv2
-import msgspec
 import psutil
 
-from tams_app.prediction.wrist_camera import WristCamera
-from tams_app.records import FrameQuality
+from tams_app.prediction.present import Shown
+from tams_app.records import FrameQuality, Image
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import use_idle
 from tams_app.runtime.shared_ring import open_block
-from tams_app.station.mount_memory import PresentViews
+from tams_app.station.mount_memory import described_views
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameReader, RingLayout
@@ -168,14 +166,14 @@ def main() -> None:
         def report(quality: FrameQuality) -> None:
             results.sendall(line_of(quality))
 
-        corrections = _corrections(specification)
+        shows = described_views(specification)
         views = [
             ViewScores(
                 name,
                 FrameReader(captures, captured, name),
                 FrameReader(screen, shown, name),
                 report,
-                corrections.get(name),
+                _luma(shows[name]) if name in shows else None,
             )
             for name in names
         ]
@@ -187,13 +185,9 @@ def main() -> None:
             raise SystemExit("the session is gone") from error
 
 
-def _corrections(specification: dict[str, Any]) -> dict[str, Correction]:
-    """By view, what the operator is shown of a frame that is corrected."""
-    if not specification["mount_memory"]:
-        return {}
-    cameras = msgspec.convert(specification["cameras"], dict[str, WristCamera])
-    views = PresentViews(cameras, open_block(str(specification["mount_memory"])))
-    return {view: partial(views.luma, view) for view in cameras}
+def _luma(show: Callable[[Image, int, int], Shown]) -> Correction:
+    """The luma of what the operator is shown of a frame that is corrected."""
+    return lambda luma, capture_ns, now_ns: show(luma, capture_ns, now_ns).image
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.machine_speed import this_machine
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
+from tams_app.station.mount_memory import MountMemory, mount_specification
 from tams_app.station.operator_choice import choose_operator
 from tams_app.video.live.frame_ring import FrameBlock
 from tams_app.video.live.reporting_helper import ReportingHelper
@@ -30,6 +31,7 @@ class RigOperator:
         clock: Clock,
         world_memory: str,
         screen: FrameBlock,
+        mount: MountMemory | None,
         log_directory: Path,
         *,
         confirms: bool,
@@ -40,7 +42,8 @@ class RigOperator:
 
         `confirms`: the operator arms the arm by the menu button.
 
-        `screen`: where the frames shown are put, for an operator who looks at them.
+        `screen`: where the frames shown are put, for an operator who looks at them; `mount`: that
+        of the cameras whose frames are corrected.
 
         `on_glance` and `on_failure` are called in a thread of their own.
         """
@@ -56,6 +59,7 @@ class RigOperator:
             "controller_memory": memory_name,
             "shown_memory": screen.name,
             "world_memory": world_memory,
+            **mount_specification(mount if config.rig.operator.looks_at == "shown" else None),
         }
         self._helper = ReportingHelper(
             "operator",

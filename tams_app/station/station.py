@@ -87,6 +87,7 @@ class Station:
             self._clock,
             world_memory,
             self.screen,
+            self.mount,
             parts.logs,
             confirms=confirms,
             on_glance=self._log.record,

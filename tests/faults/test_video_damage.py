@@ -53,7 +53,7 @@ class LossyVideo:
         )
         clock = VirtualClock(START_NS)
         log = SessionRecords(clock, NoLog())
-        self.operator = VirtualOperator(config, 0, log, lambda _shown: None)
+        self.operator = VirtualOperator(config, 0, log, lambda _shown: None, {})
         self.video = TrialVideo(config, clock, log, lambda _frame: None, self._show)
         self._newest_ns: int | None = None  # capture of what the primary view shows
         self._random = np.random.default_rng(5)

@@ -45,7 +45,7 @@ def test_a_frame_is_corrected_by_what_was_put(memory: MountMemory) -> None:
     shown = views.show("eih", FRAME, now_ns - AGE_NS, now_ns)
     assert shown.as_received is None
     assert (shown.image != FRAME).any()
-    luma = views.luma("eih", FRAME[..., 0], now_ns - AGE_NS, now_ns)
+    luma = views.show("eih", FRAME[..., 0], now_ns - AGE_NS, now_ns).image
     assert (luma == shown.image[..., 0]).all()
 
 

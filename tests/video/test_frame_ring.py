@@ -93,9 +93,9 @@ def test_a_frame_that_is_being_overwritten_is_not_read(
 
 def test_the_newest_frame_shown_is_there_in_colour() -> None:
     rings = Rings(COLOUR)
-    assert rings.reader.newest_image() is None
+    assert rings.reader.newest_frame() is None
     rings.put(range(IMAGES + 3))
-    np.testing.assert_array_equal(rings.reader.newest_image(), image(IMAGES + 2))
+    np.testing.assert_array_equal(rings.reader.newest_frame()[1], image(IMAGES + 2))
     assert len(rings.reader.read(2)) == 2  # which the reader in order does not miss by this
     rings.block.close()
 
@@ -108,7 +108,7 @@ def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden() 
     block.create()  # it is there already, with all that was put
     with open_block(block.name) as memory:
         reader = FrameReader(memory, COLOUR, "gt")
-        np.testing.assert_array_equal(reader.newest_image(), image(1))
+        np.testing.assert_array_equal(reader.newest_frame()[1], image(1))
         block.hide()
         with pytest.raises(FileNotFoundError):
             open_block(block.name)

@@ -10,7 +10,8 @@ looking twice at the same image is not knowing twice as much.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -169,6 +170,31 @@ class Belief:
         self.state[BLOCK] += along * moved
         self.state[BLOCK_YAW] += along * turned[2]
         self.covariance[:] += motion_noise(moved, turned, seconds, along, self.block_is_near)
+
+    @contextmanager
+    def ahead_by(self, moved: Vector, turned: Vector) -> Iterator[None]:
+        """See meanwhile what shows the tool so much further on than the state is: [m], [rad].
+
+        What was asked of the tool in between counts as known, as it does when the hand acts on a
+        late view.
+        """
+        along = self.carried_part if self.block_is_near else 0.0
+        shift = np.zeros(SIZE)
+        shift[TOOL], shift[TURN] = moved, turned
+        shift[BLOCK], shift[BLOCK_YAW] = along * moved, along * turned[2]
+        self.state[:] += shift
+        try:
+            yield
+        finally:
+            self.state[:] -= shift
+
+    def passes(self, sighting: Sighting) -> Matrix:
+        """Pixels that a resting thing moves in a wrist view per metre and radian of the tool.
+
+        Shape (2, 6); of a sighting of one pixel.
+        """
+        rows, _ = self._compare(sighting)
+        return np.hstack((rows[:, TOOL], rows[:, TURN]))
 
     def _note_velocity(self, moved: Vector, turned: Vector, along: float, seconds: float) -> None:
         self._velocity[:SIZE] = 0.0

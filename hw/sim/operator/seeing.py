@@ -1,7 +1,8 @@
 """Eyes of the seeing operator, who gets what a person gets: the received images and their own hand.
 
 The operator knows where the cameras stand, what the things look like, and what the hand did, and
-nothing else: no capture time, index or latency, no state of arm, network or policy.
+nothing else: no capture time, index or latency, no state of arm, network or policy. They read in a
+view's title that it is predicted: it is as late as the arm then, and not as its frames.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,7 +32,19 @@ from tams_app.records import Image, OperatorGlance, Pose, Vector
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 
-Images = Callable[[], Mapping[str, Image | None]]
+
+@dataclass(frozen=True, slots=True)
+class OnScreen:
+    """What is on screen: BGR 640 by 480, by view (None: nothing yet).
+
+    predicted: the views whose titles say so.
+    """
+
+    images: Mapping[str, Image | None]
+    predicted: frozenset[str] = frozenset()
+
+
+Images = Callable[[int], OnScreen]  # at a time [ns]
 _FINGERS_MOVED_M = 0.0015  # between glances
 _LONGEST_S = 1.0  # between glances that a prediction makes sense of
 _ABOUT_BLOCK = frozenset((Stage.REACH, Stage.TURN, Stage.DESCEND, Stage.CLOSE, Stage.LIFT))
@@ -46,7 +60,7 @@ class SeeingPerception:
     def __init__(
         self, images: Images, asked: EfferenceCopy, sampling_s: float, delay_s: float
     ) -> None:
-        """`images`: what is on screen now, BGR 640 by 480, by view (None: nothing yet).
+        """`images`: what is on screen.
 
         `asked`: the operator's own. `delay_s`: from the eye to the hand.
         """
@@ -58,7 +72,9 @@ class SeeingPerception:
         self.belief = Belief(fixed_cameras(), wrist)  # others may read it
         self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
         self._detector = Detector(wrist)
+        self._wrist_views = frozenset(wrist)
         self._lag = LagEstimator()
+        self._predicted_lag = LagEstimator(FOLLOW_LAG_NS)
         self._freezes: dict[str, FreezeWatch] = {}
         self._shown: Vector = np.zeros(6)
         self._last_ns: int | None = None
@@ -71,9 +87,13 @@ class SeeingPerception:
         """Glance at the images if it is time to; `stage`: of the task, as the operator believes."""
         if self._last_ns is not None and now_ns - self._last_ns < self._period_ns:
             return None
-        images = {view: image for view, image in self._images().items() if image is not None}
+        screen = self._images(now_ns)
+        images = {view: image for view, image in screen.images.items() if image is not None}
         if not images:
             return None
+        predicted = {
+            view: images.pop(view) for view in self._wrist_views & screen.predicted & images.keys()
+        }
         lag_ns = self._lag.lag_ns
         before = self.belief.state.copy()
         moved = self._advance(now_ns, lag_ns)
@@ -88,6 +108,9 @@ class SeeingPerception:
             self._view_ns = max(self._view_ns, now_ns - lag_ns + FOLLOW_LAG_NS)
         glance = self._detector.look(images, self.belief)
         self._take_in(now_ns, glance)
+        if predicted:
+            opening = self._look_at_predicted(now_ns, lag_ns, predicted)
+            glance = replace(glance, fingers_opening=opening)
         self.belief.learn_carried_part(before)
         if self.belief.seen[Thing.TOOL]:
             self._coming.append((now_ns + self._delay_ns, self._to_percept(glance)))
@@ -132,6 +155,24 @@ class SeeingPerception:
         belief.take(glance.sightings)
         for heading in glance.headings:
             belief.take_heading(heading)
+
+    def _look_at_predicted(
+        self, now_ns: int, lag_ns: int, images: Mapping[str, Image]
+    ) -> float | None:
+        """Views that show the tool ahead of the others; the fingers' opening in them [m]."""
+        then = self._asked.asked_at(now_ns - lag_ns)
+        ahead = self._asked.asked_at(now_ns - self._predicted_lag.lag_ns) - then
+        with self.belief.ahead_by(ahead[:3], ahead[3:]):
+            glance = self._detector.look(images, self.belief)
+            for sighting in glance.sightings:
+                still = sighting.thing is Thing.CONTAINER or not self.belief.block_is_near
+                if still and len(sighting.pixels) == 1:
+                    slope = self.belief.passes(sighting)
+                    source = f"{sighting.view} {sighting.thing}"
+                    pixel = sighting.pixels[0]
+                    self._predicted_lag.see(source, now_ns, pixel, slope, self._asked)
+            self._take_in(now_ns, glance)
+        return glance.fingers_opening
 
     def _watch_fingers(self, opening: float | None) -> None:
         if opening is None:

@@ -35,9 +35,10 @@ _TRUSTS_AGAIN_NS = 2_000 * NS_PER_MS  # perhaps nothing moves because the hand i
 class LagEstimator:
     """Hand to eye [ns]: arm, network and decoder together."""
 
-    def __init__(self) -> None:
+    def __init__(self, usual_ns: int = _USUAL_NS) -> None:
+        """`usual_ns`: what they expect before they have seen anything."""
         lags = np.array(_CANDIDATES_NS, float)
-        self._prior = ((lags - _USUAL_NS) / _USUAL_SPREAD_NS) ** 2
+        self._prior = ((lags - usual_ns) / _USUAL_SPREAD_NS) ** 2
         self._costs: Vector = np.zeros(len(lags))
         self._seen: dict[str, deque[tuple[int, Vector]]] = {}
 
@@ -57,8 +58,9 @@ class LagEstimator:
     def see(
         self, source: str, t_ns: int, pixel: Vector, slope: Matrix, asked: EfferenceCopy
     ) -> None:
-        """The gripper is at `pixel` now; `slope`, shape (2, 3): pixels per metre it moves.
+        """What shows the gripper's motion is at `pixel` now.
 
+        `slope`, shape (2, 3) or (2, 6): pixels per metre, and per radian, that the gripper moves.
         `source` distinguishes where the pixel comes from; only like is compared with like.
         """
         seen = self._seen.setdefault(source, deque())
@@ -70,7 +72,7 @@ class LagEstimator:
             return
         now = asked.asked_at_each([t_ns - lag for lag in _CANDIDATES_NS])
         then = asked.asked_at_each([then_ns - lag for lag in _CANDIDATES_NS])
-        expected = (np.array(now) - np.array(then))[:, :3] @ slope.T
+        expected = (np.array(now) - np.array(then))[:, : slope.shape[1]] @ slope.T
         moved = pixel - then_pixel
         doubt = _PIXEL_SIGMA + _MISJUDGED * float(np.linalg.norm(expected, axis=1).max())
         costs = ((expected - moved) ** 2).sum(axis=1) / doubt**2

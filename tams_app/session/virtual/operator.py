@@ -7,18 +7,20 @@ from pathlib import Path
 from typing import TypeAlias
 
 from hw.controller import Controller
-from hw.sim.operator.seeing import SeeingParticipant
+from hw.sim.operator.seeing import OnScreen, SeeingParticipant
 from tams_app.config import Config
 from tams_app.recording.journal import Journal
 from tams_app.records import Image, ShownFrame, SteeredBy
 from tams_app.robot.operator import Operator
 from tams_app.station.displays import Displays
 from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.operator_screen import Show, on_screen
 from tams_app.station.recorded_hand import recorded_hand
 from tams_app.teleop.hands import hand_of
 
 MakeOperator: TypeAlias = (
-    "Callable[[Config, int, Journal, Callable[[ShownFrame], None]], VirtualOperator]"
+    "Callable[[Config, int, Journal, Callable[[ShownFrame], None], Mapping[str, Show]], "
+    "VirtualOperator]"
 )
 
 
@@ -34,15 +36,18 @@ class VirtualOperator(Operator):
         participant_seed: int,
         log: Journal,
         on_shown: Callable[[ShownFrame], None],
+        shows: Mapping[str, Show],
     ) -> None:
         """`on_shown` gets each frame too, after the captures that came before it.
 
+        `shows`: by view, how its frames are shown where they are predicted.
         LogError or ConfigError where the recorded hand cannot be read.
         """
         self._hand = hand_of(config)
         self._log, self._on_shown = log, on_shown
         self._fresh = FreshVideo(config.video.views, Displays())
-        self._screen: dict[str, Image | None] = dict.fromkeys(config.video.views)
+        self._shows = shows
+        self._frames: dict[str, tuple[int, Image] | None] = dict.fromkeys(config.video.views)
         self._participant: SeeingParticipant | None = None
         trajectory = config.rig.hand_trajectory
         if trajectory is not None:
@@ -68,14 +73,14 @@ class VirtualOperator(Operator):
     def steered_by(self, view: str) -> SteeredBy:
         return self._fresh.of(view)
 
-    def screen(self) -> Mapping[str, Image | None]:
-        """The image on the screen of each view; None before the first frame."""
-        return self._screen
+    def screen(self, now_ns: int) -> OnScreen:
+        """What is on the screen."""
+        return on_screen(self._frames, self._shows, now_ns)
 
     def see(self, shown: ShownFrame) -> None:
         """A frame was decoded; each view's in order."""
         self._fresh.shown(shown)
-        self._screen[shown.view] = shown.image
+        self._frames[shown.view] = shown.capture_ns, shown.image
         self._log.record(shown)
         self._on_shown(shown)
 

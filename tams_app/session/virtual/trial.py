@@ -54,14 +54,18 @@ class VirtualTrial:
             records = virtual_records(config, folder, self._clock, wall_start_ns)
             self._log = stack.enter_context(records)
             scored = config.video.views if config.video.quality.enabled else ()
-            states, corrections = predicted_trial(config, self._log)
-            self._scores = scores = FrameScores(scored, self._log.record, corrections)
+            states, predicted = predicted_trial(config, self._log)
+            lumas = {view: shows.luma for view, shows in predicted.items()}
+            self._scores = scores = FrameScores(scored, self._log.record, lumas)
+            looks = {view: shows.show for view, shows in predicted.items()}
 
             def shown(frame: ShownFrame) -> None:
                 scores.shown(frame)
                 watch(frame)
 
-            self._operator = make_operator(config, participant_seed, self._log, shown)
+            if config.rig.operator.looks_at == "received":
+                looks = {}
+            self._operator = make_operator(config, participant_seed, self._log, shown, looks)
             self._robot = VirtualRobotSide(
                 config,
                 self._clock,

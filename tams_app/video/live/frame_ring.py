@@ -142,11 +142,6 @@ class FrameReader:
         _, _, capture_ns = _ENTRY.unpack(head)
         return capture_ns, image.reshape(self._bulk_shape)
 
-    def newest_image(self) -> Image | None:
-        """A copy of the newest frame; None as for `newest_frame`."""
-        found = self.newest_frame()
-        return None if found is None else found[1]
-
     def _luma(self, bulk: Bulk) -> Luma:
         image = bulk.reshape(self._bulk_shape)
         luma = image.copy() if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from hw.sim.operator.seeing import SeeingParticipant
+from hw.sim.operator.seeing import OnScreen, SeeingParticipant
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import Config
@@ -27,6 +27,7 @@ class Seen:
     glance: OperatorGlance
     believed_gap: Vector
     true_gap: Vector
+    present_gap: Vector  # as believed, less what the hand has asked since
 
 
 class SeeingRig:
@@ -39,18 +40,22 @@ class SeeingRig:
         cameras: CameraImages,
         delay_ms: float = 0.0,
         distort: Callable[[Image], Image] = lambda image: image,
+        ahead: frozenset[str] = frozenset(),
+        titled: bool = True,
     ) -> None:
+        """`ahead`: views that show the present for all that; `titled`: as their titles say."""
         self._config = config
         self._clock = VirtualClock()
         self._robot = robot = VirtualRobot(config, self._clock, _ignore)
         self._cameras = cameras
         self._delay_ns = round(delay_ms * NS_PER_MS)
-        self._distort = distort
+        self._distort, self._ahead, self._titled = distort, ahead, titled
         self._taken: deque[tuple[int, Vector]] = deque()
         self.frozen = False  # the screen keeps showing what it shows
         self.glances: list[Seen] = []
-        self._participant = SeeingParticipant(config, participant, self.images, self._note)
+        self._participant = SeeingParticipant(config, participant, self._screen, self._note)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
+        self._asked = self._eyes._asked
         controller = self._participant.controller
         delay_ns = self._delay_ns
         video = SteadyVideo(delay_ns)
@@ -90,6 +95,13 @@ class SeeingRig:
         index = t_ns // FRAME_NS
         return {view: self._distort(self._cameras.take(view, index, qpos)) for view in VIEWS}
 
+    def _screen(self, now_ns: int) -> OnScreen:
+        images = dict(self.images())
+        for view in self._ahead:
+            image = self._cameras.take(view, now_ns // FRAME_NS, self._robot.qpos)
+            images[view] = self._distort(image)
+        return OnScreen(images, self._ahead if self._titled else frozenset())
+
     def close(self) -> None:
         self._robot.arm.close()
 
@@ -97,7 +109,9 @@ class SeeingRig:
         truth = self._robot.truth()
         gap = truth.block.position - truth.tcp.position
         belief = self._eyes.belief
-        self.glances.append(Seen(glance, belief.block - belief.tcp, gap))
+        believed = belief.block - belief.tcp
+        asked = self._asked.total - self._asked.asked_at(glance.t_ns - glance.lag_ns)
+        self.glances.append(Seen(glance, believed, gap, believed - asked[:3]))
 
 
 def _ignore(*_: object) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hw.sim.layout import draw_layout
 from hw.sim.operator.belief_state import TO_BLOCK
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import SeeingPerception
+from hw.sim.operator.seeing import OnScreen, SeeingPerception
 from hw.sim.operator.task import Stage
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
@@ -46,7 +46,7 @@ class Eyes:
     def __init__(self) -> None:
         self.screen: dict[str, Image | None] = {}
         self.now_ns = 0
-        self.seeing = SeeingPerception(lambda: self.screen, EfferenceCopy(), 0.08, 0.12)
+        self.seeing = SeeingPerception(lambda _: OnScreen(self.screen), EfferenceCopy(), 0.08, 0.12)
 
     def show(self, images, glances: int) -> None:
         for glance in range(glances):

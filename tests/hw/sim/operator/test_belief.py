@@ -5,7 +5,15 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.belief import Belief
-from hw.sim.operator.belief_state import BLOCK, BLOCK_Z, TO_BLOCK, TO_CONTAINER, TOOL, TURN
+from hw.sim.operator.belief_state import (
+    BLOCK,
+    BLOCK_Z,
+    CONTAINER,
+    TO_BLOCK,
+    TO_CONTAINER,
+    TOOL,
+    TURN,
+)
 from hw.sim.operator.vision.detections import Cue, HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
 
@@ -191,6 +199,35 @@ def test_a_carried_block_is_believed_to_follow_while_it_is_not_seen():
         belief.predict(np.array([0.0, 0.01, 0.0]), np.zeros(3), 0.08)
     assert belief.block - before == pytest.approx((0.0, 0.05, 0.0))
     assert belief.gap_sigma(TO_BLOCK) > known
+
+
+@pytest.mark.parametrize("carried", [0.0, 1.0])
+def test_a_wrist_view_ahead_of_the_others_tells_the_same_of_where_things_are(carried):
+    """Tool, and block if it is carried, are further on in it by what was asked meanwhile."""
+    belief = _settled()
+    if carried:
+        belief.state[BLOCK] = belief.tcp + np.array((0.0, 0.0, -0.01))
+        belief.carried_part = carried
+    moved, turned = np.array([0.03, -0.02, 0.01]), np.array([0.0, 0.0, 0.3])
+    before, known = belief.state.copy(), belief.gap_sigma(TO_BLOCK)
+    with belief.ahead_by(moved, turned):
+        assert belief.tcp == pytest.approx(before[TOOL] + moved)
+        place = before[BLOCK] + carried * moved
+        belief.take([_sighting(belief, "eih", Thing.BLOCK, place)])
+    assert belief.state == pytest.approx(before, abs=1e-9)
+    assert belief.gap_sigma(TO_BLOCK) < known
+
+
+def test_what_the_wrist_view_passes_by_is_what_the_image_does():
+    belief = _settled()
+    sighting = _sighting(belief, "eih", Thing.CONTAINER, (*belief.state[CONTAINER], 0.0))
+    slope = belief.passes(sighting)
+    for axis in range(6):
+        step = 1e-5 * np.eye(6)[axis]
+        with belief.ahead_by(step[:3], step[3:]):
+            now = _sighting(belief, "eih", Thing.CONTAINER, (*belief.state[CONTAINER], 0.0))
+        moved = (now.pixels - sighting.pixels)[0] / 1e-5
+        assert slope[:, axis] == pytest.approx(moved, rel=2e-3, abs=0.5)
 
 
 def test_headings_count_modulo_a_quarter_turn():

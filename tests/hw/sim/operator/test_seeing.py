@@ -8,7 +8,7 @@ import pytest
 
 from hw.sim.layout import draw_layout
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import SeeingPerception
+from hw.sim.operator.seeing import OnScreen, SeeingPerception
 from hw.sim.operator.task import Stage
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
@@ -20,6 +20,7 @@ pytestmark = pytest.mark.untimed
 
 CONFIG = load_config(DEFAULT_CONFIG).model_copy(update={"seed": 5})
 TICK_NS = 8 * NS_PER_MS
+_ABOVE_BLOCK = (Stage.REACH, Stage.TURN, Stage.DESCEND)
 
 
 def _rig(cameras: CameraImages, **conditions) -> SeeingRig:
@@ -111,6 +112,33 @@ def test_late_images_are_noticed_as_lag_and_cost_time(reaches):
     assert reaches["late"][0] > reaches["clear"][0]
 
 
+def _present_errors_mm(rig: SeeingRig) -> np.ndarray:
+    """How far off the gap over the table is, while they go down to the block."""
+    while rig.operator.stage in _ABOVE_BLOCK and rig.now_ns < 20 * NS_PER_S:
+        rig.tick()
+    return np.array(
+        [
+            1000.0 * np.linalg.norm((seen.present_gap - seen.true_gap)[:2])
+            for seen in rig.glances
+            if seen.glance.stage == Stage.DESCEND
+        ]
+    )
+
+
+def test_a_wrist_view_that_is_titled_as_predicted_is_taken_for_the_present(cameras):
+    """The others are late. Who does not read the title takes it for late, and is misled."""
+    errors_mm = []
+    for reads in (True, False):
+        rig = _rig(cameras, delay_ms=400.0, ahead=frozenset({"eih"}), titled=reads)
+        try:
+            errors_mm.append(_present_errors_mm(rig))
+        finally:
+            rig.close()
+    read, misread = errors_mm
+    assert len(read) > 40
+    assert np.median(misread) > 1.5 * np.median(read)
+
+
 def test_each_glance_tells_how_much_each_view_gave(reaches):
     told = [seen.glance for seen in reaches["clear"][1].glances]
     assert all(abs(sum(one.to_block.values()) - 1.0) < 1e-9 for one in told if one.to_block)
@@ -142,9 +170,9 @@ class Screen:
         self.eyes = SeeingPerception(self._shown, self.asked, 0.08, 0.12)
         self.now_ns = NS_PER_S
 
-    def _shown(self) -> dict[str, Image | None]:
+    def _shown(self, _now_ns: int) -> OnScreen:
         self.looks += 1
-        return self.images
+        return OnScreen(self.images)
 
     def run(self, seconds: float, speed_m_s: float = 0.0) -> None:
         for _ in range(round(seconds * NS_PER_S / TICK_NS)):
