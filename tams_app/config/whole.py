@@ -90,9 +90,10 @@ class RigConfig(Section):
 class ViewConfig(Section):
     """What the operator is shown of a late frame."""
 
-    predict: Literal["off", "eih"] = "off"
+    predict: Literal["off", "eih", "all"] = "off"
     """`eih`: the frames of a camera on the arm, whose pose on it is known, are drawn as they would
-    look from where the arm is now; `off`: all frames as received."""
+    look from where the arm is now; `all`: besides, those of the others get an outline of where the
+    gripper is now; `off`: all frames as received."""
 
 
 class TrialConfig(Section):

@@ -26,7 +26,7 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.robot.build import starts_at_capacity
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.session.predicting import NOT_KNOWN, wrist_cameras
+from tams_app.session.predicting import NOT_KNOWN, predicted_cameras
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 
@@ -214,9 +214,9 @@ def display(config: Config) -> Iterator[Finding]:
 
 
 def predictive_display(config: Config) -> Iterator[Finding]:
-    """The camera on the arm, where its frames are to be drawn as they would look now."""
+    """The cameras whose frames are to be drawn with what is known of now."""
     if config.view.predict != "off":
-        cameras = wrist_cameras(config)
+        cameras = predicted_cameras(config)
         yield Finding(
             "Predictive display", bool(cameras), ", ".join(cameras), NOT_KNOWN, essential=False
         )

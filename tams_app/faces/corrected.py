@@ -1,10 +1,10 @@
-"""The newest frame of each view as it is drawn: as received, or corrected to the present."""
+"""The newest frame of each view as it is drawn: as received, or with what is known of now."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tams_app.prediction.present import AsReceived
+from tams_app.prediction.present import AsReceived, Correction
 from tams_app.records import Image
 from tams_app.runtime.clock import Clock
 from tams_app.station.mount_memory import PresentViews
@@ -20,7 +20,7 @@ class Corrected:
         """`present`: the views that are corrected; None: none is."""
         self._present, self._frames, self._clock = present, frames, clock
         self._is_on = True
-        self._as_received: dict[str, AsReceived | None] = {}
+        self._drawn: dict[str, tuple[Correction | None, AsReceived | None]] = {}
 
     def toggle(self) -> None:
         """Show all frames as received from now on, or correct them again."""
@@ -28,7 +28,7 @@ class Corrected:
 
     def moves(self, view: str) -> bool:
         """Whether a frame that was drawn looks different later on."""
-        return self._is_on and self._as_received.get(view, AsReceived.UNKNOWN) is None
+        return self._is_on and view in self._drawn and self._drawn[view][1] is None
 
     def newest(self, view: str) -> Image | None:
         """The frame to draw now; None before the first, or if it was overwritten meanwhile."""
@@ -39,16 +39,16 @@ class Corrected:
         if self._present is None or view not in self._present or not self._is_on:
             return image
         shown = self._present.show(view, image, capture_ns, self._clock.now_ns())
-        self._as_received[view] = shown.as_received
+        self._drawn[view] = shown.correction, shown.as_received
         return shown.image
 
     def words(self, view: str) -> str:
-        """What the title says besides; "" for a view that is never corrected."""
+        """What the title says besides; "" where there is nothing to correct."""
         if self._present is None or view not in self._present:
             return ""
         if not self._is_on:
             return " · as received"
-        if view not in self._as_received:
-            return ""
-        why = self._as_received[view]
-        return " · predicted" if why is None else f" · as received: {why}"
+        correction, why = self._drawn.get(view, (None, None))
+        if why is not None:
+            return f" · as received: {why}"
+        return "" if correction is None else f" · {correction}"

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import msgspec
 
 from tams_app.faces.commands import Command
-from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.prediction.cameras import PredictedCamera
 from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face reports at least so often
@@ -65,7 +65,7 @@ class Opening(msgspec.Struct, frozen=True):
     has_episodes: bool = False
     strategy: str = ""
     network: str = ""
-    cameras: dict[str, WristCamera] = {}
+    cameras: dict[str, PredictedCamera] = {}
 
 
 class TrialFacts(msgspec.Struct, frozen=True):

@@ -58,23 +58,37 @@ def plane_homography(
 
 
 def covered_by(solids: Iterable[Solid], lens: Lens) -> NDArray[np.bool_]:
-    """The pixels, shape (height, width), before which `solids` of the camera's parent frame are."""
-    covered = np.zeros((lens.height, lens.width), np.uint8)
-    matrix = lens.matrix()
-    for solid in solids:
-        points = _outline(solid) - lens.pose.position
-        seen = points @ lens.pose.rotation.as_matrix()  # in the camera's axes
-        seen = seen[seen[:, 2] > _NEAR_M]
-        if len(seen) < 3:
-            continue
-        pixels = seen @ matrix.T
-        flat = np.clip(pixels[:, :2] / pixels[:, 2:], -1e4, 1e4)
-        cv2.fillConvexPoly(covered, cv2.convexHull(np.rint(flat).astype(np.int32)), 255)
+    """The pixels, shape (height, width), before which `solids` of the camera's parent frame are.
+
+    And a margin of 3 pixels about them.
+    """
     size = 2 * _MARGIN_PX + 1
-    return cv2.dilate(covered, np.ones((size, size), np.uint8)) > 0
+    return cv2.dilate(silhouette(solids, lens), np.ones((size, size), np.uint8)) > 0
 
 
-def _outline(solid: Solid) -> NDArray[np.float64]:
+def silhouette(solids: Iterable[Solid], lens: Lens) -> Image:
+    """255 where `solids` of the camera's parent frame are in the picture, shape (height, width)."""
+    covered = np.zeros((lens.height, lens.width), np.uint8)
+    for solid in solids:
+        pixels = projected(corners_of(solid), lens)
+        if len(pixels) >= 3:
+            cv2.fillConvexPoly(covered, cv2.convexHull(np.rint(pixels).astype(np.int32)), 255)
+    return covered
+
+
+def projected(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
+    """Where the camera sees those of `points`, shape (n, 3), that are before it [px], shape (m, 2).
+
+    The points are in the camera's parent frame.
+    """
+    seen = (points - lens.pose.position) @ lens.pose.rotation.as_matrix()  # in the camera's axes
+    seen = seen[seen[:, 2] > _NEAR_M]
+    pixels = seen @ lens.matrix().T
+    flat: NDArray[np.float64] = np.clip(pixels[:, :2] / pixels[:, 2:], -1e4, 1e4)
+    return flat
+
+
+def corners_of(solid: Solid) -> NDArray[np.float64]:
     """Points of its parent frame whose hull it is."""
     half = np.array(solid.extent) / 2.0
     if solid.kind is SolidKind.BOX:

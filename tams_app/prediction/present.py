@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -9,6 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from tams_app.prediction.forward_model import ArmHeard, ForwardModel
+from tams_app.prediction.outline import GripperOutline
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.trail import Trail
 from tams_app.records import ControllerSample, Image, Pose, Vector
@@ -32,14 +34,23 @@ class AsReceived(StrEnum):
     HORIZON = "tilted too far"  # the camera sees more than the table
 
 
+class Correction(StrEnum):
+    """What was made of a frame, in the words of its view's title."""
+
+    PREDICTED = "predicted"
+    OUTLINE = "outline: gripper now"
+
+
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A frame as it is shown; `as_received`: why it is not corrected, None: it is.
+    """A frame as it is shown.
 
-    unseen: the share of it that the frame did not show.
+    correction: None for one as it was received. as_received: why it could not be corrected; None:
+    it was, or there is nothing to correct. unseen: the share of it that the frame did not show.
     """
 
     image: Image
+    correction: Correction | None = None
     as_received: AsReceived | None = None
     unseen: float = 0.0
 
@@ -154,14 +165,14 @@ class Present:
             self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns, closed
 
 
-class WristView:
-    """The view of a camera on the arm."""
+class CorrectedView(ABC):
+    """A view whose late frames are shown with what is believed of the present."""
 
-    def __init__(self, warp: WristWarp, trail: MountTrail) -> None:
-        self._warp, self._trail = warp, trail
+    def __init__(self, trail: MountTrail) -> None:
+        self._trail = trail
 
     def show(self, image: Image, capture_ns: int, now_ns: int) -> Shown:
-        """`image`, grey or BGR, as it would look now; as received where that is not known.
+        """`image`, grey or BGR, as it is shown now; as received where that is not known.
 
         Args:
             image: shape (height, width) or (height, width, 3); it stays as it is.
@@ -169,17 +180,44 @@ class WristView:
             now_ns: when it is shown, on the clock of `Placed.now_ns`.
         """
         if now_ns + self._trail.offset_ns - capture_ns > OLDEST_NS:
-            return Shown(image, AsReceived.OLD)
+            return Shown(image, as_received=AsReceived.OLD)
         then, believed = self._trail.then(capture_ns), self._trail.now(now_ns)
         if then is None or believed is None:
-            return Shown(image, AsReceived.UNKNOWN)
+            return Shown(image, as_received=AsReceived.UNKNOWN)
         if not believed.trusted:
-            return Shown(image, AsReceived.UNSURE)
-        warped = self._warp.to_now(image, then, believed.pose, believed.closed)
-        if warped is None:
-            return Shown(image, AsReceived.HORIZON)
-        return Shown(warped.image, None, warped.unseen)
+            return Shown(image, as_received=AsReceived.UNSURE)
+        return self._correct(image, then, believed)
 
     def luma(self, luma: Image, capture_ns: int, now_ns: int) -> Image:
         """The luma of what is shown of a frame."""
         return self.show(luma, capture_ns, now_ns).image
+
+    @abstractmethod
+    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
+        """`image`, with the mount at `then` when it was captured."""
+
+
+class WristView(CorrectedView):
+    """The view of a camera on the arm: as it would look now."""
+
+    def __init__(self, warp: WristWarp, trail: MountTrail) -> None:
+        super().__init__(trail)
+        self._warp = warp
+
+    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
+        warped = self._warp.to_now(image, then, now.pose, now.closed)
+        if warped is None:
+            return Shown(image, as_received=AsReceived.HORIZON)
+        return Shown(warped.image, Correction.PREDICTED, unseen=warped.unseen)
+
+
+class FixedView(CorrectedView):
+    """The view of a camera that stands still: with an outline of where the gripper is now."""
+
+    def __init__(self, outline: GripperOutline, trail: MountTrail) -> None:
+        super().__init__(trail)
+        self._outline = outline
+
+    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
+        drawn = self._outline.over(image, then, now.pose)
+        return Shown(image) if drawn is None else Shown(drawn, Correction.OUTLINE)

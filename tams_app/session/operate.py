@@ -13,7 +13,7 @@ from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.records import SessionState
 from tams_app.runtime.clock import Clock
-from tams_app.session.predicting import linked_present, wrist_cameras
+from tams_app.session.predicting import linked_present, predicted_cameras
 from tams_app.session.session import Session
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.requests import Requests
@@ -48,7 +48,7 @@ def operate(
         call.record(log)
         is_rig = call.welcome.simulated
         moves_by, displays = call.moves_by, session.displays
-        cameras = {} if moves_by is None else wrist_cameras(moves_by)
+        cameras = {} if moves_by is None else predicted_cameras(moves_by)
         station = Station(ours, clock, parts, log, displays, is_rig, make_hand, cameras)
         link = LinkedRobot(
             clock,

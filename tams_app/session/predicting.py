@@ -6,9 +6,15 @@ from collections.abc import Callable
 
 from hw.arms import arm_kind
 from tams_app.config import Config
+from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.forward_model import ForwardModel
-from tams_app.prediction.present import PREDICTED_FACT, MountTrail, Placed, Present, WristView
-from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.prediction.present import (
+    PREDICTED_FACT,
+    CorrectedView,
+    MountTrail,
+    Placed,
+    Present,
+)
 from tams_app.recording.journal import Journal
 from tams_app.records import Pose, Vector
 from tams_app.robot.build import ready_pose
@@ -25,17 +31,17 @@ NOT_KNOWN = (
 )
 
 
-def wrist_cameras(config: Config) -> dict[str, WristCamera]:
-    """By view, the cameras on the arm whose frames `view.predict` wants to be corrected."""
+def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
+    """By view, the cameras whose frames `view.predict` wants to be corrected."""
     scene = scene_of(config)
     if config.view.predict == "off" or scene.figure is None:
         return {}
     flange = scene.figure.flange
     tool, grip = scene.figure.solids[flange], scene.figure.grip
     return {
-        view: WristCamera.of(lens, tool, grip)
+        view: PredictedCamera.of(lens, tool, grip, lens.parent == flange)
         for view, lens in scene.lenses.items()
-        if lens.parent == flange
+        if lens.parent == flange or config.view.predict == "all"
     }
 
 
@@ -53,9 +59,9 @@ def follow_states(
 
 def predicted_trial(
     config: Config, log: Journal
-) -> tuple[tuple[LateStates, ...], dict[str, WristView]]:
+) -> tuple[tuple[LateStates, ...], dict[str, CorrectedView]]:
     """The same in virtual time, and what shows the frames of the views that are corrected."""
-    cameras, trail = wrist_cameras(config), MountTrail()
+    cameras, trail = predicted_cameras(config), MountTrail()
     if not cameras:
         return (), {}
     log.fact(PREDICTED_FACT, ",".join(cameras))

@@ -14,7 +14,7 @@ from tams_app.robot.control import Signals
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
 from tams_app.session.local_operator import LocalOperator
-from tams_app.session.predicting import follow_states, wrist_cameras
+from tams_app.session.predicting import follow_states, predicted_cameras
 from tams_app.session.quality import LiveQuality
 from tams_app.session.session import Session
 from tams_app.station.station import Station
@@ -28,7 +28,7 @@ def run(
 
     def compose(session: Session) -> BothSides:
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
-        cameras, is_rig = wrist_cameras(config), config.rig.enabled
+        cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
         robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         station.launch(confirms=not arm_at_once, world_memory=robot.launch())

@@ -14,8 +14,8 @@ from typing import Any
 
 import msgspec
 
+from tams_app.prediction.cameras import PredictedCamera, numbers7, pose7
 from tams_app.prediction.present import MountTrail, Placed, Shown
-from tams_app.prediction.wrist_camera import WristCamera, numbers7, pose7
 from tams_app.records import Image
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -38,7 +38,7 @@ class MountMemory:
     name is hidden already. `cameras`: by view, those whose frames are to be corrected.
     """
 
-    def __init__(self, cameras: Mapping[str, WristCamera]) -> None:
+    def __init__(self, cameras: Mapping[str, PredictedCamera]) -> None:
         self.cameras = cameras
         self.name = f"{new_block_name()}-mount"
         self._memory = create_block(self.name, _SHAPE.size)
@@ -80,7 +80,7 @@ def mount_specification(mount: MountMemory | None) -> dict[str, Any]:
 class PresentViews:
     """The views that are corrected, in a process that has the memory open."""
 
-    def __init__(self, cameras: Mapping[str, WristCamera], block: mmap.mmap) -> None:
+    def __init__(self, cameras: Mapping[str, PredictedCamera], block: mmap.mmap) -> None:
         self._trail = MountTrail()
         self._views = {view: camera.view(self._trail) for view, camera in cameras.items()}
         self._ring = SharedRing(block, _SHAPE)
@@ -109,7 +109,7 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
     name = str(specification["mount_memory"])
     if not name:
         return {}
-    cameras = msgspec.convert(specification["cameras"], dict[str, WristCamera])
+    cameras = msgspec.convert(specification["cameras"], dict[str, PredictedCamera])
     views = PresentViews(cameras, open_block(name))
     return {view: partial(views.show, view) for view in cameras}
 

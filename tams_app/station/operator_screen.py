@@ -1,4 +1,7 @@
-"""What is on the screen before the simulated operator: frames as received, or corrected."""
+"""What is on the screen before the simulated operator: frames as received, or predicted.
+
+Of an outline over a frame they make nothing: they look past it.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import TypeAlias
 
 from hw.sim.operator.seeing import OnScreen
-from tams_app.prediction.present import Shown
+from tams_app.prediction.present import Correction, Shown
 from tams_app.records import Image
 
 Show: TypeAlias = Callable[[Image, int, int], Shown]  # an image, when it was captured, now [ns]
@@ -28,7 +31,7 @@ def on_screen(
         images[view] = None if found is None else found[1]
         if found is not None and view in shows:
             shown = shows[view](found[1], found[0], now_ns)
-            images[view] = shown.image
-            if shown.as_received is None:
+            if shown.correction is Correction.PREDICTED:
+                images[view] = shown.image
                 predicted.add(view)
     return OnScreen(images, frozenset(predicted))

@@ -1,9 +1,9 @@
 """The helper process that compares shown frames with captured ones, with the time left over.
 
 Specification: captured_memory, shown_memory, mount_memory ("": none), views, width, height,
-cameras (`WristCamera` by view), reports. It reports every captured frame's fate as a FrameQuality,
-with scores where there was time to spare (`SparePace`), each view in turn, so that what is left out
-is spread evenly.
+cameras (`PredictedCamera` by view), reports. It reports every captured frame's fate as a
+FrameQuality, with scores where there was time to spare (`SparePace`), each view in turn, so that
+what is left out is spread evenly.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from hw.make_controller import keyboard_of, make_controller
 from tams_app.config import Config
-from tams_app.prediction.wrist_camera import WristCamera
+from tams_app.prediction.cameras import PredictedCamera
 from tams_app.recording.journal import Journal
 from tams_app.records import ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock
@@ -30,7 +30,7 @@ from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 MakeHand = Callable[[Config], Controller]
-_NONE: Mapping[str, WristCamera] = MappingProxyType({})
+_NONE: Mapping[str, PredictedCamera] = MappingProxyType({})
 
 
 class Station:
@@ -51,7 +51,7 @@ class Station:
         displays: Displays,
         is_rig: bool,
         make: MakeHand | None = None,
-        cameras: Mapping[str, WristCamera] = _NONE,
+        cameras: Mapping[str, PredictedCamera] = _NONE,
     ) -> None:
         """`displays`: what shows the frames to a person. `is_rig`: the robot is simulated.
 

@@ -5,19 +5,27 @@ from __future__ import annotations
 import mmap
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from tams_app.faces.corrected import Corrected
+from tams_app.prediction.cameras import PredictedCamera
+from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import MountMemory, PresentViews
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, FrameWriter, RingLayout
-from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, camera_of, lens_of, picture, placed
 
 pytestmark = pytest.mark.untimed
 
-CAMERAS = {"eih": camera_of(64, 48)}
+FIXED = Lens("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 64, 48)
+BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.1, 0.1, 0.02), (0.0,) * 3)
+CAMERAS = {
+    "eih": camera_of(64, 48),
+    "gs": PredictedCamera.of(FIXED, [BOX], on_arm=False),
+}
 THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
 FRAME = picture(lens_of(64, 48), THEN)
 AGE_NS = 120 * NS_PER_MS
@@ -27,7 +35,7 @@ class Bench:
     """Two views, one of them of a camera on the arm."""
 
     def __init__(self) -> None:
-        layout = RingLayout(SHOWN, ("eih", "gt"), 64, 48)
+        layout = RingLayout(SHOWN, ("eih", "gt", "gs"), 64, 48)
         self._block = mmap.mmap(-1, layout.block_bytes)
         self.clock = VirtualClock(NS_PER_S)
         self.mount = MountMemory(CAMERAS)
@@ -46,6 +54,12 @@ class Bench:
         for late_ms in range(500, -1, -10):
             now_ns = self.clock.now_ns() - late_ms * NS_PER_MS
             self.mount.put(placed(now_ns, THEN, NOW, late_ns=20 * NS_PER_MS, trusted=trusted))
+
+    def rest(self) -> None:
+        """The mount is where it was all the time, from now on."""
+        now_ns = self.clock.now_ns() + NS_PER_MS
+        self.mount.put(placed(now_ns, THEN, THEN))
+        self.clock.sleep_until_ns(now_ns)
 
     def wait(self, wait_ms: int) -> None:
         self.clock.sleep_until_ns(self.clock.now_ns() + wait_ms * NS_PER_MS)
@@ -66,6 +80,19 @@ def test_the_wrist_view_is_drawn_as_it_would_look_now_and_says_so(bench: Bench) 
     assert (image != FRAME).any()
     assert bench.corrected.words("eih") == " · predicted"
     assert bench.corrected.moves("eih")
+
+
+def test_a_fixed_view_gets_an_outline_until_it_has_caught_up_and_says_so(bench: Bench) -> None:
+    bench.put("gs")
+    bench.know()
+    image = bench.corrected.newest("gs")
+    assert image is not None
+    assert (image != FRAME).any()
+    assert bench.corrected.words("gs") == " · outline: gripper now"
+    assert bench.corrected.moves("gs")
+    bench.rest()
+    assert (bench.corrected.newest("gs") == FRAME).all()
+    assert bench.corrected.words("gs") == ""
 
 
 def test_what_cannot_be_corrected_is_drawn_as_received_and_says_why(bench: Bench) -> None:

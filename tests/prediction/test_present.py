@@ -4,6 +4,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.forward_model import ArmHeard
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import (
@@ -14,7 +15,6 @@ from tams_app.prediction.present import (
     Present,
     WristView,
 )
-from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.records import Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
@@ -208,8 +208,8 @@ def test_a_camera_s_description_corrects_as_the_camera():
 
 def test_a_description_has_the_tool_and_survives_its_way_to_another_process():
     part = Solid(SolidKind.CYLINDER, above(0.0, 0.05, 0.06), (0.02, 0.02, 0.03), (1.0, 0.0, 0.0))
-    camera = WristCamera.of(LENS, (part,))
-    received = msgspec.json.decode(msgspec.json.encode(camera), type=WristCamera)
+    camera = PredictedCamera.of(LENS, (part,))
+    received = msgspec.json.decode(msgspec.json.encode(camera), type=PredictedCamera)
     age_ns = 120 * NS_PER_MS
     frame = FRAME.copy()
     shown = received.view(trail_of()).show(frame, last_ns() - age_ns, last_ns())

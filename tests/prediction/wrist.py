@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.plane_warp import mounted
 from tams_app.prediction.present import Placed
-from tams_app.prediction.wrist_camera import WristCamera
 from tams_app.records import Image, Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 
@@ -24,9 +24,9 @@ def lens_of(width: int, height: int) -> Lens:
 GRIP = Solid(SolidKind.BOX, Pose(np.array([0.0, 0.05, 0.06]), STRAIGHT), (0.02,) * 3, (0.0,) * 3)
 
 
-def camera_of(width: int, height: int) -> WristCamera:
+def camera_of(width: int, height: int) -> PredictedCamera:
     """With nothing before it but closed fingers."""
-    return WristCamera.of(lens_of(width, height), (), (GRIP,))
+    return PredictedCamera.of(lens_of(width, height), (), (GRIP,))
 
 
 def above(x: float, y: float, z: float, turn: Rotation = STRAIGHT) -> Pose:

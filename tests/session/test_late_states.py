@@ -13,7 +13,7 @@ from tams_app.prediction.present import Placed
 from tams_app.recording import SessionLog, read_log
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.late_states import LateStates
-from tams_app.session.predicting import present_of, wrist_cameras
+from tams_app.session.predicting import predicted_cameras, present_of
 from tams_app.session.viewing import scene_of
 from tams_app.units import NS_PER_MS
 from tests.golden_logs import golden_log
@@ -83,9 +83,9 @@ def test_the_control_thread_hands_over_and_another_one_works() -> None:
 
 def test_only_a_camera_on_the_arm_whose_pose_is_known_is_corrected() -> None:
     rig = {"rig__enabled": True}
-    assert set(wrist_cameras(make_config(**rig, view__predict="eih"))) == {"eih"}
-    assert wrist_cameras(make_config(**rig, view__predict="off")) == {}
+    assert set(predicted_cameras(make_config(**rig, view__predict="eih"))) == {"eih"}
+    assert predicted_cameras(make_config(**rig, view__predict="off")) == {}
     real = make_config(**rig, view__predict="eih").model_copy(
         update={"rig": make_config(**rig).rig.model_copy(update={"enabled": False})}
     )
-    assert wrist_cameras(real) == {}
+    assert predicted_cameras(real) == {}

@@ -35,7 +35,7 @@ _WINDOW_HELP = (
     ("F1", "show or hide this list"),
     ("F11", "whole screen, or a window again"),
 )
-_CORRECTED_HELP = (("F2", "show the wrist view as received, or predicted again"),)
+_CORRECTED_HELP = (("F2", "show all views as received, or predicted again"),)
 _VIEWS_HELP = (
     ("1, 2, 3 …", "keep this view large, whatever is primary; again: the primary one is large"),
     ("Tab", "exchange the large view with the first small one, and keep it large"),

@@ -1,4 +1,4 @@
-"""A camera on the arm, described so that another process can correct its frames."""
+"""A camera, described so that another process can correct its frames."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from collections.abc import Iterable
 import msgspec
 import numpy as np
 
+from tams_app.prediction.outline import GripperOutline
 from tams_app.prediction.plane_warp import WristWarp
-from tams_app.prediction.present import MountTrail, WristView
+from tams_app.prediction.present import FixedView, MountTrail, WristView
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.vectors import ZERO, Floats3
@@ -34,9 +35,10 @@ class ToolPart(msgspec.Struct, frozen=True):
         return Solid(SolidKind(self.form), pose7(self.pose), self.extent, ZERO)
 
 
-class WristCamera(msgspec.Struct, frozen=True):
-    """Its pose on the mount (position [m], quaternion), its picture, and the tool before it.
+class PredictedCamera(msgspec.Struct, frozen=True):
+    """Its pose (position [m], quaternion), its picture, and the tool that it sees.
 
+    on_arm: it moves with the arm's mount, in whose frame its pose is then; else that of the base.
     grip: what closed fingers cover besides.
     """
 
@@ -46,20 +48,31 @@ class WristCamera(msgspec.Struct, frozen=True):
     height: int
     tool: tuple[ToolPart, ...] = ()
     grip: tuple[ToolPart, ...] = ()
+    on_arm: bool = True
 
     @staticmethod
-    def of(lens: Lens, tool: Iterable[Solid], grip: Iterable[Solid] = ()) -> WristCamera:
-        """`tool`, `grip`: in the frame that the lens is mounted on."""
-        size = lens.width, lens.height
-        return WristCamera(
-            numbers7(lens.pose), lens.fovy_deg, *size, ToolPart.all_of(tool), ToolPart.all_of(grip)
+    def of(
+        lens: Lens, tool: Iterable[Solid], grip: Iterable[Solid] = (), on_arm: bool = True
+    ) -> PredictedCamera:
+        """`tool`, `grip`: in the frame of the mount."""
+        return PredictedCamera(
+            numbers7(lens.pose),
+            lens.fovy_deg,
+            lens.width,
+            lens.height,
+            ToolPart.all_of(tool),
+            ToolPart.all_of(grip),
+            on_arm,
         )
 
-    def view(self, trail: MountTrail) -> WristView:
-        """What corrects its frames; `trail`: of its mount."""
-        lens = Lens("mount", pose7(self.pose), self.fovy_deg, self.width, self.height)
+    def view(self, trail: MountTrail) -> WristView | FixedView:
+        """What corrects its frames; `trail`: of the mount."""
+        parent = "mount" if self.on_arm else "base"
+        lens = Lens(parent, pose7(self.pose), self.fovy_deg, self.width, self.height)
         tool, grip = ([part.solid for part in parts] for parts in (self.tool, self.grip))
-        return WristView(WristWarp(lens, tool, grip), trail)
+        if self.on_arm:
+            return WristView(WristWarp(lens, tool, grip), trail)
+        return FixedView(GripperOutline(lens, tool), trail)
 
 
 def numbers7(pose: Pose) -> Numbers7:

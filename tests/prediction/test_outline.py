@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+
+from hw.lite6.figure import Lite6Figure
+from tams_app.config import load_config
+from tams_app.prediction.cameras import PredictedCamera
+from tams_app.prediction.outline import GripperOutline
+from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.present import AsReceived, Correction, MountTrail
+from tams_app.records import Lens, Pose, Solid, SolidKind
+from tams_app.rotation import Rotation
+from tams_app.session.predicting import predicted_cameras
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, placed
+
+pytestmark = pytest.mark.untimed
+
+LENS = Lens("base", Pose(np.array([0.0, 0.0, 0.8]), LOOKS_DOWN), 40.0, 320, 240)
+BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.06, 0.04, 0.02), (0.0,) * 3)
+GREY = np.full((240, 320), 120, np.uint8)
+THEN, NOW = above(0.0, 0.0, 0.2), above(0.06, -0.03, 0.25, Rotation.from_rotvec((0.0, 0.0, 0.4)))
+
+
+def pixel(point: np.ndarray) -> np.ndarray:
+    x, y, depth = LENS.matrix() @ LENS.pose.rotation.inv().apply(point - LENS.pose.position)
+    return np.array([x, y]) / depth
+
+
+def test_the_outline_encloses_the_tool_where_it_is_now() -> None:
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW)
+    assert drawn is not None
+    rows, columns = np.nonzero(drawn > 200)
+    corners = [
+        pixel(NOW.position + NOW.rotation.apply(np.array([x, y, z])))
+        for x in (-0.03, 0.03)
+        for y in (-0.02, 0.02)
+        for z in (-0.01, 0.01)
+    ]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    assert (columns.min(), rows.min()) == pytest.approx(low, abs=1.5)
+    assert (columns.max(), rows.max()) == pytest.approx(high, abs=1.5)
+    middle = np.rint(np.mean(corners, axis=0)).astype(int)
+    assert drawn[middle[1], middle[0]] == 120, "a line, and nothing of what it encloses"
+
+
+def test_a_line_has_a_dark_edge_and_the_picture_is_the_same_elsewhere() -> None:
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW)
+    assert drawn is not None
+    assert (GREY == 120).all()
+    assert drawn.min() < 60
+    assert (drawn != 120).mean() < 0.02
+
+
+def test_a_picture_in_colour_gets_the_same_line() -> None:
+    outline = GripperOutline(LENS, [BOX])
+    colour = outline.over(np.repeat(GREY[..., None], 3, axis=2), THEN, NOW)
+    grey = outline.over(GREY, THEN, NOW)
+    assert colour is not None
+    assert grey is not None
+    assert (colour == grey[..., None]).all()
+
+
+def test_where_the_picture_has_caught_up_nothing_is_drawn() -> None:
+    outline = GripperOutline(LENS, [BOX])
+    px_per_m = LENS.focal_px / (0.8 - 0.21)  # of the box's upper side
+    for moved_px, is_drawn in ((2.9, False), (3.1, True)):
+        now = above(moved_px / px_per_m, 0.0, 0.2)
+        assert (outline.over(GREY, THEN, now) is not None) == is_drawn
+
+
+@pytest.mark.parametrize("now", [above(2.0, 0.0, 0.2), above(0.0, 0.0, 0.9)])
+def test_a_tool_that_is_out_of_the_picture_or_behind_the_camera_leaves_it_as_it_is(
+    now: Pose,
+) -> None:
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, now)
+    assert drawn is not None
+    assert (drawn == GREY).all()
+
+
+def test_a_fixed_view_shows_the_outline_only_of_what_is_believed() -> None:
+    now_ns = 9 * NS_PER_S
+    trail = MountTrail()
+    view = PredictedCamera.of(LENS, [BOX], on_arm=False).view(trail)
+    capture_ns = now_ns - 100 * NS_PER_MS
+    assert view.show(GREY, capture_ns, now_ns).as_received is AsReceived.UNKNOWN
+    for late_ms in range(600, -1, -10):
+        at_ns = now_ns - late_ms * NS_PER_MS
+        trail.add(placed(at_ns, THEN, THEN if late_ms > 50 else NOW))
+    shown = view.show(GREY, capture_ns, now_ns)
+    assert (shown.correction, shown.as_received) == (Correction.OUTLINE, None)
+    assert (shown.image != GREY).any()
+    before = view.show(GREY, capture_ns, now_ns - 60 * NS_PER_MS)
+    assert (before.correction, before.as_received) == (None, None)
+    assert before.image is GREY
+    old = view.show(GREY, now_ns - 501 * NS_PER_MS, now_ns)
+    assert old.as_received is AsReceived.OLD
+
+
+@pytest.mark.parametrize(
+    ("predict", "views"), [("off", {}), ("eih", {"eih": True}),
+                           ("all", {"eih": True, "gt": False, "gs": False})]
+)  # fmt: skip
+def test_the_fixed_views_get_an_outline_only_where_all_is_asked_for(
+    predict: str, views: dict[str, bool]
+) -> None:
+    cameras = predicted_cameras(load_config(None, {"view.predict": predict}))
+    assert {view: camera.on_arm for view, camera in cameras.items()} == views
+
+
+@pytest.mark.parametrize("view", ["gt", "gs"])
+def test_the_rig_s_cameras_see_the_gripper_within_its_outline(view: str) -> None:
+    """A fingertip's place in the picture, by the arm's kinematics, is inside the line."""
+    camera = predicted_cameras(load_config(None, {"view.predict": "all"}))[view]
+    figure = Lite6Figure()
+    joints = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
+    now = figure.place(joints)[figure.flange]
+    then = Pose(now.position + np.array([0.05, 0.0, 0.0]), now.rotation)
+    lens = Lens("base", Pose(np.array(camera.pose[:3]), Rotation(*camera.pose[3:])),
+                camera.fovy_deg, camera.width, camera.height)  # fmt: skip
+    drawn = GripperOutline(lens, [part.solid for part in camera.tool]).over(
+        np.zeros((camera.height, camera.width), np.uint8), then, now
+    )
+    assert drawn is not None
+    tip = mounted(now, Pose(np.array([0.0, 0.012, 0.075]), STRAIGHT)).position
+    x, y, depth = lens.matrix() @ lens.pose.rotation.inv().apply(tip - lens.pose.position)
+    column, row = round(x / depth), round(y / depth)
+    rows, columns = np.nonzero(drawn > 200)
+    assert rows.min() < row < rows.max() + 1
+    assert columns.min() < column < columns.max()
