@@ -123,6 +123,12 @@ KEYS: dict[str, Any] = {
         "by_phase": {},
     },
     "episodes": [],
+    "prediction": {
+        "error_mm": {"p50": 0.0, "p95": 0.0},
+        "error_deg": {"p50": 0.0, "p95": 0.0},
+        "newest_state_mm": {"p50": 0.0, "p95": 0.0},
+        "trusted_fraction": 1.0,
+    },
     "operator": dict.fromkeys(("kind", "glances_per_s", "relied_on", "uncertainty_mm")),
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
 }

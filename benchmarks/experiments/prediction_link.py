@@ -19,9 +19,8 @@ from rich.console import Console
 from rich.table import Table
 
 from hw.lite6.figure import Lite6Figure
-from tams_app.prediction.present import Placed
 from tams_app.recording import LOG_NAME, read_log
-from tams_app.records import Tick, Vector
+from tams_app.records import MountPrediction, Tick, Vector
 from tams_app.station.mount_memory import MountMemory
 from tests.faults.two_sides import HOST, HandSide, RobotSide
 from tests.impaired_link import Conditions, ImpairedLink
@@ -33,9 +32,9 @@ _MOVED_M = 0.002  # since the newest state: the arm moves
 _TURN_S = (0.35, 0.5, 0.65)
 
 
-def drive(folder: Path, way: Conditions, turns: int) -> list[Placed]:
+def drive(folder: Path, way: Conditions, turns: int) -> list[MountPrediction]:
     """Where the flange was believed to be, while the hand went to and fro."""
-    found: list[Placed] = []
+    found: list[MountPrediction] = []
     budget: dict[str, Any] = {"budget": {"mode": "feedback", "max_kbps": _UPLINK_KBPS}}
     with (
         patch.object(MountMemory, "put", lambda _, placed: found.append(placed)),
@@ -53,7 +52,7 @@ def drive(folder: Path, way: Conditions, turns: int) -> list[Placed]:
     return found
 
 
-def errors_m(placed: list[Placed], ticks: list[Tick]) -> tuple[Vector, Vector, float]:
+def errors_m(placed: list[MountPrediction], ticks: list[Tick]) -> tuple[Vector, Vector, float]:
     """Of the newest state and of the prediction, while the arm moves; the share not trusted."""
     figure = Lite6Figure()
     reports = [tick.arm for tick in ticks if tick.arm is not None]

@@ -13,7 +13,7 @@ from tams_app.prediction.forward_model import ArmHeard, ForwardModel
 from tams_app.prediction.outline import GripperOutline
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.trail import Trail
-from tams_app.records import ControllerSample, Image, Pose, Vector
+from tams_app.records import ControllerSample, Image, MountPrediction, Pose, Vector
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -56,26 +56,8 @@ class Shown:
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
-    """Where the camera's mount was and is believed to be, base frame.
-
-    then: at `then_ns`, on the clock that frames are captured by. now: at `now_ns`, on the clock
-    that they are shown by; offset_ns: the former minus the latter. trusted: `Forecast.is_trusted`.
-    closed: the gripper is.
-    """
-
-    then_ns: int
-    then: Pose
-    now_ns: int
-    now: Pose
-    trusted: bool = True
-    offset_ns: int = 0
-    closed: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Believed:
-    """The mount's pose at a time as it was believed then, and the rest of `Placed`."""
+    """The mount's pose at a time as it was believed then, and the rest of `MountPrediction`."""
 
     pose: Pose
     trusted: bool
@@ -90,7 +72,7 @@ class MountTrail:
         self._quaternion: Vector = np.zeros(4)
         self.offset_ns = 0  # of the newest
 
-    def add(self, placed: Placed) -> None:
+    def add(self, placed: MountPrediction) -> None:
         """What is known from now on; the same place may be told again."""
         self.offset_ns = placed.offset_ns
         self._then.add(placed.then_ns, self._numbers(placed.then))
@@ -128,7 +110,7 @@ class Present:
         self,
         model: ForwardModel,
         mount: Callable[[Vector], Pose],
-        tell: Callable[[Placed], None],
+        tell: Callable[[MountPrediction], None],
     ) -> None:
         """`mount`: where joints put it; `tell` gets each belief."""
         self._model, self._mount, self._tell = model, mount, tell
@@ -150,7 +132,7 @@ class Present:
         then_ns, then, offset_ns, closed = self._then
         now = self._mount(forecast.joints)
         trusted = forecast.is_trusted
-        self._tell(Placed(then_ns, then, now_ns, now, trusted, offset_ns, closed))
+        self._tell(MountPrediction(then_ns, then, now_ns, now, trusted, offset_ns, closed))
 
     def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         """A state was received.
@@ -176,8 +158,8 @@ class CorrectedView(ABC):
 
         Args:
             image: shape (height, width) or (height, width, 3); it stays as it is.
-            capture_ns: when it was captured, on the clock of `Placed.then_ns`.
-            now_ns: when it is shown, on the clock of `Placed.now_ns`.
+            capture_ns: when it was captured, on the clock of `MountPrediction.then_ns`.
+            now_ns: when it is shown, on the clock of `MountPrediction.now_ns`.
         """
         if now_ns + self._trail.offset_ns - capture_ns > OLDEST_NS:
             return Shown(image, as_received=AsReceived.OLD)

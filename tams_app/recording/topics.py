@@ -24,6 +24,7 @@ from tams_app.records import (
     HandHeard,
     LinkCapacity,
     LinkHealth,
+    MountPrediction,
     Note,
     OperatorGlance,
     Outcome,
@@ -266,6 +267,9 @@ class SessionLog:
     hands_received: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
     states_received: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
     episodes: list[Episode] = records("/episode", Episode, lambda one: one.t_ns)
+    predictions: list[MountPrediction] = records(
+        "/prediction", MountPrediction, lambda one: one.now_ns
+    )
     link_health: list[LinkHealth] = records("/link/health", LinkHealth, lambda one: one.t_ns)
 
     @property

@@ -55,6 +55,7 @@ from tams_app.records.policy import (
     Phase,
     PhaseChange,
 )
+from tams_app.records.prediction import MountPrediction
 from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
 from tams_app.records.state import (
     LINK_LOST,
@@ -113,6 +114,7 @@ __all__ = [
     "LinkCapacity",
     "LinkFault",
     "LinkHealth",
+    "MountPrediction",
     "Note",
     "OperatorGlance",
     "Outcome",

@@ -12,11 +12,10 @@ from tams_app.prediction.present import (
     PREDICTED_FACT,
     CorrectedView,
     MountTrail,
-    Placed,
     Present,
 )
 from tams_app.recording.journal import Journal
-from tams_app.records import Pose, Vector
+from tams_app.records import MountPrediction, Pose, Vector
 from tams_app.robot.build import ready_pose
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
@@ -52,7 +51,8 @@ def follow_states(
     if not _told(config, log, mount):
         return ()
     assert mount is not None
-    states = LateStates(present_of(config, mount.put), resolve_network(config, config.network))
+    told = _logged(log, mount.put)
+    states = LateStates(present_of(config, told), resolve_network(config, config.network))
     parts.run("prediction", lambda stop: states.run(stop, clock))
     return (states,)
 
@@ -66,7 +66,7 @@ def predicted_trial(
         return (), {}
     log.fact(PREDICTED_FACT, ",".join(cameras))
     network = resolve_network(config, config.network)
-    states = LateStates(present_of(config, trail.add), network, at_once=True)
+    states = LateStates(present_of(config, _logged(log, trail.add)), network, at_once=True)
     return (states,), {view: camera.view(trail) for view, camera in cameras.items()}
 
 
@@ -80,7 +80,19 @@ def linked_present(
     if not _told(ours, log, mount) or moves_by is None:
         return None
     assert mount is not None
-    return present_of(moves_by, mount.put)
+    return present_of(moves_by, _logged(log, mount.put))
+
+
+def _logged(
+    log: Journal, tell: Callable[[MountPrediction], None]
+) -> Callable[[MountPrediction], None]:
+    """`tell`, and the log keeps what is told."""
+
+    def told(prediction: MountPrediction) -> None:
+        tell(prediction)
+        log.record(prediction)
+
+    return told
 
 
 def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:
@@ -92,7 +104,7 @@ def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:
     return mount is not None
 
 
-def present_of(config: Config, tell: Callable[[Placed], None]) -> Present:
+def present_of(config: Config, tell: Callable[[MountPrediction], None]) -> Present:
     """What follows the arm's flange for those cameras; `tell` gets where it is believed to be."""
     kind = arm_kind(config.arm.model)
     figure = kind.figure()

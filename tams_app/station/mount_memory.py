@@ -15,8 +15,8 @@ from typing import Any
 import msgspec
 
 from tams_app.prediction.cameras import PredictedCamera, numbers7, pose7
-from tams_app.prediction.present import MountTrail, Placed, Shown
-from tams_app.records import Image
+from tams_app.prediction.present import MountTrail, Shown
+from tams_app.records import Image, MountPrediction
 from tams_app.runtime.shared_ring import (
     RingShape,
     SharedRing,
@@ -45,7 +45,7 @@ class MountMemory:
         self.descriptor = open_descriptor(self.name)
         self._ring = SharedRing(self._memory, _SHAPE)
 
-    def put(self, placed: Placed) -> None:
+    def put(self, placed: MountPrediction) -> None:
         """What is believed from now on."""
         self._ring.put(
             _RECORD.pack(
@@ -114,7 +114,7 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
     return {view: partial(views.show, view) for view in cameras}
 
 
-def _placed(head: bytes) -> Placed:
+def _placed(head: bytes) -> MountPrediction:
     then_ns, now_ns, *numbers, trusted, offset_ns, closed = _RECORD.unpack(head)
     then, now = tuple(numbers[:7]), tuple(numbers[7:])
-    return Placed(then_ns, pose7(then), now_ns, pose7(now), trusted, offset_ns, closed)
+    return MountPrediction(then_ns, pose7(then), now_ns, pose7(now), trusted, offset_ns, closed)

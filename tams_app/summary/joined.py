@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from tams_app.errors import LogError
+from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import Header, SessionLog
 from tams_app.recording.pictures import ShownPicture
 from tams_app.recording.topics import FrameShown
@@ -24,6 +25,7 @@ from tams_app.summary.summarise import summarise
 from tams_app.summary.tables import Integers, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+_OPERATORS_FACTS = ("operator", PREDICTED_FACT)
 _BY_LINK = "link "  # so the labels of these reasons begin
 SESSION_FACT = "link_session"  # the same in both logs
 ROBOT_FOLDER_FACT = "robot_folder"  # of the operator's side: name of the other log's folder
@@ -104,8 +106,14 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
         replace(one, t_ns=t_ns)
         for one, t_ns in zip(operator.glances, offsets.to_robot(seen_ns).tolist(), strict=True)
     ]
-    kind = {name: operator.facts[name] for name in ("operator",) if name in operator.facts}
-    return replace(robot, shown=shown, glances=glances, facts={**robot.facts, **kind})
+    facts = {name: operator.facts[name] for name in _OPERATORS_FACTS if name in operator.facts}
+    return replace(
+        robot,
+        shown=shown,
+        glances=glances,
+        predictions=operator.predictions,
+        facts={**robot.facts, **facts},
+    )
 
 
 def on_robots_clock(

@@ -15,6 +15,7 @@ from tams_app.recording import SessionLog
 from tams_app.records import LATE_NS, Outcome, PacketKind
 from tams_app.summary.frame_rate import rates, view_rate
 from tams_app.summary.operator import operator, seen
+from tams_app.summary.prediction import prediction_errors
 from tams_app.summary.quality import QualityTable, primary_quality, view_quality
 from tams_app.summary.stages import latency_stages
 from tams_app.summary.tables import (
@@ -74,6 +75,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "views": views,
         "rates": rates(log, views),
         "primary_view": primary_quality(log, quality),
+        "prediction": prediction_errors(log),
         "operator": operator(log),
         "system": _system(log),
         **({} if seen_here is None else {"seen": seen_here}),

@@ -7,13 +7,14 @@ from foxglove import Context
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, PoseInFrameChannel
 from foxglove.messages import FrameTransforms, JointState, JointStates, PoseInFrame
 
-from tams_app.records import ArmState, Pose, SceneTruth, Tick
+from tams_app.records import ArmState, MountPrediction, Pose, SceneTruth, Tick
 from tams_app.rotation import Rotation
 from tams_app.telemetry.messages import BASE, pose_of, timestamp, transform
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.scene import TRACKING, Scene, thing_frames
 
 MOTION_HZ = 30.0
+PREDICTED = "flange predicted"  # the frame of where it is believed to be now
 
 
 class MotionChannels:
@@ -24,9 +25,11 @@ class MotionChannels:
         self._scene = scene
         self._offset_ns = offset_ns
         self._pace = Pace(MOTION_HZ)
+        self._prediction_pace = Pace(MOTION_HZ)
         self._reported_ns = 0
         self._arm = FrameTransformsChannel("/tf", context=context)
         self._things = FrameTransformsChannel("/tf/things", context=context)
+        self._predicted = FrameTransformsChannel("/tf/predicted", context=context)
         self._joints = JointStatesChannel("/joints", context=context)
         self._hand = PoseInFrameChannel("/pose/hand", context=context)
         self._commanded = PoseInFrameChannel("/pose/commanded", context=context)
@@ -52,6 +55,14 @@ class MotionChannels:
         places = thing_frames(truth)
         moved = [transform(wall_ns, BASE, name, pose) for name, pose in places.items()]
         self._things.log(FrameTransforms(transforms=moved), log_time=wall_ns)
+
+    def on_prediction(self, prediction: MountPrediction) -> None:
+        """Send where the flange is believed to be, if it is time."""
+        if not self._prediction_pace.is_due(prediction.now_ns):
+            return
+        wall_ns = prediction.now_ns + self._offset_ns
+        moved = [transform(wall_ns, BASE, PREDICTED, prediction.now)]
+        self._predicted.log(FrameTransforms(transforms=moved), log_time=wall_ns)
 
     def _send_arm(self, arm: ArmState) -> None:
         wall_ns = arm.received_ns + self._offset_ns

@@ -10,7 +10,7 @@ from foxglove import Context, Schema
 from tams_app.recording import Header
 from tams_app.recording.codec import Codec
 from tams_app.recording.topics import OutcomeGiven
-from tams_app.records import Note, SceneTruth, ShownFrame, StopRecord, Tick
+from tams_app.records import MountPrediction, Note, SceneTruth, ShownFrame, StopRecord, Tick
 from tams_app.telemetry.address import Address
 from tams_app.telemetry.lines import LogLines
 from tams_app.telemetry.live import LiveServer
@@ -54,6 +54,7 @@ class Telemetry:
         self._on: dict[type, Callable[[Any], None]] = {
             Tick: self._on_tick,
             SceneTruth: self._motion.on_truth,
+            MountPrediction: self._motion.on_prediction,
             Note: lines.send,
             StopRecord: lines.send,
             OutcomeGiven: lines.send,

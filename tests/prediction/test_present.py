@@ -11,11 +11,10 @@ from tams_app.prediction.present import (
     OLDEST_NS,
     AsReceived,
     MountTrail,
-    Placed,
     Present,
     WristView,
 )
-from tams_app.records import Pose, Solid, SolidKind
+from tams_app.records import MountPrediction, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
@@ -126,7 +125,7 @@ def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
 
 
 def test_each_second_sample_tells_where_the_mount_is_then_and_now():
-    told: list[Placed] = []
+    told: list[MountPrediction] = []
     sides = Sides(way=6, back=6)
     present = Present(sides.model, MODEL.tcp_pose, told.append)
     sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
@@ -146,7 +145,7 @@ def test_each_second_sample_tells_where_the_mount_is_then_and_now():
 
 
 def test_frames_may_be_captured_by_another_clock():
-    told: list[Placed] = []
+    told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
     present = Present(sides.model, MODEL.tcp_pose, told.append)
     state = ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0)
@@ -164,7 +163,7 @@ def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
     offset_ns = 7_000_000_000
     for step in range(120):
         t_ns = START_NS + step * PERIOD_NS
-        trail.add(Placed(t_ns + offset_ns, THEN, t_ns, NOW, True, offset_ns))
+        trail.add(MountPrediction(t_ns + offset_ns, THEN, t_ns, NOW, True, offset_ns))
     end_ns = START_NS + 119 * PERIOD_NS
     view = WristView(WristWarp(LENS, ()), trail)
     assert view.show(FRAME, end_ns + offset_ns - OLDEST_NS, end_ns).as_received is None
@@ -174,7 +173,7 @@ def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
 
 def test_a_state_that_is_older_than_the_last_moves_nothing():
     """Else a clock that was misjudged would leave an old prediction beside new places."""
-    told: list[Placed] = []
+    told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
     present = Present(sides.model, MODEL.tcp_pose, told.append)
     for t_ns in (START_NS, START_NS - PERIOD_NS):
@@ -186,7 +185,7 @@ def test_a_state_that_is_older_than_the_last_moves_nothing():
 
 
 def test_nothing_is_told_before_the_first_state():
-    told: list[Placed] = []
+    told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
     present = Present(sides.model, MODEL.tcp_pose, told.append)
     present.sent(sides.hand.sample(START_NS, 0.0), START_NS)

@@ -8,8 +8,7 @@ import numpy as np
 
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.plane_warp import mounted
-from tams_app.prediction.present import Placed
-from tams_app.records import Image, Lens, Pose, Solid, SolidKind
+from tams_app.records import Image, Lens, MountPrediction, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 
 STRAIGHT = Rotation.identity()
@@ -45,7 +44,7 @@ def picture(lens: Lens, flange: Pose) -> Image:
     return np.repeat(wave[..., None], 3, axis=2).astype(np.uint8)
 
 
-def placed(now_ns: int, then: Pose, now: Pose, late_ns: int = 0, **more: Any) -> Placed:
+def placed(now_ns: int, then: Pose, now: Pose, late_ns: int = 0, **more: Any) -> MountPrediction:
     """The mount was at `then` so long before, and is believed to be at `now`."""
     then_ns = now_ns - late_ns + more.get("offset_ns", 0)
-    return Placed(then_ns, then, now_ns, now, **more)
+    return MountPrediction(then_ns, then, now_ns, now, **more)

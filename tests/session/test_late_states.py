@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from tams_app.config import Config, Network
-from tams_app.prediction.present import Placed
 from tams_app.recording import SessionLog, read_log
+from tams_app.records import MountPrediction
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.late_states import LateStates
 from tams_app.session.predicting import predicted_cameras, present_of
@@ -29,10 +29,10 @@ def recorded() -> tuple[SessionLog, Config]:
     return log, Config.model_validate(log.header.config)
 
 
-def told(network: Network) -> list[Placed]:
+def told(network: Network) -> list[MountPrediction]:
     """Where the flange is believed to be, over that session."""
     log, config = recorded()
-    found: list[Placed] = []
+    found: list[MountPrediction] = []
     states = LateStates(present_of(config, found.append), network)
     for tick in log.ticks:
         states.on_tick(tick)
@@ -67,7 +67,7 @@ def test_a_state_comes_as_late_as_the_network_makes_it_at_worst() -> None:
 
 def test_the_control_thread_hands_over_and_another_one_works() -> None:
     log, config = recorded()
-    found: list[Placed] = []
+    found: list[MountPrediction] = []
     states = LateStates(present_of(config, found.append), Network())
     for tick in log.ticks[:60]:
         states.on_tick(tick)

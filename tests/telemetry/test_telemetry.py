@@ -22,6 +22,7 @@ from tams_app.recording import Recorder, read_log
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     FrameQuality,
+    MountPrediction,
     Note,
     Outcome,
     PacketArrival,
@@ -146,6 +147,20 @@ def test_every_frame_that_something_is_drawn_in_is_placed(tmp_path: Path) -> Non
     }
     assert lenses == set(VIEWS)
     assert posed | lenses <= placed
+
+
+def test_where_the_flange_is_predicted_is_a_frame_of_its_own(tmp_path: Path) -> None:
+    was = Pose(np.array([0.3, 0.0, 0.2]), Rotation.identity())
+    now = Pose(np.array([0.32, 0.0, 0.2]), Rotation.identity())
+    told = [
+        MountPrediction(START_NS, was, START_NS + number * NS_PER_S // 60, now)
+        for number in range(61)
+    ]
+    sent_there = sent(recorded(tmp_path, told))["/tf/predicted"]
+    assert len(sent_there) == pytest.approx(31, abs=1), "at a viewer's pace"
+    (frame,) = sent_there[0][1]["transforms"]
+    assert (frame["parent_frame_id"], frame["child_frame_id"]) == ("base", "flange predicted")
+    assert np.allclose(place(frame).position, now.position)
 
 
 def test_the_commanded_pose_is_where_the_twist_leads(tmp_path: Path) -> None:

@@ -63,6 +63,14 @@ def test_the_summary_names_the_views_that_were_drawn_so(logs: dict[str, SessionL
     assert summarise(logs["off"])["predicted_views"] == []
 
 
+def test_the_log_tells_how_near_the_predictions_came(logs: dict[str, SessionLog]) -> None:
+    found = summarise(logs["eih"])["prediction"]
+    assert found["error_mm"]["p95"] < 1.0
+    assert found["newest_state_mm"]["p50"] > 4.0
+    assert found["trusted_fraction"] > 0.95
+    assert logs["off"].predictions == []
+
+
 def test_the_operator_looks_at_what_is_drawn_or_at_the_frames_as_received(
     logs: dict[str, SessionLog],
 ) -> None:
