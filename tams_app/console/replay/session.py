@@ -18,6 +18,7 @@ from tams_app.console.replay.log_index import LogIndex
 from tams_app.console.replay.marks import Marking
 from tams_app.console.replay.outline import outline_of, phases_row
 from tams_app.console.replay.playback import STEP_NS, Playback
+from tams_app.console.replay.predicted import DrawnPictures
 from tams_app.errors import UnreadableLogError
 from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
@@ -62,7 +63,7 @@ class ReplaySession:
     """Satisfies what the console needs of a session; from one thread, but for what is asked."""
 
     keyboard: KeyboardController | None = None
-    mount: MountMemory | None = None  # pictures are as they were received
+    mount: MountMemory | None = None  # pictures are drawn before they come to the screen
     failure = ""
 
     def __init__(
@@ -87,6 +88,7 @@ class ReplaySession:
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
         self._index = LogIndex(log)
+        self._drawn = DrawnPictures(log)
         self._now_ns, self._key_help = now_ns, key_help
         self.blind = marking is not None
         self._marking = marking
@@ -112,6 +114,8 @@ class ReplaySession:
     def start(self) -> None:
         """Begin now: the time that the window took to open does not count."""
         self.playback.begin(self._now_ns())
+        if self._drawn.views:
+            self.sentences.note(f"predicted, as they were shown: {', '.join(self._drawn.views)}")
 
     def poll(self) -> None:
         """Go on by the time that has passed; show what belongs there."""
@@ -264,7 +268,8 @@ class ReplaySession:
                 continue
             image = np.asarray(cv2.resize(decoded, (video.width, video.height)), np.uint8)
             shown_ns = picture.shown_ns - self._log.header.wall_offset_ns
-            self.screen.put(view, shown_ns, shown_ns, image)
+            drawn = self._drawn.draw(view, image, shown_ns)
+            self.screen.put(view, shown_ns, shown_ns, drawn)
 
     def _take_away(self, found: Mapping[str, ShownPicture]) -> None:
         """Black where the pictures are not known that belong to a moment."""
