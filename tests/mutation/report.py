@@ -65,9 +65,15 @@ def where(name: str) -> str:
 
 
 def changed_line(diff: str) -> str:
-    """The line or lines that a mutant makes, from `mutmut show`; as one line."""
-    added = [line[1:].strip() for line in diff.splitlines() if re.match(r"\+(?!\+)", line)]
-    return " ".join(added)
+    """The line or lines that a mutant makes, from `mutmut show`; as one line.
+
+    Of one that makes none, those that it takes away.
+    """
+    added, gone = (
+        [line[1:].strip() for line in diff.splitlines() if re.match(rf"\{sign}(?!\{sign})", line)]
+        for sign in "+-"
+    )
+    return " ".join(added) or f"without {' '.join(gone)}"
 
 
 def counts_of(ends: Iterable[str]) -> str:

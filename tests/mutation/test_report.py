@@ -69,6 +69,11 @@ def test_a_mutant_is_known_by_its_function_and_its_line_not_by_its_number() -> N
     assert changed_line(DIFF) == "return stamp_ns < 3"
 
 
+def test_a_mutant_that_only_takes_a_line_away_is_known_by_that_line() -> None:
+    without = DIFF.replace("+    return stamp_ns < 3\n", "")
+    assert changed_line(without) == "without return stamp_ns <= 3"
+
+
 def test_every_end_is_counted() -> None:
     ends = statuses(RESULTS).values()
     assert counts_of(ends) == "3 mutants: 1 killed, 1 survived, 1 caught by type check"

@@ -57,18 +57,20 @@ class FarHand:
     buttons_frozen: bool = False
     tracked: bool = True
     status: ControllerStatus = ControllerStatus.OK
+    pose_age_ns: int = 0
     _pose_ns: int = 0
     _buttons_ns: int = 0
 
     def read(self, now_ns: int, interval_s: float) -> ControllerSample:
         if self.tracked and not self.frozen:
             self.position = self.position + self.velocity * interval_s
-            self._pose_ns = now_ns
+            self._pose_ns = now_ns - self.pose_age_ns
         if not self.buttons_frozen:
             self._buttons_ns = now_ns
+        position = self.position - self.velocity * (self.pose_age_ns / NS_PER_S)
         return ControllerSample(
             self.status,
-            Pose(self.position, Rotation.identity()) if self.tracked else None,
+            Pose(position, Rotation.identity()) if self.tracked else None,
             self._pose_ns,
             self._buttons_ns,
             trigger=self.trigger,

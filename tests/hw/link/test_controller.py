@@ -595,14 +595,22 @@ def test_no_jumps_make_the_arm_faster_than_the_hand(first_ns: int, second_ns: in
 
 
 @pytest.mark.parametrize(
-    ("before_ms", "after_ms"), [(60, 20), (110, 10), (25, 21), (60, 55), (30, 0), (20, 70)]
+    ("before_ms", "after_ms", "pose_age_ms"),
+    [
+        *((60, 20, 0), (110, 10, 0), (25, 21, 0), (60, 55, 0), (30, 0, 0), (20, 70, 0)),
+        *((60, 20, 20), (110, 10, 20), (30, 0, 20)),
+    ],
 )
-def test_a_way_that_becomes_shorter_makes_the_hand_no_faster(before_ms: int, after_ms: int) -> None:
+def test_a_way_that_becomes_shorter_makes_the_hand_no_faster(
+    before_ms: int, after_ms: int, pose_age_ms: int
+) -> None:
+    """Also where the hand's own poses come later from then on."""
     exchange = Exchange(delay_ms=before_ms).settled()
     exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
     exchange.run_ms(500)
     delay_ns = after_ms * NS_PER_MS
     exchange.up = lambda _now_ns: delay_ns
+    exchange.hand.pose_age_ns = pose_age_ms * NS_PER_MS
     last, fastest_m_s, moved_m = exchange.tick(), 0.0, 0.0
     for sample in exchange.run_ms(1500):
         interval_s = (sample.pose_ns - last.pose_ns) / NS_PER_S
@@ -642,7 +650,96 @@ def test_what_a_way_becomes_shorter_by_is_taken_back_within_four_times_as_long()
     assert exchange.now_ns - TICK_NS <= last.pose_ns <= exchange.now_ns
 
 
-def test_messages_in_any_order_count_only_as_they_grow_newer(exchange: Exchange) -> None:
+def now_and_then(early_ns: int, every: int, way_ns: int = DELAY_NS) -> Callable[[int], int]:
+    """A way on which each so many-th message is `early_ns` faster than the others."""
+    count = 0
+
+    def delay(_now_ns: int) -> int:
+        nonlocal count
+        count += 1
+        return way_ns - (0 if count % every else early_ns)
+
+    return delay
+
+
+@pytest.mark.parametrize("way_ms", [20, 100])
+@pytest.mark.parametrize("every", [3, 24])
+def test_single_messages_that_come_early_make_no_pose_wait_and_no_gap(
+    way_ms: int, every: int
+) -> None:
+    """As those that another computer has copied and carries faster."""
+    exchange = Exchange(delay_ms=way_ms).settled()
+    way_ns = way_ms * NS_PER_MS
+    exchange.hand.velocity = np.array([0.25, 0.0, 0.0])
+    exchange.run_ms(way_ms + 50)
+    exchange.up = now_and_then(way_ns, every, way_ns)
+    exchange.taken.clear()
+    last = exchange.tick()
+    for _ in range(240):
+        sample = exchange.tick()
+        assert sample.status is OK
+        assert exchange.now_ns - sample.pose_ns < 3 * TICK_NS
+        if sample.pose_ns > last.pose_ns:
+            assert hand_took_ns(last, sample) == pytest.approx(sample.pose_ns - last.pose_ns)
+            last = sample
+    assert set(exchange.taken) == {""}
+
+
+def test_buttons_of_a_message_that_comes_early_count_and_older_ones_behind_it_do_not(
+    exchange: Exchange,
+) -> None:
+    exchange.hand.trigger = 1.0
+    assert exchange.run_ms(100)[-1].trigger == 1.0
+    exchange.hand.trigger = 0.0
+    exchange.up = lambda _: 0
+    early = exchange.tick()
+    assert early.trigger == 0.0
+    assert early.buttons_ns == exchange.now_ns
+    exchange.up = lambda _: DELAY_NS
+    exchange.hand.trigger = 0.5
+    samples = exchange.run_ms(100)
+    assert [one for one, _ in groupby(sample.trigger for sample in samples)] == [0.0, 0.5]
+    assert samples[1].pose_ns > early.pose_ns, "their poses count"
+
+
+def test_a_pose_that_is_lost_in_a_message_that_comes_early_is_lost_until_a_newer_one_has_it(
+    exchange: Exchange,
+) -> None:
+    before = exchange.run_ms(100)[-1]
+    exchange.hand.tracked, exchange.hand.status = False, ControllerStatus.TRACKING_LOST
+    exchange.up = lambda _: 0
+    early = exchange.tick()
+    assert (early.status, early.pose) == (ControllerStatus.TRACKING_LOST, None)
+    exchange.hand.tracked, exchange.hand.status = True, OK
+    exchange.up = lambda _: DELAY_NS
+    behind = exchange.run_ms(DELAY_NS / NS_PER_MS)
+    assert {(one.status, one.pose) for one in behind} == {(ControllerStatus.TRACKING_LOST, None)}
+    after = exchange.run_ms(50)[-1]
+    assert after.status is OK
+    assert after.pose is not None
+    assert after.pose_ns > before.pose_ns
+
+
+def test_a_way_that_is_shorter_for_50_ms_is_the_way_and_one_longer_message_makes_it_not(
+    exchange: Exchange,
+) -> None:
+    def stands_ms(duration_ms: float) -> float:
+        """How old the pose is after that."""
+        sample = exchange.run_ms(duration_ms)[-1]
+        return (exchange.now_ns - sample.pose_ns) / NS_PER_MS
+
+    for _ in range(2):
+        exchange.up = lambda _: 0
+        assert stands_ms(60) > 35, "what was on its way came, and then 40 ms early ones alone"
+        exchange.up = lambda _: DELAY_NS
+        assert stands_ms(45) < 20
+    exchange.up = lambda _: 0
+    assert stands_ms(60) > 35
+    assert stands_ms(30) < 20
+
+
+def test_messages_in_any_order_count_only_as_they_grow_newer() -> None:
+    exchange = Exchange(LinkConfig(jitter_ms=50)).settled()
     exchange.now_ns += NS_PER_S // 20
     messages = []
     for _ in range(40):
@@ -768,6 +865,14 @@ def test_who_drops_or_delays_what_the_hand_does_on_its_way_back_cannot_lead_the_
 
 def test_a_swing_of_which_all_arrives_is_followed() -> None:
     swing = Swing(lambda _back, _now_ns: DELAY_NS)
+    swing.for_s(3.0)
+    assert swing.hold is None
+    assert swing.drift_mm < 20
+
+
+def test_a_swing_of_which_single_messages_come_early_is_followed() -> None:
+    early = now_and_then(DELAY_NS, 24)
+    swing = Swing(lambda _back, now_ns: early(now_ns))
     swing.for_s(3.0)
     assert swing.hold is None
     assert swing.drift_mm < 20
