@@ -31,7 +31,7 @@ _FAR = ((100.0, 25.0), (200.0, 30.0), (400.0, 50.0))
 NETWORKS: dict[str, Network | None] = {
     **dict.fromkeys(("s1", "s2", "s3")),
     **{
-        f"{latency_ms:g}±{jitter_ms:g}": Network(
+        f"{latency_ms:g}-{jitter_ms:g}": Network(
             latency_ms=latency_ms, jitter_ms=jitter_ms, loss=0.001, rate_kbps=6000.0
         )
         for latency_ms, jitter_ms in _FAR

@@ -43,10 +43,10 @@ class LinkController(Controller):
     back, and what has not changed keeps its time. Where the way has become shorter by more than
     5 ms or `LinkConfig.jitter_ms`, at most 50 (a queue has drained, the route is another) poses
     wait for 50 ms, after which the hand begins anew (`HandMotion`): else what it did in a longer
-    time would be taken for a faster hand. If a sample comes by the longer way meanwhile, those
+    time would be taken for a faster hand. If a sample comes by the longer way within 51 ms, those
     before were single ones that something faster has carried: of them buttons and status count,
-    and poses go on. By less, times become less by and by: meanwhile they are newer than the hand
-    by up to that much.
+    their poses do not, and the times stay those of the longer way. By less, times become less by
+    and by: meanwhile they are newer than the hand by up to that much.
 
     A break is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`,
     be it that others were lost, refused or late. Where the way jitters, what half of the samples
@@ -54,8 +54,8 @@ class LinkController(Controller):
     missing. After three breaks within a second each sample that would be OK is one with too many
     gaps, until the second is over: who chooses what is lost could steer by it.
 
-    Without a sample that counts for `lost_after_ms` the link has a gap, from `fault_after_ms` on it
-    is lost. It is lost at once where another operator comes, or the one who is there goes.
+    Without a sample whose pose counts for `lost_after_ms` the link has a gap, from `fault_after_ms`
+    on it is lost. It is lost at once where another operator comes, or the one who is there goes.
     """
 
     def __init__(
@@ -79,9 +79,10 @@ class LinkController(Controller):
         self._ways_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)  # by the clocks as they are
         self._heard_ns: int | None = None
         self._gap_until_ns = 0  # then the link is lost
-        self._newest: HandMessage | None = None  # that counted: buttons and status are its own
+        self._newest: HandMessage | None = None  # that counted
+        self._newest_ns = 0  # when it was sent, on our clock
         self._posed: HandMessage | None = None  # the newest that did not come too early
-        self._early_from_ns: int | None = None  # since then each one that counted came too early
+        self._early_from_ns: int | None = None  # since then each that counted came too early
         self._offset = LeastOffset(_WAY_WINDOW_NS)
         self._offset_ns = 0  # of `_posed`
         jitter_ns = min(config.jitter_ms * NS_PER_MS, _LARGEST_SHORTER_WAY_NS)
@@ -126,62 +127,59 @@ class LinkController(Controller):
     def take(self, message: HandMessage, heard_ns: int) -> str:
         """Take a sample that was heard at `heard_ns`; "" if it counts, else why it does not."""
         self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
-        is_early = self._is_early(message, heard_ns)
-        refusal = self._refusal(message, heard_ns, self._newest if is_early else self._posed)
+        refusal = self._refusal(message, heard_ns)
         if refusal:
             self.refused[refusal] += 1
             return refusal
-        newest = self._newest
-        if newest is None or message.sent_ns > newest.sent_ns:
-            newest = message
+        is_early = self._is_early(message, heard_ns)
+        self._count_break(heard_ns)
         if is_early:
             offset_ns = heard_ns - message.sent_ns
         else:
             offset_ns = self._offset_of(message, heard_ns)
-            self._count_break(heard_ns)
             self._ways_ns.append(heard_ns - message.sent_ns)
-        pose, pose_ns = self._pose(message, offset_ns, is_early, newest is message)
+        pose, pose_ns = self._pose(message, offset_ns, is_early)
         self._sample = ControllerSample(
-            _STATUSES[newest.status],
+            _STATUSES[message.status],
             pose,
             pose_ns,
-            self._buttons_ns(newest, offset_ns),
-            trigger=newest.trigger,
-            grip=newest.grip,
-            a=newest.a,
-            b=newest.b,
-            menu=newest.menu,
-            presses=Presses(*newest.presses),
+            self._buttons_ns(message, offset_ns),
+            trigger=message.trigger,
+            grip=message.grip,
+            a=message.a,
+            b=message.b,
+            menu=message.menu,
+            presses=Presses(*message.presses),
         )
-        self._newest, self._heard_ns = newest, heard_ns
+        self._newest, self._newest_ns = message, message.sent_ns + offset_ns
         if not is_early:
             self._posed, self._offset_ns, self._early_from_ns = message, offset_ns, None
+            self._heard_ns = heard_ns
         elif self._early_from_ns is None:
             self._early_from_ns = heard_ns
         return ""
 
     def _is_early(self, message: HandMessage, heard_ns: int) -> bool:
-        """Whether it came by a shorter way than those before, and not all of 50 ms have."""
+        """Whether it came by a shorter way, and not all that have counted for 51 ms did."""
         shorter_ns = self._offset_ns - (heard_ns - message.sent_ns)
         if self._posed is None or shorter_ns <= self._shorter_way_ns:
             return False
         return self._early_from_ns is None or heard_ns - self._early_from_ns < _ANEW_NS
 
-    def _buttons_ns(self, newest: HandMessage, offset_ns: int) -> int:
+    def _buttons_ns(self, message: HandMessage, offset_ns: int) -> int:
         """When the buttons were read, on our clock: as it was while they were not read again."""
         before, last_ns = self._newest, self._sample.buttons_ns
         if before is None:
-            return newest.buttons_ns + offset_ns
-        if newest.buttons_ns == before.buttons_ns:
+            return message.buttons_ns + offset_ns
+        if message.buttons_ns == before.buttons_ns:
             return last_ns
-        return max(newest.buttons_ns + offset_ns, last_ns)
+        return max(message.buttons_ns + offset_ns, last_ns)
 
     def _count_break(self, heard_ns: int) -> None:
         """See how old the newest sample has become until this one was heard."""
-        last, was_in_break = self._posed, self._in_break
-        self._in_break = False
-        if last is not None:
-            beyond_ns = heard_ns - (last.sent_ns + self._offset_ns) - self._bridge_ns
+        was_in_break, self._in_break = self._in_break, False
+        if self._newest is not None:
+            beyond_ns = heard_ns - self._newest_ns - self._bridge_ns
             self._in_break = beyond_ns > 0 and beyond_ns > self._jitter_ns()
         if self._in_break and not was_in_break:
             self._breaks.append(heard_ns)
@@ -199,12 +197,11 @@ class LinkController(Controller):
         return max(least_ns, self._offset_ns - (message.sent_ns - self._posed.sent_ns) // 4)
 
     def _pose(
-        self, message: HandMessage, offset_ns: int, is_early: bool, is_newest: bool
+        self, message: HandMessage, offset_ns: int, is_early: bool
     ) -> tuple[Pose | None, int]:
         """The pose and its time on our clock: the last one's while it has not changed or waits."""
         before, last = self._posed, self._sample
-        pose = _pose(message) if is_newest or last.pose is not None else None
-        pose_ns = message.pose_ns + offset_ns
+        pose, pose_ns = _pose(message), message.pose_ns + offset_ns
         if before is None or pose is None or last.pose is None:
             self._anew_ns = 0
             return pose, max(pose_ns, 0 if before is None else last.pose_ns)
@@ -241,7 +238,7 @@ class LinkController(Controller):
         self._ways_ns.clear()
         self._offset = LeastOffset(_WAY_WINDOW_NS)
 
-    def _refusal(self, message: HandMessage, heard_ns: int, before: HandMessage | None) -> str:
+    def _refusal(self, message: HandMessage, heard_ns: int) -> str:
         age_ns = self.clock.age_ns(message.sent_ns, message.echo_ns, heard_ns)
         if age_ns is None:
             return "without an echo"
@@ -251,7 +248,7 @@ class LinkController(Controller):
             return "too old"
         if heard_ns - message.echo_ns > self._longest_silence_ns:
             return "unanswered"
-        if before is not None and message.sent_ns <= before.sent_ns:
+        if self._newest is not None and message.sent_ns <= self._newest.sent_ns:
             return "overtaken"
         if max(message.pose_ns, message.buttons_ns) > message.sent_ns:
             return "from the future"
