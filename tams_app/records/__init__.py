@@ -12,6 +12,7 @@ from tams_app.records.arm import (
     ArmState,
     CommandLink,
     LinkFault,
+    MountPrediction,
     ServoMode,
 )
 from tams_app.records.episode import Episode, EpisodeRequest
@@ -55,7 +56,6 @@ from tams_app.records.policy import (
     Phase,
     PhaseChange,
 )
-from tams_app.records.prediction import MountPrediction
 from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
 from tams_app.records.state import (
     LINK_LOST,

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import Annotated
 
 from tams_app.records.geometry import Pose, Vector
+from tams_app.records.record import Record
 
 
 class ServoMode(StrEnum):
@@ -86,3 +87,16 @@ class CommandLink:
     fault: Annotated[
         LinkFault, "kind of failure of the command connection; empty exactly if `failure` is"
     ] = LinkFault.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class MountPrediction(Record):
+    """Where the arm's flange was, by its newest state, and is believed to be; base frame."""
+
+    then_ns: Annotated[int, "when the newest state was, on the clock of the captures [ns]"]
+    then: Annotated[Pose, "of the flange then"]
+    now_ns: Annotated[int, "for when it is predicted, on the clock of the screen [ns]"]
+    now: Annotated[Pose, "of the flange as it is predicted"]
+    trusted: Annotated[bool, "whether frames are corrected by it"] = True
+    offset_ns: Annotated[int, "the clock of the captures minus that of the screen [ns]"] = 0
+    closed: Annotated[bool, "whether the gripper is closed"] = False
