@@ -96,11 +96,22 @@ def stretched(by_ms: float) -> Fate:
     return fate
 
 
-def hidden_turn(for_ms: float, frequency_hz: float) -> Fate:
-    """What comes first after the hand has turned back is lost."""
-    return lambda phase, _: (
-        None if 0 <= (phase - 0.25) / frequency_hz < for_ms / 1000.0 else DELAY_NS
-    )
+def hidden(
+    for_ms: float, frequency_hz: float, from_phase: float = 0.25, early_ms: float = 0
+) -> Fate:
+    """What comes after a phase of each swing is lost for so long; at .25 the hand turns back.
+
+    `early_ms`: but for one message after so much of that time, which comes without any delay, as a
+    copy by a faster way; 0: none.
+    """
+
+    def fate(phase: float, _: int) -> int | None:
+        into_ms = 1000.0 * ((phase - from_phase) % 1.0) / frequency_hz
+        if into_ms >= for_ms:
+            return DELAY_NS
+        return 0 if early_ms and 0.0 <= into_ms - early_ms < TICK_NS / NS_PER_MS else None
+
+    return fate
 
 
 def attacks(frequency_hz: float) -> Iterator[tuple[str, Fate]]:
@@ -114,7 +125,12 @@ def attacks(frequency_hz: float) -> Iterator[tuple[str, Fate]]:
     for ms in (20, 45):
         yield f"stretched by {ms} ms", stretched(ms)
     for ms in (25, 33, 45, 50, 90):
-        yield f"{ms} ms of the turn hidden", hidden_turn(ms, frequency_hz)
+        yield f"{ms} ms of the turn hidden", hidden(ms, frequency_hz)
+    for phase, ms in product((0.3, 0.4, 0.5), (75, 91)):
+        yield f"{ms} ms from phase {phase} hidden", hidden(ms, frequency_hz, phase)
+    for phase, ms in product((0.25, 0.3, 0.4, 0.5), (91, 116, 140)):
+        fate = hidden(ms, frequency_hz, phase, early_ms=75)
+        yield f"{ms} ms from phase {phase} hidden but for one early message", fate
 
 
 def _back(phase: float) -> bool:
