@@ -63,6 +63,26 @@ def test_errors_are_those_of_place_and_rotation_whatever_the_clocks(offset_ms: i
     assert found["error_deg"]["p50"] == pytest.approx(np.degrees(0.02), abs=1e-2)
 
 
+def test_a_flange_that_is_half_a_turn_from_its_start_has_no_error_between_its_states() -> None:
+    """There the quaternion nearer to the first one changes its sign with each motion."""
+
+    def turn(step: int) -> Rotation:
+        around = (0.04, 0.0, -0.04, 0.0)[step % 4] if step > 40 else 0.0
+        return Rotation.from_rotvec((0.0, 0.0, min(step, 40) * np.pi / 40 + around))
+
+    log = log_of()
+    log.predictions = [
+        MountPrediction(
+            one.then_ns,
+            Pose(one.then.position, turn(2 * max(0, number - LATE_MS // EACH_MS))),
+            one.now_ns + EACH_MS * NS_PER_MS // 2,  # between two states
+            Pose(one.now.position, turn(2 * number + 1)),
+        )
+        for number, one in enumerate(log.predictions)
+    ]
+    assert prediction_errors(log)["error_deg"]["p95"] < 0.1
+
+
 def test_of_an_arm_that_rests_there_is_nothing_to_predict() -> None:
     log = log_of(0.003)
     rest = flange(0)

@@ -50,10 +50,10 @@ def _errors(told: list[MountPrediction]) -> tuple[Floats, Floats, Floats]:
 
 
 def _numbers(poses: list[Pose]) -> NDArray[np.float64]:
-    """Position [m] and quaternion, one of the two that all are nearest to, shape (n, 7)."""
+    """Position [m] and quaternion, of the two the one nearer to that before, shape (n, 7)."""
     rows = np.array([(*pose.position, *pose.rotation) for pose in poses])
-    signs = np.where(rows[:, 3:] @ rows[0, 3:] < 0.0, -1.0, 1.0)
-    rows[:, 3:] *= signs[:, None]
+    cosines = (rows[1:, 3:] * rows[:-1, 3:]).sum(axis=1)
+    rows[1:, 3:] *= np.cumprod(np.where(cosines < 0.0, -1.0, 1.0))[:, None]
     return rows
 
 
