@@ -15,6 +15,7 @@ from tams_app.recording import read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
+from tams_app.summary.quality import SSIM_KINDS
 from tests.real_time import require_real_time
 from tests.scraping import free_port, scrape
 from tests.spoken import spoken
@@ -193,7 +194,7 @@ def test_the_frames_were_compared_with_what_was_captured(summary, log):
     assert len(set(told)) == len(told)
     assert len(set(told) & captured) > 0.9 * len(captured)  # the helper starts before the cameras
     for entry in summary["views"].values():
-        for kind in ("received_ssim", "delivered_ssim", "live_ssim"):
+        for kind in SSIM_KINDS:
             assert 0.3 < entry[kind] < 1
             assert entry["ssim_n"][kind] > 0
         assert 0 < entry["ssim_sampled_fraction"] <= 1

@@ -28,6 +28,7 @@ from tams_app.records import (
 )
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
+from tams_app.summary.quality import SSIM_KINDS
 from tams_app.summary.stages import STAGES
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
 from tams_app.summary.tracking import Windows, steps, windows
@@ -45,7 +46,7 @@ from tests.synthetic_session import (
 pytestmark = pytest.mark.waiting
 
 PERCENTILES = {"p50": 0, "p95": 0, "max": 0}
-SSIM = {"received_ssim": None, "delivered_ssim": None, "live_ssim": None}
+SSIM = dict.fromkeys(SSIM_KINDS)
 VIEW_KEYS: dict[str, Any] = {
     "target_kbps_mean": 0,
     "sent_kbps_mean": 0,

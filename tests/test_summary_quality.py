@@ -13,12 +13,15 @@ from tams_app.recording.topics import FrameCaptured
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord, Phase, PhaseChange
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
+from tams_app.summary.quality import SSIM_KINDS
 from tams_app.units import NS_PER_MS
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, capture_ns, header
 
 pytestmark = pytest.mark.waiting
 
 # the primary view: gt (the first of equals) everywhere but in ALIGN, where it is eih
+
+NONE = dict.fromkeys(SSIM_KINDS, 0)
 
 
 def quality(
@@ -63,7 +66,17 @@ def test_a_views_score_is_the_mean_over_its_scored_frames() -> None:
     assert view["received_ssim"] == 0.8
     assert view["delivered_ssim"] == 0.7
     assert view["live_ssim"] == 0.5
-    assert view["ssim_n"] == {"received_ssim": 2, "delivered_ssim": 3, "live_ssim": 2}
+    assert view["ssim_n"] == {**NONE, "received_ssim": 2, "delivered_ssim": 3, "live_ssim": 2}
+
+
+def test_the_tasks_region_has_means_of_its_own() -> None:
+    seen = replace(quality("gt", 0, 0.9, 0.9, 0.8), task_received=0.7, task_live=0.5)
+    summary = summarise(log_of(seen, replace(quality("gt", 1, 0.7), task_received=0.5)))
+    view, primary = summary["views"]["gt"], summary["primary_view"]
+    assert view["task_received_ssim"] == primary["task_received_ssim"] == 0.6
+    assert view["task_live_ssim"] == 0.5
+    assert view["task_delivered_ssim"] is None
+    assert view["ssim_n"]["task_received_ssim"] == 2
 
 
 def test_the_primary_view_is_that_of_the_phase_at_capture() -> None:
@@ -77,7 +90,7 @@ def test_the_primary_view_is_that_of_the_phase_at_capture() -> None:
     assert primary["by_phase"]["REACH"]["received_ssim"] == 0.8
     assert primary["by_phase"]["ALIGN"]["received_ssim"] == 0.6
     assert primary["by_phase"]["ALIGN"]["n"]["received_ssim"] == 1
-    assert primary["n"] == {"received_ssim": 2, "delivered_ssim": 0, "live_ssim": 0}
+    assert primary["n"] == {**NONE, "received_ssim": 2}
     assert primary["missing_phases"] == ["GRASP", "TRANSPORT", "PRE_RELEASE", "RELEASE"]
 
 

@@ -189,7 +189,10 @@ def _freezes(views: Mapping[str, Mapping[str, Any]]) -> str:
 def _quality(primary: Mapping[str, Any]) -> str:
     names = ("received", "delivered", "live")
     scores = [f"{name} {known(primary[f'{name}_ssim'], '{:.3f}')}" for name in names]
-    return f"SSIM {', '.join(scores)}; {_percent(primary['sampled_fraction'], 0)} compared"
+    task = [f"{name} {known(primary[f'task_{name}_ssim'], '{:.3f}')}" for name in names]
+    at_task = "" if primary["task_received_ssim"] is None else f"; at the task {', '.join(task)}"
+    compared = _percent(primary["sampled_fraction"], 0)
+    return f"SSIM {', '.join(scores)}{at_task}; {compared} compared"
 
 
 class _Sentence:

@@ -19,7 +19,7 @@ from tams_app.records import SessionState
 GROUND, PANEL = "#101418", "#1B2127"
 INK, FAINT, LINE = "#F2F4F5", "#A9B2BA", "#3A434B"
 _TEXT_PX = 13.0
-_COLUMNS = (0.0, 0.16, 0.53, 0.71, 0.86)  # of the table, as shares of its width
+_COLUMNS = (0.0, 0.09, 0.36, 0.51, 0.64, 0.77)  # of the table, as shares of its width
 
 Context = Any  # cairo.Context: introspection hands it over
 

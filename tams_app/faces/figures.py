@@ -8,7 +8,7 @@ from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
-HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age")
+HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 
 def status_text(facts: Facts, opening: Opening) -> str:
@@ -49,6 +49,9 @@ def view_row(name: str, view: ViewState, asked_fps: float | None) -> tuple[str, 
         f"{known(view.fps)} / {known(asked_fps)}",
         f"{known(view.latency_ms)} ms",
         f"{known(view.age_ms)} ms",
+        ""
+        if view.live_ssim is None
+        else f"{view.live_ssim:.2f} / {known(view.task_live_ssim, '{:.2f}')}",
     )
 
 

@@ -26,6 +26,7 @@ from tams_app.records.frames import (
     Image,
     ShownFrame,
     SteeredBy,
+    TaskRegion,
 )
 from tams_app.records.geometry import (
     Pose,
@@ -139,6 +140,7 @@ __all__ = [
     "SteeredBy",
     "StopRecord",
     "SystemSample",
+    "TaskRegion",
     "Tick",
     "TickInputs",
     "TimeNs",

@@ -14,13 +14,26 @@ Image: TypeAlias = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
+class TaskRegion(Record):
+    """The disc of a picture that the gripper and what it handles are in."""
+
+    x_px: float
+    y_px: float
+    radius_px: float
+
+
+@dataclass(frozen=True, slots=True)
 class Frame(Record):
-    """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view."""
+    """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view.
+
+    task: where the task is in it; None: not known, or out of sight.
+    """
 
     view: str
     index: int
     capture_ns: int
     image: Image
+    task: TaskRegion | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,3 +128,10 @@ class FrameQuality(Record):
     live: Annotated[
         float | None, "SSIM of what was on the screen at capture, 0 to 1; null: not computed"
     ]
+    task_received: Annotated[
+        float | None,
+        "as `received`, within the task's region at capture; null: not computed, or the task is "
+        "not known to be in sight",
+    ] = None
+    task_delivered: Annotated[float | None, "as `delivered`, within the same region"] = None
+    task_live: Annotated[float | None, "as `live`, within the same region"] = None

@@ -19,7 +19,8 @@ class ViewState(msgspec.Struct, frozen=True, array_like=True):
     target_kbps, sent_kbps: what it is to send, and what it has sent in the last second. given_fps,
     shown_fps: frames in the last second, of the camera, and as the operator got them. latency_ms:
     of the newest frame shown, from its capture to the mailbox. age_ms: of the newest frame shown
-    that counts, since its capture.
+    that counts, since its capture. live_ssim: of what is on the screen with what the camera sees,
+    over the last scored frames; task_live_ssim: the same within the task's region.
     """
 
     target_kbps: float | None = None
@@ -28,6 +29,8 @@ class ViewState(msgspec.Struct, frozen=True, array_like=True):
     latency_ms: float | None = None
     age_ms: float | None = None
     shown_fps: float | None = None
+    live_ssim: float | None = None
+    task_live_ssim: float | None = None
 
     @property
     def fps(self) -> float | None:
@@ -72,12 +75,12 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     primary_view: the one that matters in `phase`. link_kbps, queue_ms, loss: of the last second,
     all views (`UplinkFigures`). budget_kbps: what the views share. capacity_kbps: what the emulated
     network carries; None where it is without limit, or real. estimate_kbps: of the capacity, as the
-    budget believes. asked_fps: of each camera. live_ssim: of the primary view, over its last scored
-    frames. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
-    of the arm was true: of the control loop's last tick, or when the robot's side's last message
-    came; None: not live. episodes: None: the session has none. placed: the block was placed, as the
-    rig's judge saw it. joints_urad: the arm's joints [µrad], (): not known; joints_ns: when they
-    were measured, on the clock of the robot's side. speed_scale: on the arm's speed, 0 to 1.
+    budget believes. asked_fps: of each camera. now_ns: the moment, on the clock of the side that
+    shows it. heard_ns: when what is said of the arm was true: of the control loop's last tick, or
+    when the robot's side's last message came; None: not live. episodes: None: the session has none.
+    placed: the block was placed, as the rig's judge saw it. joints_urad: the arm's joints [µrad],
+    (): not known; joints_ns: when they were measured, on the clock of the robot's side.
+    speed_scale: on the arm's speed, 0 to 1.
     """
 
     t_s: float
@@ -101,7 +104,6 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     queue_ms: float | None = None
     loss: float | None = None
     asked_fps: float | None = None
-    live_ssim: float | None = None
     now_ns: Whole = 0
     heard_ns: Whole | None = None
     episodes: EpisodesState | None = None
@@ -123,7 +125,6 @@ def without_figures(state: SessionState) -> SessionState:
         queue_ms=None,
         loss=None,
         asked_fps=None,
-        live_ssim=None,
         joints_urad=(),
         joints_ns=0,
         speed_scale=1.0,  # slowed by the video's age

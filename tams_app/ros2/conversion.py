@@ -40,7 +40,7 @@ DIAGNOSTICS_HZ = 1.0
 # the columns of /tams/rates; in its last row, of all views, those of one view are NaN
 VIEW_RATES = (
     *("target_kbps", "sent_kbps", "loss", "captured_fps", "shown_fps", "latency_ms"),
-    *("live_ssim", "received_ssim"),
+    *("live_ssim", "received_ssim", "task_live_ssim", "task_received_ssim"),
 )
 ALL_RATES = ("budget_kbps", "capacity_kbps", "estimate_kbps", "queue_ms")
 RATES = (*VIEW_RATES, *ALL_RATES)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+
+import msgspec
 
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import Frame, FrameQuality
+from tams_app.records import Frame, FrameQuality, ViewState
 from tams_app.robot.devices import Note
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.quality_client import QualityClient
@@ -42,7 +44,7 @@ class LiveQuality:
         self._wanted = config.quality.enabled
         self._record = record
         self._note = note
-        self._recent: dict[str, tuple[tuple[int, float], ...]] = {}  # capture [ns] and score
+        self._recent: dict[str, tuple[FrameQuality, ...]] = {}  # those with a live score
         self._started = False
         self._client = QualityClient(
             screen,
@@ -73,10 +75,17 @@ class LiveQuality:
         """Hand over a captured frame before it is sent; each view from one thread."""
         self._client.push_capture(frame)
 
-    def recent_live(self, view: str, now_ns: int) -> float | None:
-        """Mean live SSIM of the last scored frames of `view`; None where there is none lately."""
-        scores = [score for t_ns, score in self._recent.get(view, ()) if now_ns - t_ns <= RECENT_NS]
-        return sum(scores) / len(scores) if scores else None
+    def views(self, views: Mapping[str, ViewState], now_ns: int) -> dict[str, ViewState]:
+        """The views with the mean live SSIM of their last scored frames."""
+        return {name: self._scored(name, view, now_ns) for name, view in views.items()}
+
+    def _scored(self, name: str, view: ViewState, now_ns: int) -> ViewState:
+        recent = [one for one in self._recent.get(name, ()) if now_ns - one.capture_ns <= RECENT_NS]
+        return msgspec.structs.replace(
+            view,
+            live_ssim=_mean(one.live for one in recent),
+            task_live_ssim=_mean(one.task_live for one in recent),
+        )
 
     def close(self) -> None:
         """Take the last results, once no more frames are pushed."""
@@ -90,7 +99,12 @@ class LiveQuality:
         if quality.live is not None:
             # replaced as a whole: the console reads it meanwhile
             before = self._recent.get(quality.view, ())[1 - RECENT_SCORES :]
-            self._recent[quality.view] = (*before, (quality.capture_ns, quality.live))
+            self._recent[quality.view] = (*before, quality)
 
     def _report(self, failure: BaseException) -> None:
         self._note("warning", f"the frames' quality is not measured: {failure}")
+
+
+def _mean(scores: Iterable[float | None]) -> float | None:
+    known = [one for one in scores if one is not None]
+    return sum(known) / len(known) if known else None

@@ -17,6 +17,7 @@ from tams_app.session.local_operator import LocalOperator
 from tams_app.session.predicting import follow_states, predicted_cameras
 from tams_app.session.quality import LiveQuality
 from tams_app.session.session import Session
+from tams_app.session.task_place import task_regions
 from tams_app.station.station import Station
 
 
@@ -30,7 +31,9 @@ def run(
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
-        robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
+        robot = RobotSide(
+            config, clock, parts, log, signals, session, task_regions(config), arm_at_once, dry_run
+        )
         station.launch(confirms=not arm_at_once, world_memory=robot.launch())
         quality = LiveQuality(
             config.video, station.screen, parts.logs, log.record, log.note, station.mount
@@ -70,11 +73,8 @@ class BothSides:
 
     def state(self) -> SessionState:
         state = self.robot.state()
-        return replace(
-            state,
-            live_ssim=self.quality.recent_live(state.primary_view, state.now_ns),
-            views=self.station.views(state.views, state.now_ns, offset_ns=0),
-        )
+        views = self.station.views(state.views, state.now_ns, offset_ns=0)
+        return replace(state, views=self.quality.views(views, state.now_ns))
 
     def stop_arm(self, failed: bool) -> None:
         self.robot.stop_arm(failed)

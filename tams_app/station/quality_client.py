@@ -80,7 +80,7 @@ class QualityClient:
 
     def push_capture(self, frame: Frame) -> None:
         """Hand over a captured frame; before the start and after the end it is left out."""
-        self._captured.put(frame.view, frame.index, frame.capture_ns, frame.image)
+        self._captured.put(frame.view, frame.index, frame.capture_ns, frame.image, task=frame.task)
 
     def close(self) -> None:
         """Let the helper finish and take its last results; may be called twice.

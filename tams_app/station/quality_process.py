@@ -92,8 +92,11 @@ class ViewScores:
         events = [(one.t_ns, CAPTURED, one) for one in captures]
         events += [(one.t_ns, SHOWN, one) for one in self._shown.read(shown_until)]
         for t_ns, kind, one in sorted(events, key=lambda event: event[0]):
-            account = self._quality.captured if kind == CAPTURED else self._quality.shown
-            self._waiting.extend(account(one.index, t_ns, one.luma))
+            self._waiting.extend(
+                self._quality.captured(one.index, t_ns, one.luma, one.task)
+                if kind == CAPTURED
+                else self._quality.shown(one.index, t_ns, one.luma)
+            )
         self._leave_out(WAITING_FATES)
 
     def score_next(self) -> bool:

@@ -17,7 +17,8 @@ from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, Plan
 from tams_app.study.planning import make_plan
 from tams_app.study.runner import MACHINE_NAME
-from tams_app.study.tables import SSIM_KINDS, Row, phase_rows, trial_row
+from tams_app.study.tables import Row, phase_rows, trial_row
+from tams_app.summary.quality import SSIM_KINDS
 
 TRIALS_TABLE = "trials"
 PHASES_TABLE = "phases"

@@ -12,11 +12,11 @@ from typing import Any, TypeAlias
 from tams_app.config import Config
 from tams_app.records import Phase
 from tams_app.study.plan import AttemptState, PlannedTrial
+from tams_app.summary.quality import SSIM_KINDS
 
 Cell: TypeAlias = str | int | float | bool | None
 Row: TypeAlias = dict[str, Cell]
 
-SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
 PHASES = tuple(phase.value for phase in Phase)
 
 # column -> where it is in summary.json

@@ -29,7 +29,9 @@ from tams_app.summary.tables import (
 )
 from tams_app.video.core.concealment import concealed_frames
 
-SSIM_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+WHOLE_KINDS = ("received_ssim", "delivered_ssim", "live_ssim")
+TASK_KINDS = tuple(f"task_{kind}" for kind in WHOLE_KINDS)  # the same within the task's region
+SSIM_KINDS = (*WHOLE_KINDS, *TASK_KINDS)
 INTACT = "undamaged_received_ssim"
 
 
@@ -151,8 +153,9 @@ def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
 
 
 def _scores(frame: FrameQuality) -> list[float]:
-    scores = (frame.received, frame.delivered, frame.live)
-    return [np.nan if score is None else score for score in scores]
+    whole = frame.received, frame.delivered, frame.live
+    task = frame.task_received, frame.task_delivered, frame.task_live
+    return [np.nan if score is None else score for score in (*whole, *task)]
 
 
 def _mean_of_phases(

@@ -87,11 +87,6 @@ _OF_SESSION: tuple[tuple[str, str, Callable[[SessionState], float | None]], ...]
         "Share of the last second's datagrams that did not arrive.",
         lambda s: s.loss,
     ),
-    (
-        "tams_video_live_ssim_ratio",
-        "SSIM of the primary view as shown with the scene, 0 to 1.",
-        lambda s: s.live_ssim,
-    ),
 )
 _OF_VIEW: tuple[tuple[str, str, Callable[[ViewState], float | None]], ...] = (
     (
@@ -123,6 +118,16 @@ _OF_VIEW: tuple[tuple[str, str, Callable[[ViewState], float | None]], ...] = (
         "tams_video_age_seconds",
         "Age of the newest frame shown that counts.",
         lambda v: _thousandth(v.age_ms),
+    ),
+    (
+        "tams_video_live_ssim_ratio",
+        "SSIM of what is on the screen with what the camera sees, 0 to 1.",
+        lambda v: v.live_ssim,
+    ),
+    (
+        "tams_video_task_live_ssim_ratio",
+        "The same within the task's region.",
+        lambda v: v.task_live_ssim,
     ),
 )
 _COUNTED = {  # what it counts, and the label's name

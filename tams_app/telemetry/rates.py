@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias
 
@@ -53,6 +53,8 @@ class ViewRates:
     received_ssim: Annotated[
         float | None, "mean SSIM of frames as shown, 0 to 1; null: not computed"
     ]
+    task_live_ssim: Annotated[float | None, "as `live_ssim`, within the task's region"]
+    task_received_ssim: Annotated[float | None, "as `received_ssim`, within the task's region"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +91,7 @@ class _Second:
     captured: int = 0
     shown: int = 0
     latency_ms: list[float] = field(default_factory=list)
-    live: list[float] = field(default_factory=list)
-    received: list[float] = field(default_factory=list)
+    scored: list[FrameQuality] = field(default_factory=list)
 
 
 class RatesMeter:
@@ -148,11 +149,7 @@ class RatesMeter:
             second.latency_ms.append((frame.shown_ns - captures[0][1]) / NS_PER_MS)
 
     def _on_quality(self, quality: FrameQuality) -> None:
-        second = self._seconds[quality.view]
-        if quality.live is not None:
-            second.live.append(quality.live)
-        if quality.received is not None:
-            second.received.append(quality.received)
+        self._seconds[quality.view].scored.append(quality)
 
     def _on_reported(self, inputs: PolicyInputs) -> None:
         if self._reported is not None:
@@ -196,6 +193,13 @@ class RatesMeter:
             captured_fps=second.captured / passed_s,
             shown_fps=second.shown / passed_s,
             latency_ms=statistics.median(second.latency_ms) if second.latency_ms else None,
-            live_ssim=statistics.fmean(second.live) if second.live else None,
-            received_ssim=statistics.fmean(second.received) if second.received else None,
+            live_ssim=_mean(one.live for one in second.scored),
+            received_ssim=_mean(one.received for one in second.scored),
+            task_live_ssim=_mean(one.task_live for one in second.scored),
+            task_received_ssim=_mean(one.task_received for one in second.scored),
         )
+
+
+def _mean(scores: Iterable[float | None]) -> float | None:
+    known = [one for one in scores if one is not None]
+    return statistics.fmean(known) if known else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 
 import pytest
 from rich.console import Console
@@ -54,6 +55,11 @@ def test_the_primary_views_quality_is_told_with_how_much_of_it_was_looked_at() -
     ]
     text = " ".join(printed(log).split())
     assert "Primary view SSIM received 0.912, delivered 0.870, live 0.500; 50 % compared" in text
+    at_task = {"task_received": 0.8, "task_delivered": 0.7, "task_live": 0.4}
+    log.quality = [replace(one, **at_task) for one in log.quality]
+    text = " ".join(printed(log).split())
+    told = "live 0.500; at the task received 0.800, delivered 0.700, live 0.400; 50 % compared"
+    assert told in text
 
 
 def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:

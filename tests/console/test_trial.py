@@ -190,7 +190,8 @@ def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_plac
 
 def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
     trial = LiveTrial(TRIAL, 120.0, Marked())
-    words = trial.words(replace(STATE, arming="ready", t_s=5.0, primary_view="eih", live_ssim=0.9))
+    views = {name: replace(view, live_ssim=0.9) for name, view in STATE.views.items()}
+    words = trial.words(replace(STATE, arming="ready", t_s=5.0, primary_view="eih", views=views))
     for text in (words.live, words.plain):
         assert "READY" in text
         assert "trial: not begun, 2:00.0 allowed" in text

@@ -90,9 +90,7 @@ session_states = st.builds(
     phase=TEXT,
     primary_view=TEXT,
     tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
-    views=st.dictionaries(
-        TEXT, st.builds(ViewState, KNOWN, KNOWN, KNOWN, KNOWN, KNOWN), max_size=3
-    ),
+    views=st.dictionaries(TEXT, st.builds(ViewState, *(KNOWN,) * 8), max_size=3),
     link_kbps=KNOWN,
     budget_kbps=KNOWN,
     capacity_kbps=KNOWN,
@@ -100,7 +98,6 @@ session_states = st.builds(
     queue_ms=KNOWN,
     loss=KNOWN,
     asked_fps=KNOWN,
-    live_ssim=KNOWN,
     now_ns=NS,
     heard_ns=st.none() | NS,
     episodes=st.none()

@@ -33,7 +33,7 @@ def full_header(**overrides: Any) -> Header:
 
 def rates() -> Rates:
     views = tuple(
-        ViewRates(view, 1000.0 + number, 990.5, 0.01, 30.0, 29.0, 61.0, 0.9, None)
+        ViewRates(view, 1000.0 + number, 990.5, 0.01, 30.0, 29.0, 61.0, 0.9, None, 0.8, None)
         for number, view in enumerate(VIEWS)
     )
     return Rates(T_NS, 3003.0, 2971.5, 5520.0, 6000.0, 5900.0, 12.5, None, views)

@@ -144,7 +144,7 @@ def test_rates_are_a_table_whose_labels_name_rows_and_columns(conversion: Conver
     assert value("gs", "latency_ms") == 61.0
     assert value("all", "capacity_kbps") == 6000.0
     assert value("all", "queue_ms") == 12.5
-    assert (message.data[13], message.data[45]) == (990.5, 6000.0)  # as docs/ROS2.md says
+    assert (message.data[15], message.data[53]) == (990.5, 6000.0)  # as docs/ROS2.md says
     for row, column in (("eih", "received_ssim"), ("all", "loss"), ("all", "shown_fps")):
         assert math.isnan(value(row, column))  # not measured, or not of this row
     assert math.isnan(value("eih", "budget_kbps"))

@@ -6,6 +6,7 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -13,7 +14,7 @@ import numpy as np
 import pytest
 
 from tams_app.config import VideoConfig
-from tams_app.records import Frame, FrameQuality, Image
+from tams_app.records import Frame, FrameQuality, Image, ViewState
 from tams_app.session.quality import RECENT_SCORES, LiveQuality
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
@@ -151,6 +152,10 @@ def test_switched_off_there_is_no_helper(session: Session, tmp_path: Path) -> No
     assert session.records == []
 
 
+def live_of(quality: LiveQuality, view: str, now_ns: int) -> float | None:
+    return quality.views({view: ViewState()}, now_ns)[view].live_ssim
+
+
 def scored(index: int, live: float | None, view: str = "gt") -> FrameQuality:
     t_ns = index * FRAME_NS
     return FrameQuality(view, index, t_ns, None, None, False, None, None, None, live)
@@ -160,19 +165,31 @@ def test_the_console_gets_the_mean_of_the_last_scores_of_a_view(
     session: Session, tmp_path: Path
 ) -> None:
     quality = quality_of(session, tmp_path)
-    assert quality.recent_live("gt", 0) is None
+    assert live_of(quality, "gt", 0) is None
     for index in range(40):
         quality._keep(scored(index, index / 100))
         quality._keep(scored(index, None))
         quality._keep(scored(index, 0.9, "eih"))
     last = [index / 100 for index in range(40 - RECENT_SCORES, 40)]
-    assert quality.recent_live("gt", 40 * FRAME_NS) == pytest.approx(np.mean(last))
-    assert quality.recent_live("eih", 40 * FRAME_NS) == pytest.approx(0.9)
+    assert live_of(quality, "gt", 40 * FRAME_NS) == pytest.approx(np.mean(last))
+    assert live_of(quality, "eih", 40 * FRAME_NS) == pytest.approx(0.9)
+
+
+def test_the_mean_at_the_task_is_over_the_frames_that_have_one(
+    session: Session, tmp_path: Path
+) -> None:
+    quality = quality_of(session, tmp_path)
+    quality._keep(replace(scored(0, 0.9), task_live=0.5))
+    quality._keep(replace(scored(1, 0.9), task_live=0.7))
+    quality._keep(scored(2, 0.9))
+    view = quality.views({"gt": ViewState(sent_kbps=3.0)}, 3 * FRAME_NS)["gt"]
+    assert (view.sent_kbps, view.live_ssim) == (3.0, pytest.approx(0.9))
+    assert view.task_live_ssim == pytest.approx(0.6)
 
 
 def test_old_scores_are_not_shown_as_if_they_were_new(session: Session, tmp_path: Path) -> None:
     quality = quality_of(session, tmp_path)
     quality._keep(scored(0, 0.9))
     quality._keep(scored(1, 0.5))
-    assert quality.recent_live("gt", 3 * NS_PER_S + FRAME_NS) == pytest.approx(0.5)
-    assert quality.recent_live("gt", 3 * NS_PER_S + 2 * FRAME_NS) is None
+    assert live_of(quality, "gt", 3 * NS_PER_S + FRAME_NS) == pytest.approx(0.5)
+    assert live_of(quality, "gt", 3 * NS_PER_S + 2 * FRAME_NS) is None

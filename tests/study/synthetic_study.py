@@ -17,6 +17,7 @@ from tams_app.study.plan import Attempt, AttemptState, PlannedTrial
 from tams_app.study.planning import make_plan
 from tams_app.study.runner import mark_ended
 from tams_app.study.tables import phase_rows, trial_row
+from tams_app.summary.quality import SSIM_KINDS
 
 if TYPE_CHECKING:
     from tams_app.study.results import StudyData
@@ -104,12 +105,15 @@ def _summary(
             "received_ssim": round(value, 4),
             "delivered_ssim": round(value - 0.01, 4),
             "live_ssim": round(value - 0.03, 4),
+            "task_received_ssim": round(value - 0.02, 4),
+            "task_delivered_ssim": round(value - 0.04, 4),
+            "task_live_ssim": round(value - 0.06, 4),
             **_damage(runner, trial, value),
             "n": {"received_ssim": 100, "delivered_ssim": 104, "live_ssim": 104},
         }
     primary = {
         kind: round(float(np.mean([one[kind] for one in by_phase.values()])), 4)
-        for kind in ("received_ssim", "delivered_ssim", "live_ssim")
+        for kind in SSIM_KINDS
     }
     view = {
         "target_kbps_mean": 1800.0,

@@ -134,8 +134,9 @@ def test_simulated_operator_and_people_are_never_mixed_up(page: Page) -> None:
     assert page.sentences[0] == "TAMS study: simulated operator"
     overall = page.table("SSIM of the primary view, mean of the phase means")
     assert overall.header[1] == "Received, simulated operator"
-    assert overall.header[4] == "Received, paper, 16 people on hardware"
-    assert overall.column(4) == {
+    assert overall.header[4:6] == ["Received at the task", "Live at the task"]
+    assert overall.header[6] == "Received, paper, 16 people on hardware"
+    assert overall.column(6) == {
         "S1, Equal": "0.944",
         "S1, TAMS": "0.968",
         "S3, Equal": "0.764",

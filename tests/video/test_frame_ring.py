@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tams_app.records import Image
+from tams_app.records import Image, TaskRegion
 from tams_app.runtime.shared_ring import open_block
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.frame_ring import (
@@ -60,6 +60,14 @@ def test_frames_arrive_once_in_order_as_luma(rings: Rings) -> None:
     for one in first + second:
         np.testing.assert_array_equal(one.luma, luma_of(image(one.index)))
     assert rings.reader.read(rings.reader.written()) == []
+
+
+def test_the_tasks_region_arrives_with_its_frame(rings: Rings) -> None:
+    region = TaskRegion(12.25, 3.5, 8.0)
+    rings.writer.put(0, 0, image(0), task=region)
+    rings.writer.put(1, 1000, image(1))
+    entries = rings.reader.read(2)
+    assert [one.task for one in entries] == [region, None]
 
 
 def test_a_reader_that_falls_behind_misses_frames_but_none_of_their_times(rings: Rings) -> None:

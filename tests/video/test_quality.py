@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tams_app.records import TaskRegion
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.quality import Fate, Scorer, ViewQuality
-from tams_app.video.core.ssim import FrameMoments, Luma, ssim
+from tams_app.video.core.ssim import FrameMoments, Luma, similarity, ssim
 
 pytestmark = pytest.mark.untimed
 
@@ -206,6 +207,25 @@ def test_the_three_scores_are_those_of_the_definitions() -> None:
     assert scores[12].delivered == pytest.approx(expected(12, 1009))
     assert scores[12].live == pytest.approx(expected(12, 1009))
     assert scores[0].live is None
+
+
+def test_each_score_is_told_of_the_tasks_region_too() -> None:
+    quality, scorer = ViewQuality("gt"), Scorer()
+    region = TaskRegion(16.0, 12.0, 4.0)
+    fates = quality.captured(0, captured_at(0), luma(0))
+    fates += quality.shown(0, captured_at(1) - 1, luma(1000))
+    fates += quality.captured(1, captured_at(1), luma(1), region)
+    fates += quality.captured(2, captured_at(2), luma(2))
+    fates += quality.shown(1, captured_at(2) + 1, luma(1001))
+    first, second = (scorer.score(fate) for fate in fates)
+    assert (first.task_received, first.task_delivered, first.task_live) == (None, None, None)
+
+    def within(one: int, other: int) -> float | None:
+        return similarity(FrameMoments.of(luma(one)), FrameMoments.of(luma(other)), region).task
+
+    assert second.task_received == second.task_delivered == within(1, 1001)
+    assert second.task_live == within(1, 1000)
+    assert None not in (second.task_live, second.task_received)
 
 
 def test_missing_images_leave_their_scores_out_and_nothing_else() -> None:

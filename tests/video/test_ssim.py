@@ -15,8 +15,8 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene import build_model
 from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.config import load_config
-from tams_app.records import Image
-from tams_app.video.core.ssim import FrameMoments, Luma, luma_of, ssim
+from tams_app.records import Image, TaskRegion
+from tams_app.video.core.ssim import RADIUS, FrameMoments, Luma, luma_of, similarity, ssim
 
 pytestmark = pytest.mark.untimed
 
@@ -108,6 +108,49 @@ def test_moments_can_be_used_for_any_number_of_comparisons(renders: dict[str, Im
         for here, one in enumerate(lumas):
             for there, other in enumerate(lumas):
                 assert ssim(moments[here], moments[there]) == of(one, other)
+
+
+@given(
+    x_px=st.floats(-60, 700),
+    y_px=st.floats(-60, 540),
+    radius_px=st.floats(3, 300),
+)
+@settings(max_examples=25, deadline=None)
+def test_a_region_has_the_mean_over_the_windows_with_their_middle_in_it(
+    renders: dict[str, Image], x_px: float, y_px: float, radius_px: float
+) -> None:
+    luma = luma_of(renders["gt"])
+    other = degraded(luma, "compressed")
+    _, every = structural_similarity(
+        luma, other, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
+        data_range=255, full=True,
+    )  # fmt: skip
+    y, x = np.mgrid[: luma.shape[0], : luma.shape[1]]
+    chosen = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2
+    inside = np.zeros_like(chosen)
+    inside[RADIUS:-RADIUS, RADIUS:-RADIUS] = True
+    expected = every[chosen & inside]
+    found = similarity(
+        FrameMoments.of(luma), FrameMoments.of(other), TaskRegion(x_px, y_px, radius_px)
+    )
+    assert found.whole == of(luma, other)
+    if len(expected):
+        assert found.task == pytest.approx(expected.mean(), abs=1e-4)
+    else:
+        assert found.task is None
+
+
+def test_damage_outside_the_region_lowers_the_whole_alone(renders: dict[str, Image]) -> None:
+    luma = luma_of(renders["gt"])
+    damaged = luma.copy()
+    damaged[:100, :100] = 0
+    moments = FrameMoments.of(luma), FrameMoments.of(damaged)
+    away, there = TaskRegion(400.0, 300.0, 60.0), TaskRegion(50.0, 50.0, 40.0)
+    assert similarity(*moments, away).task == pytest.approx(1.0, abs=1e-6)
+    assert similarity(*moments).task is None
+    found = similarity(*moments, there)
+    assert found.task is not None
+    assert found.task < found.whole < 1.0
 
 
 def test_luma_is_that_of_bt_601() -> None:

@@ -208,6 +208,8 @@ def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
 
 
 def _ssim(state: SessionState) -> str:
-    if state.live_ssim is None:
+    view = state.views.get(state.primary_view)
+    if view is None or view.live_ssim is None:
         return ""
-    return f", live SSIM of {state.primary_view} {state.live_ssim:.2f}"
+    task = "" if view.task_live_ssim is None else f", {view.task_live_ssim:.2f} at the task"
+    return f", live SSIM of {state.primary_view} {view.live_ssim:.2f}{task}"

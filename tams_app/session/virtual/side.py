@@ -14,6 +14,7 @@ from tams_app.robot.engine import Engine
 from tams_app.robot.listener import Listener
 from tams_app.robot.observers import TRIAL_RATE_HZ
 from tams_app.robot.session_records import SessionRecords
+from tams_app.robot.task_regions import TaskRegions
 from tams_app.runtime.clock import Clock
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
@@ -34,11 +35,13 @@ class VirtualRobotSide(Listener):
         operator: VirtualOperator,
         captured: Callable[[Frame], None],
         ended: Callable[[str], None],
+        regions: TaskRegions,
         listeners: Sequence[Listener] = (),
     ) -> None:
         """`captured` gets each frame before it is sent. `ended` gets why the trial is over.
 
-        `listeners` of the loops, besides those of a session.
+        `regions`: where the task is in the frames. `listeners` of the loops, besides those of a
+        session.
         """
         self._events, self._operator = events, operator
         self._rate_hz = config.control.rate_hz
@@ -46,7 +49,7 @@ class VirtualRobotSide(Listener):
             self._robot = robot = VirtualRobot(config, clock, log.note)
             self._video = TrialVideo(config, clock, log, captured, operator.see)
             stack.callback(self._video.close)
-            self._cameras = VirtualCameras(config, robot, events, self._video.push)
+            self._cameras = VirtualCameras(config, robot, events, regions.through(self._video.push))
             stack.callback(self._cameras.close)
             robot.arm.connect()
             self._engine = Engine(
@@ -58,7 +61,7 @@ class VirtualRobotSide(Listener):
                 log,
                 Signals(),
                 lambda: ended("the trial is over"),
-                (self, *listeners),
+                (self, regions, *listeners),
             )
             self._stack = stack.pop_all()
 

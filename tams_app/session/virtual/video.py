@@ -39,7 +39,8 @@ class FrameScores:
         """A camera's frame, in the order of capture."""
         if frame.view in self._views:
             accounts, _ = self._views[frame.view]
-            fates = accounts.captured(frame.index, frame.capture_ns, luma_of(frame.image))
+            luma = luma_of(frame.image)
+            fates = accounts.captured(frame.index, frame.capture_ns, luma, frame.task)
             self._score(frame.view, fates)
 
     def shown(self, shown: ShownFrame) -> None:

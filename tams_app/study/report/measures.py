@@ -20,7 +20,8 @@ from tams_app.study.statistics.estimates import (
     wilson_interval,
 )
 from tams_app.study.statistics.mixed_model import MixedModel, NotFitted, fit_mixed_model
-from tams_app.study.tables import PHASES, SSIM_KINDS
+from tams_app.study.tables import PHASES
+from tams_app.summary.quality import SSIM_KINDS
 
 _SHORTEST_PHASE_S = 0.005  # a tick lasts .0083 s
 

@@ -11,9 +11,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeAlias
 
-from tams_app.records import FrameQuality
+from tams_app.records import FrameQuality, TaskRegion
 from tams_app.video.core.frame_interval import FrameIntervals, freeze_ns
-from tams_app.video.core.ssim import FrameMoments, Luma, ssim
+from tams_app.video.core.ssim import FrameMoments, Luma, Similarity, similarity
 
 Correction: TypeAlias = Callable[[Luma, int, int], Luma]
 """What the screen shows of a frame (captured [ns]) at a time [ns], where it is corrected."""
@@ -35,6 +35,7 @@ class Fate:
 
     `shown`: its own image as shown, `stand_in`: what was shown in its place (its own, or that of
     the greatest smaller index), `on_screen`: what was shown at its capture. None: there is none.
+    `task`: where the task is in what was captured; None: not known.
     """
 
     record: FrameQuality
@@ -42,12 +43,14 @@ class Fate:
     shown: Image | None
     stand_in: Image | None
     on_screen: Image | None
+    task: TaskRegion | None
 
 
 @dataclass(frozen=True, slots=True)
 class _Captured:
     capture_ns: int
     image: Image
+    task: TaskRegion | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +82,14 @@ class ViewQuality:
         self._intervals = FrameIntervals(0)
         self._freeze_ns = 0
 
-    def captured(self, index: int, capture_ns: int, luma: Luma | None) -> list[Fate]:
-        """A camera's frame; decides the oldest one if the window is full."""
-        self._pending[index] = _Captured(capture_ns, Image(luma))
+    def captured(
+        self, index: int, capture_ns: int, luma: Luma | None, task: TaskRegion | None = None
+    ) -> list[Fate]:
+        """A camera's frame; decides the oldest one if the window is full.
+
+        `task`: where the task is in it; None: not known.
+        """
+        self._pending[index] = _Captured(capture_ns, Image(luma), task)
         self._newest_capture_ns = capture_ns
         self._freeze_ns = freeze_ns(self._intervals.step(capture_ns).usual_ns)
         if len(self._pending) <= self._window_frames:
@@ -136,6 +144,7 @@ class ViewQuality:
             shown.image if shown else None,
             stand_in.image if stand_in else None,
             self._on_screen(on_screen, capture.capture_ns),
+            capture.task,
         )
 
     def _on_screen(self, shown: _Shown | None, now_ns: int) -> Image | None:
@@ -171,20 +180,31 @@ class Scorer:
         self._moments: OrderedDict[Image, FrameMoments] = OrderedDict()
 
     def score(self, fate: Fate) -> FrameQuality:
-        """The frame's record with its three scores; None where an image is missing."""
+        """The frame's record with its scores, each twice: of all of it, and of the task's region.
+
+        None where an image is missing, or the region.
+        """
         if fate.captured.luma is None:
             return fate.record
         captured = FrameMoments.of(fate.captured.luma)
         images = {fate.shown, fate.stand_in, fate.on_screen}  # two of them may be one
-        scores = {image: self._compare(captured, image) for image in images}
+        scores = {image: self._compare(captured, image, fate.task) for image in images}
+        received, delivered, live = (
+            scores[image] for image in (fate.shown, fate.stand_in, fate.on_screen)
+        )
         return replace(
             fate.record,
-            received=scores[fate.shown],
-            delivered=scores[fate.stand_in],
-            live=scores[fate.on_screen],
+            received=received.whole if received else None,
+            delivered=delivered.whole if delivered else None,
+            live=live.whole if live else None,
+            task_received=received.task if received else None,
+            task_delivered=delivered.task if delivered else None,
+            task_live=live.task if live else None,
         )
 
-    def _compare(self, captured: FrameMoments, shown: Image | None) -> float | None:
+    def _compare(
+        self, captured: FrameMoments, shown: Image | None, task: TaskRegion | None
+    ) -> Similarity | None:
         if shown is None or shown.luma is None:
             return None
         moments = self._moments.get(shown)
@@ -193,7 +213,7 @@ class Scorer:
         self._moments.move_to_end(shown)
         if len(self._moments) > _KEPT_MOMENTS:
             self._moments.popitem(last=False)
-        return ssim(captured, moments)
+        return similarity(captured, moments, task)
 
 
 def _age_ns(on_screen: _Shown | None, now_ns: int) -> int | None:

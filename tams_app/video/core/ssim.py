@@ -7,6 +7,7 @@ gaussian_weights=True, sigma=1.5, use_sample_covariance=False, data_range=255).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -14,7 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import Image
+from tams_app.records import Image, TaskRegion
 
 Field: TypeAlias = NDArray[np.float32]
 Luma: TypeAlias = NDArray[np.uint8]
@@ -55,8 +56,26 @@ class FrameMoments:
         return FrameMoments(luma, mean, contrast)
 
 
+@dataclass(frozen=True, slots=True)
+class Similarity:
+    """Mean structural similarity of two images: all of it, and of the task's region in it.
+
+    task: None where there is no region, or nothing of it inside the image.
+    """
+
+    whole: float
+    task: float | None = None
+
+
 def ssim(one: FrameMoments, other: FrameMoments) -> float:
-    """Mean structural similarity of two images of one size, within 1e-4; 1 if they are equal.
+    """Mean structural similarity of two images of one size, within 1e-4; 1 if they are equal."""
+    return similarity(one, other).whole
+
+
+def similarity(
+    one: FrameMoments, other: FrameMoments, region: TaskRegion | None = None
+) -> Similarity:
+    """That of two images of one size; in `region` over the windows with their middle in it.
 
     (2μμ' + C₁) / (μ² + μ'² + C₁), times (2cov + C₂) / (σ² + σ'² + C₂), each computed as halves.
     """
@@ -73,7 +92,28 @@ def ssim(one: FrameMoments, other: FrameMoments) -> float:
     means /= brightness
     inside = means[_INSIDE]
     rows = np.einsum("ij,ij->i", inside, contrast[_INSIDE])
-    return 4 * float(rows.sum(dtype=float)) / inside.size
+    whole = 4 * float(rows.sum(dtype=float)) / inside.size
+    return Similarity(whole, None if region is None else _within(region, means, contrast))
+
+
+def _within(region: TaskRegion, means: Field, contrast: Field) -> float | None:
+    """The mean over the region of what `similarity` takes the mean of; None: it is not inside."""
+    height, width = means.shape
+    left, right = _span(region.x_px, region.radius_px, width)
+    top, bottom = _span(region.y_px, region.radius_px, height)
+    y, x = np.ogrid[top:bottom, left:right]
+    chosen = (x - region.x_px) ** 2 + (y - region.y_px) ** 2 <= region.radius_px**2
+    count = int(np.count_nonzero(chosen))
+    if not count:
+        return None
+    box = slice(top, bottom), slice(left, right)
+    return 4 * float((means[box] * contrast[box])[chosen].sum(dtype=float)) / count
+
+
+def _span(middle_px: float, radius_px: float, size_px: int) -> tuple[int, int]:
+    """From and up to which pixel the region and the windows inside the image reach, one way."""
+    first = max(RADIUS, math.ceil(middle_px - radius_px))
+    return first, max(first, min(size_px - RADIUS, math.floor(middle_px + radius_px) + 1))
 
 
 def _windowed_product(one: Luma, other: Luma, added: float) -> Field:

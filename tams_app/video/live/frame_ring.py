@@ -2,13 +2,14 @@
 
 One block of memory per kind, in it one ring per view. Captured frames are kept as luma, for the
 SSIM helper alone; shown ones in colour, since the seeing operator looks at them too: copying is
-cheaper than making luma, which is left to the SSIM helper. Index and times of the last
-ENTRIES frames are kept, the pixels of the last IMAGES: a reader that falls behind learns of every
-frame, though it may miss what it looked like.
+cheaper than making luma, which is left to the SSIM helper. Index, times and the task's region of
+the last ENTRIES frames are kept, the pixels of the last IMAGES: a reader that falls behind learns
+of every frame, though it may miss what it looked like.
 """
 
 from __future__ import annotations
 
+import math
 import mmap
 import os
 import struct
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from tams_app.records import Image
+from tams_app.records import Image, TaskRegion
 from tams_app.runtime.shared_ring import (
     Bulk,
     RingShape,
@@ -32,7 +33,9 @@ from tams_app.video.core.ssim import Luma
 
 IMAGES = 16  # half a second
 ENTRIES = 1024  # half a minute
-_ENTRY = struct.Struct("<qqq")  # index, when it was put and when captured [ns]
+# index, when it was put and when captured [ns], the task's region [px]: nan where there is none
+_ENTRY = struct.Struct("<qqqddd")
+_NO_REGION = (math.nan,) * 3
 CAPTURED, SHOWN = "captured", "shown"
 _CHANNELS = {CAPTURED: 1, SHOWN: 3}
 
@@ -75,6 +78,7 @@ class RingEntry:
     t_ns: int
     capture_ns: int
     luma: Luma | None
+    task: TaskRegion | None
 
 
 class FrameWriter:
@@ -85,7 +89,14 @@ class FrameWriter:
         self._shape = (layout.height, layout.width, 3)
         self._bulk_shape = layout.bulk_shape
 
-    def put(self, index: int, t_ns: int, image: Image, capture_ns: int | None = None) -> None:
+    def put(
+        self,
+        index: int,
+        t_ns: int,
+        image: Image,
+        capture_ns: int | None = None,
+        task: TaskRegion | None = None,
+    ) -> None:
         """Put a BGR image, shape (height, width, 3); ValueError for another size.
 
         `capture_ns`: None: `t_ns`.
@@ -94,7 +105,9 @@ class FrameWriter:
             raise ValueError(f"expected a frame of shape {self._shape}, got {image.shape}")
         fill = self._to_luma if len(self._bulk_shape) == 2 else self._copy
         captured_ns = t_ns if capture_ns is None else capture_ns
-        self._ring.put(_ENTRY.pack(index, t_ns, captured_ns), lambda bulk: fill(bulk, image))
+        region = _NO_REGION if task is None else (task.x_px, task.y_px, task.radius_px)
+        head = _ENTRY.pack(index, t_ns, captured_ns, *region)
+        self._ring.put(head, lambda bulk: fill(bulk, image))
 
     def _to_luma(self, bulk: Bulk, image: Image) -> None:
         cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=bulk.reshape(self._bulk_shape))
@@ -124,8 +137,9 @@ class FrameReader:
             head, luma = self._ring.head(number), self._ring.bulk(number, self._luma)
             if head is None:  # overwritten while the ones before it were read
                 continue
-            index, t_ns, capture_ns = _ENTRY.unpack(head)
-            entries.append(RingEntry(index, t_ns, capture_ns, luma))
+            index, t_ns, capture_ns, *region = _ENTRY.unpack(head)
+            task = None if math.isnan(region[0]) else TaskRegion(*region)
+            entries.append(RingEntry(index, t_ns, capture_ns, luma, task))
         self._next = max(self._next, until)
         return entries
 
@@ -139,7 +153,7 @@ class FrameReader:
         image = self._ring.bulk(number) if head is not None else None
         if head is None or image is None:
             return None
-        _, _, capture_ns = _ENTRY.unpack(head)
+        capture_ns = int(_ENTRY.unpack(head)[2])
         return capture_ns, image.reshape(self._bulk_shape)
 
     def _luma(self, bulk: Bulk) -> Luma:
@@ -178,11 +192,17 @@ class FrameBlock:
             self._stack = stack.pop_all()
 
     def put(
-        self, view: str, index: int, t_ns: int, image: Image, capture_ns: int | None = None
+        self,
+        view: str,
+        index: int,
+        t_ns: int,
+        image: Image,
+        capture_ns: int | None = None,
+        task: TaskRegion | None = None,
     ) -> None:
         """Put a BGR image; each view from one thread. `capture_ns`: None: `t_ns`."""
         if writer := self._writers.get(view):
-            writer.put(index, t_ns, image, capture_ns)
+            writer.put(index, t_ns, image, capture_ns, task)
 
     def hide(self) -> None:
         """Take the name away, once all readers have it open: nothing is left behind then."""

@@ -71,8 +71,12 @@ def test_without_views_the_live_line_tells_the_arm() -> None:
 
 
 def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
-    measured = replace(STATE, primary_view="eih", live_ssim=0.874)
+    eih = replace(STATE.views["eih"], live_ssim=0.874)
+    measured = replace(STATE, primary_view="eih", views={**STATE.views, "eih": eih})
     assert status_words(measured).plain.endswith("queue 12 ms, live SSIM of eih 0.87")
+    eih = replace(eih, task_live_ssim=0.702)
+    measured = replace(measured, views={**STATE.views, "eih": eih})
+    assert status_words(measured).plain.endswith("live SSIM of eih 0.87, 0.70 at the task")
     assert "SSIM" not in status_words(STATE).plain
 
 

@@ -290,12 +290,18 @@ def test_the_colours_of_the_uplink_are_greys_seen_on_white_and_on_the_window_s_g
 
 def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
     view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0)
-    assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms")
+    assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms", "")
+
+
+def test_a_row_tells_how_similar_the_screen_is_to_the_scene_where_that_is_measured() -> None:
+    view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0, 14.9, 0.874, 0.702)
+    assert view_row("gt", view, 30)[-1] == "0.87 / 0.70"
+    assert view_row("gt", ViewState(live_ssim=0.874), 30)[-1] == "0.87 / –"
 
 
 def test_what_is_not_known_is_a_dash() -> None:
     nothing = ViewState(None, None, None, None, None)
-    assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms")
+    assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms", "")
 
 
 def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
