@@ -56,13 +56,17 @@ class VirtualRuns:
 
 
 def run_side_by_side(
-    configs: Mapping[str, Config], out: Path, processes: int, ended: Callable[[], None]
+    configs: Mapping[str, Config],
+    out: Path,
+    processes: int,
+    ended: Callable[[], None],
+    make_runs: Callable[[Mapping[str, Config]], VirtualRuns] = VirtualRuns,
 ) -> None:
     """Run every trial into a folder of `out` with its id; TamsError if one fails.
 
-    `ended` is told of each that ends.
+    `ended` is told of each that ends. `make_runs`: what runs them.
     """
-    runs, waiting, running = VirtualRuns(configs), list(configs), 0
+    runs, waiting, running = make_runs(configs), list(configs), 0
     with closing(LocalPool(runs, processes)) as pool:
         while waiting or running:
             while waiting and running < pool.slots:
