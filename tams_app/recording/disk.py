@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import shutil
+import tempfile
 from pathlib import Path
+from typing import IO
 
 from tams_app.errors import LogError
 
@@ -64,18 +65,17 @@ class LogFile:
 
     def write(self, data: bytes | bytearray) -> int:
         """Write all of `data`."""
-        view = memoryview(data)
-        while view and self._error is None:
-            try:
-                view = view[self._file.write(view) :]
-            except OSError as error:
-                self._error = error
         if self._error is None:
-            self._complete_bytes += len(data)
+            try:
+                _write_all(self._file, data)
+                self._complete_bytes += len(data)
+            except OSError as error:
+                self.fail(error)
         return len(data)
 
-    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
-        return self._file.seek(offset, whence)
+    def fail(self, error: OSError) -> None:
+        """Something that belongs to the log could not be kept: what follows goes nowhere."""
+        self._error = error
 
     def tell(self) -> int:
         return self._file.tell()
@@ -99,3 +99,34 @@ class LogFile:
         if self._error is not None:
             self._file.truncate(self._complete_bytes)
         self._file.close()
+
+
+class ScratchFile:
+    """Bytes that are wanted again once, on the disk of a log, in a file without a name."""
+
+    def __init__(self, directory: Path) -> None:
+        try:
+            self._file = tempfile.TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115
+        except OSError as error:
+            raise LogError(
+                f"{directory}: the log folder cannot be used: {error.strerror}; choose another"
+            ) from error
+
+    def write(self, data: bytes) -> None:
+        """Write all of `data`; an OSError if the disk refuses."""
+        _write_all(self._file, data)
+
+    def read(self) -> bytes:
+        """All that was written; an OSError if the disk refuses."""
+        self._file.seek(0)
+        return self._file.read()
+
+    def close(self) -> None:
+        """Let it go."""
+        self._file.close()
+
+
+def _write_all(file: IO[bytes], data: bytes | bytearray) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view) :]

@@ -1,7 +1,6 @@
 """The MCAP file of a session: which record becomes which message.
 
-Our records go out as JSON with a schema, video as Foxglove's own messages. Chunks are
-built in memory and written whole, so that a kill leaves no half-written chunk header behind.
+Our records go out as JSON with a schema, video as Foxglove's own messages.
 """
 
 from __future__ import annotations
@@ -10,12 +9,11 @@ import logging
 from pathlib import Path
 from typing import Any
 
-from foxglove import Context, Schema, open_mcap, set_log_level
+from foxglove import Context, Schema, set_log_level
 from foxglove.channels import CompressedVideoChannel
-from foxglove.mcap import MCAPCompression, MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
-from tams_app.recording.disk import LogFile
+from tams_app.recording.mcap_file import McapFile
 from tams_app.recording.topics import (
     HEADER,
     PROFILE,
@@ -28,8 +26,6 @@ from tams_app.recording.topics import (
 from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.units import NS_PER_S
-
-CHUNK_BYTES = 1024 * 1024  # the index of each, about 1 kB, stays in memory until the end
 
 
 def _keep_sdk_quiet() -> None:
@@ -44,11 +40,7 @@ _keep_sdk_quiet()  # only before the first file or server of the process
 
 
 class McapLog:
-    """The MCAP file itself, with a context of its own so that several logs never mix.
-
-    Use it from one thread at a time: the SDK keeps the GIL while it waits for its own lock, and
-    our file needs the GIL to finish a write, so two threads would wait for each other for ever.
-    """
+    """The log, with a context of its own so that several never mix; from one thread at a time."""
 
     def __init__(
         self,
@@ -64,18 +56,7 @@ class McapLog:
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context()
-        self._file: LogFile | None = LogFile(path)
-        self._mcap = open_mcap(
-            self._file,
-            context=self._context,
-            writer_options=MCAPWriteOptions(
-                compression=MCAPCompression.Zstd,
-                compression_threads=0,
-                profile=PROFILE,
-                chunk_size=CHUNK_BYTES,
-                disable_seeking=True,  # else a killed process leaves a chunk of unknown length
-            ),
-        )
+        self._file = McapFile(path, self._context, PROFILE)
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
         self._viewers: Viewers | None = None
@@ -97,6 +78,8 @@ class McapLog:
             self._write_record(item, TOPICS[type(item)].time_ns(item))
         if self._viewers is not None:
             self._viewers.receive(item, now_ns)
+        if self._file.chunk_is_full:
+            self.flush()
 
     def wants_pixels(self, shown: ShownFrame) -> bool:
         """Whether a frame shown is to be written with its pixels, too; each view in one thread."""
@@ -104,19 +87,13 @@ class McapLog:
 
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
-        self._mcap.flush()
-        if self._file is not None:
-            self._file.check()
+        self._file.flush()
 
     def close(self) -> None:
         """Finish the file, or cut it after its last whole chunk; may be called twice."""
-        if self._file is None:
-            return
-        file, self._file = self._file, None
         if self._viewers is not None:
             self._viewers.close()
-        self._mcap.close()
-        file.close()  # of an error the owner has learned from `flush`
+        self._file.close()
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))
