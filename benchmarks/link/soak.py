@@ -84,18 +84,18 @@ def _memory_mb(processes: dict[str, psutil.Process]) -> dict[str, float]:
     """Of each side's application and helpers, by module."""
     found: dict[str, float] = {}
     for side, process in processes.items():
-        found[side] = _anonymous_mb(process.pid)
+        found[side] = anonymous_mb(process.pid)
         # the robot's application is a child of this process
         for child in process.children(recursive=side == "robot"):
             words = child.cmdline()
             if ("-m" in words and side == "robot") or "tams_app.link.gateway" in words:
                 name = f"{side}: {words[words.index('-m') + 1]}"
-                found[name] = found.get(name, 0.0) + _anonymous_mb(child.pid)
+                found[name] = found.get(name, 0.0) + anonymous_mb(child.pid)
         found[f"{side}: together"] = sum(mb for name, mb in found.items() if name.startswith(side))
     return found
 
 
-def _anonymous_mb(pid: int) -> float:
+def anonymous_mb(pid: int) -> float:
     """As the kernel counts it (proc(5), smaps_rollup)."""
     for line in Path(f"/proc/{pid}/smaps_rollup").read_text(encoding="ascii").splitlines():
         if line.startswith("Anonymous:"):
