@@ -123,7 +123,8 @@ def write(recorded: Recorded, writer: str, path: Path, hours: float) -> dict[str
     closing_s = time.perf_counter()
     file.close()
     return {
-        "growth_kb_per_h": round(float(np.polyfit(hours_written, memory_kb, 1)[0]), 1),
+        "growth_kb_per_h": round(float(np.polyfit(hours_written, memory_kb, 1)[0]), 1)
+        + 0.0,  # no -0.0
         "close_s": round(time.perf_counter() - closing_s, 3),
         "processor_ms_per_s": round(processor_s * 1e3 / length_s, 2),
         "log_mb": round(path.stat().st_size / 1e6),

@@ -1,6 +1,6 @@
 """An MCAP file of all that is logged in a context of the SDK; its memory does not grow.
 
-The SDK keeps an index of each chunk it makes until the file ends, about 1 kB, whatever its options.
+The SDK keeps the index of each chunk that it makes until the file ends, about 1 kB for 25 channels.
 So it hands over records without chunks; we make those, and the disk keeps the indexes.
 """
 
