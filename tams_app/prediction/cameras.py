@@ -10,10 +10,12 @@ import numpy as np
 from tams_app.prediction.outline import GripperOutline
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import FixedView, MountTrail, WristView
-from tams_app.records import Lens, Pose, Solid, SolidKind
+from tams_app.records import NO_DISTORTION, Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.vectors import ZERO, Floats3
 
+Numbers4 = tuple[float, float, float, float]
+Numbers5 = tuple[float, float, float, float, float]
 Numbers7 = tuple[float, float, float, float, float, float, float]
 
 
@@ -38,14 +40,16 @@ class ToolPart(msgspec.Struct, frozen=True):
 class PredictedCamera(msgspec.Struct, frozen=True):
     """Its pose (position [m], quaternion), its picture, and the tool that it sees.
 
+    intrinsics: fx, fy, cx, cy [px]; distortion: as of a `Lens`.
     on_arm: it moves with the arm's mount, in whose frame its pose is then; else that of the base.
     grip: what closed fingers cover besides.
     """
 
     pose: Numbers7
-    fovy_deg: float
+    intrinsics: Numbers4
     width: int
     height: int
+    distortion: Numbers5 = NO_DISTORTION
     tool: tuple[ToolPart, ...] = ()
     grip: tuple[ToolPart, ...] = ()
     on_arm: bool = True
@@ -57,18 +61,25 @@ class PredictedCamera(msgspec.Struct, frozen=True):
         """`tool`, `grip`: in the frame of the mount."""
         return PredictedCamera(
             numbers7(lens.pose),
-            lens.fovy_deg,
+            (lens.fx, lens.fy, lens.cx, lens.cy),
             lens.width,
             lens.height,
+            lens.distortion,
             ToolPart.all_of(tool),
             ToolPart.all_of(grip),
             on_arm,
         )
 
+    @property
+    def lens(self) -> Lens:
+        """Of which it was made, with a parent `mount` or `base`."""
+        parent = "mount" if self.on_arm else "base"
+        size = self.width, self.height
+        return Lens(parent, pose7(self.pose), *self.intrinsics, *size, self.distortion)
+
     def view(self, trail: MountTrail) -> WristView | FixedView:
         """What corrects its frames; `trail`: of the mount."""
-        parent = "mount" if self.on_arm else "base"
-        lens = Lens(parent, pose7(self.pose), self.fovy_deg, self.width, self.height)
+        lens = self.lens
         tool, grip = ([part.solid for part in parts] for parts in (self.tool, self.grip))
         if self.on_arm:
             return WristView(WristWarp(lens, tool, grip), trail)

@@ -6,6 +6,7 @@ camera matrix K and the plane z = h, a point that is at x₁ in the picture now 
     x₀ ~ K (R₀ᵀ R₁ + R₀ᵀ (p₁ - p₀) (R₁ᵀ e_z)ᵀ / (h - p₁_z)) K⁻¹ x₁
 
 (Hartley and Zisserman, Multiple View Geometry, 13.1, of a plane that is given in the base frame.)
+A lens that distorts stands in K's place: x₁ is undistorted to its ray, and the ray then distorted.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from tams_app.prediction.resampling import resampling_of
 from tams_app.records import Image, Lens, Pose, Solid, SolidKind
 
 _LEAST_HEIGHT_M = 0.02  # of the camera above the plane
@@ -25,6 +27,8 @@ _NEAR_M = 0.005  # before the camera: what is nearer is not drawn into a mask
 _MARGIN_PX = 3
 _FACETS = 16
 _UNSEEN = 64  # grey level of places that the frame did not show
+_BORDER_POINTS = 9  # of each side of a picture that is distorted
+_EDGE_PX, _MOST_BETWEEN = 16.0, 64  # how far apart are points of an edge that is bent
 
 
 def mounted(pose: Pose, mount: Pose) -> Pose:
@@ -32,29 +36,33 @@ def mounted(pose: Pose, mount: Pose) -> Pose:
     return Pose(pose.position + pose.rotation.apply(mount.position), pose.rotation * mount.rotation)
 
 
-def plane_homography(
-    lens: Lens, then: Pose, now: Pose, height_m: float
+def plane_change(
+    border: NDArray[np.float64], then: Pose, now: Pose, height_m: float
 ) -> NDArray[np.float64] | None:
-    """From pixels now to those then, shape (3, 3), of the plane z = `height_m` in the base frame.
+    """From rays now to those then, shape (3, 3), of the plane z = `height_m` in the base frame.
 
-    `then`, `now`: the camera's poses in the base frame. None where a camera is not 20 mm above the
-    plane, or sees more than the plane: its horizon.
+    `border`: rays in the camera's axes, shape (n, 3), between which its picture is. `then`, `now`:
+    the camera's poses in the base frame. None where a camera is not 20 mm above the plane, or sees
+    more than the plane: its horizon.
     """
     if min(then.position[2], now.position[2]) < height_m + _LEAST_HEIGHT_M:
         return None
-    matrix = lens.matrix()
-    inverse = np.linalg.inv(matrix)
     axes_then, axes_now = then.rotation.as_matrix(), now.rotation.as_matrix()
-    corners = product((0.0, lens.width - 1.0), (0.0, lens.height - 1.0))
-    rays = np.array([(x, y, 1.0) for x, y in corners]) @ inverse.T
-    if ((rays @ axes_now.T)[:, 2] >= 0.0).any() or ((rays @ axes_then.T)[:, 2] >= 0.0).any():
+    if ((border @ axes_now.T)[:, 2] >= 0.0).any() or ((border @ axes_then.T)[:, 2] >= 0.0).any():
         return None
     moved = axes_then.T @ (now.position - then.position)
     normal = axes_now[2]
     turned = axes_then.T @ axes_now
-    change = turned + np.outer(moved, normal) / (height_m - now.position[2])
-    homography = matrix @ change @ inverse
-    return np.asarray(homography / homography[2, 2])
+    return np.asarray(turned + np.outer(moved, normal) / (height_m - now.position[2]))
+
+
+def border_rays(lens: Lens) -> NDArray[np.float64]:
+    """The rays of the corners of a picture, shape (n, 3), and of places between if it is bent."""
+    steps = _BORDER_POINTS if lens.is_distorted else 2
+    across, down = (np.linspace(0.0, size - 1.0, steps) for size in (lens.width, lens.height))
+    sides = [(x, y) for x in across for y in (0.0, lens.height - 1.0)]
+    sides += [(x, y) for x in (0.0, lens.width - 1.0) for y in down]
+    return np.insert(lens.slopes(np.array(sides)), 2, 1.0, axis=1)
 
 
 def covered_by(solids: Iterable[Solid], lens: Lens) -> NDArray[np.bool_]:
@@ -70,9 +78,17 @@ def silhouette(solids: Iterable[Solid], lens: Lens) -> Image:
     """255 where `solids` of the camera's parent frame are in the picture, shape (height, width)."""
     covered = np.zeros((lens.height, lens.width), np.uint8)
     for solid in solids:
-        pixels = projected(corners_of(solid), lens)
-        if len(pixels) >= 3:
-            cv2.fillConvexPoly(covered, cv2.convexHull(np.rint(pixels).astype(np.int32)), 255)
+        slopes = _slopes(corners_of(solid), lens)
+        if len(slopes) < 3:
+            continue
+        if lens.is_distorted:  # the hull is of straight lines, which the picture bends
+            hull = cv2.convexHull(slopes.astype(np.float32))[:, 0].astype(float)
+            slopes = _between(hull, _EDGE_PX / lens.fx)
+        pixels = np.rint(_clipped(lens.pixels(slopes))).astype(np.int32)
+        if lens.is_distorted:
+            cv2.fillPoly(covered, [pixels], 255)
+        else:
+            cv2.fillConvexPoly(covered, cv2.convexHull(pixels), 255)
     return covered
 
 
@@ -81,11 +97,28 @@ def projected(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
 
     The points are in the camera's parent frame.
     """
+    return _clipped(lens.pixels(_slopes(points, lens)))
+
+
+def _slopes(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
+    """The rays (x, y, 1) to those of `points` that are before the camera, shape (m, 2)."""
     seen = (points - lens.pose.position) @ lens.pose.rotation.as_matrix()  # in the camera's axes
     seen = seen[seen[:, 2] > _NEAR_M]
-    pixels = seen @ lens.matrix().T
-    flat: NDArray[np.float64] = np.clip(pixels[:, :2] / pixels[:, 2:], -1e4, 1e4)
-    return flat
+    return np.asarray(seen[:, :2] / seen[:, 2:])
+
+
+def _clipped(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.clip(pixels, -1e4, 1e4)
+
+
+def _between(corners: NDArray[np.float64], step: float) -> NDArray[np.float64]:
+    """A polygon's corners, shape (n, 2), and points on its edges, about `step` apart."""
+    ends = np.roll(corners, -1, axis=0)
+    longest = float(np.abs(ends - corners).max())
+    shares = np.linspace(0.0, 1.0, min(_MOST_BETWEEN, 1 + int(longest / step)), endpoint=False)
+    return np.asarray(
+        (corners[:, None] + shares[:, None] * (ends - corners)[:, None]).reshape(-1, 2)
+    )
 
 
 def corners_of(solid: Solid) -> NDArray[np.float64]:
@@ -125,6 +158,7 @@ class WristWarp:
         scene is taken for, base frame.
         """
         self._lens, self._height_m = lens, height_m
+        self._border, self._resampling = border_rays(lens), resampling_of(lens)
         still = covered_by(tool, lens)
         self._still = {False: still, True: still | covered_by(grip, lens)}
         self._seen = {
@@ -140,16 +174,13 @@ class WristWarp:
         """
         lens, still = self._lens, self._still[closed]
         place = mounted(then, lens.pose), mounted(now, lens.pose)
-        homography = plane_homography(lens, *place, self._height_m)
-        if homography is None:
+        change = plane_change(self._border, *place, self._height_m)
+        if change is None:
             return None
-        size = lens.width, lens.height
-        inverse = cv2.WARP_INVERSE_MAP
-        warped = cv2.warpPerspective(image, homography, size, flags=cv2.INTER_LINEAR | inverse)
-        seen = cv2.warpPerspective(
-            self._seen[closed], homography, size, flags=cv2.INTER_NEAREST | inverse
-        ).astype(bool)
+        resample = self._resampling(change)
+        warped = resample(image, cv2.INTER_LINEAR)
+        seen = resample(self._seen[closed], cv2.INTER_NEAREST).astype(bool)
         unseen = ~(seen | still)
         warped[unseen] = _UNSEEN
         warped[still] = image[still]
-        return Warped(np.asarray(warped, np.uint8), float(unseen.mean()))
+        return Warped(warped, float(unseen.mean()))

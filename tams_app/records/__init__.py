@@ -16,7 +16,14 @@ from tams_app.records.arm import (
     ServoMode,
 )
 from tams_app.records.episode import Episode, EpisodeRequest
-from tams_app.records.figure import ArmFigure, Lens, Solid, SolidKind, focal_length_px
+from tams_app.records.figure import (
+    NO_DISTORTION,
+    ArmFigure,
+    Lens,
+    Solid,
+    SolidKind,
+    focal_length_px,
+)
 from tams_app.records.frames import (
     CameraRates,
     DroppedFrame,
@@ -89,6 +96,7 @@ __all__ = [
     "IP_UDP_HEADER_BYTES",
     "LATE_NS",
     "LINK_LOST",
+    "NO_DISTORTION",
     "Activity",
     "Allocation",
     "ArmFault",

@@ -143,7 +143,7 @@ def _lenses(config: Config, figure: ArmFigure | None) -> Mapping[str, Lens]:
     """Of the rig's cameras, which are known exactly; the wrist's needs the flange it moves with."""
     size = (config.video.width, config.video.height)
     lenses = {
-        view: Lens(
+        view: Lens.ideal(
             "base",
             Pose(np.array(one.place), Rotation.from_matrix(one.axes())),
             one.fovy_deg,
@@ -155,5 +155,5 @@ def _lenses(config: Config, figure: ArmFigure | None) -> Mapping[str, Lens]:
     if figure is not None and _WRIST_VIEW in config.video.views:
         wrist = WRIST_VIEWPOINT
         pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))
-        lenses[_WRIST_VIEW] = Lens(figure.flange, pose, wrist.fovy_deg, *size)
+        lenses[_WRIST_VIEW] = Lens.ideal(figure.flange, pose, wrist.fovy_deg, *size)
     return lenses

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
+import numpy as np
 from foxglove import Context
 from foxglove.channels import CameraCalibrationChannel, FrameTransformsChannel, SceneUpdateChannel
 from foxglove.messages import (
@@ -114,17 +115,16 @@ def _wire_box(wall_ns: int, lower: Floats3, upper: Floats3) -> SceneEntity:
 
 
 def _calibration(wall_ns: int, view: str, lens: Lens) -> CameraCalibration:
-    """An ideal lens with square pixels, its axis through the middle of the picture."""
-    focal = lens.focal_px
-    x, y = lens.width / 2.0, lens.height / 2.0
+    """How the view's picture is made, in OpenCV's pixels; rectified it has the same matrix."""
+    matrix = lens.matrix()
     return CameraCalibration(
         timestamp=timestamp(wall_ns),
         frame_id=view,
         width=lens.width,
         height=lens.height,
         distortion_model="plumb_bob",
-        D=[0.0] * 5,
-        K=[focal, 0.0, x, 0.0, focal, y, 0.0, 0.0, 1.0],
+        D=list(lens.distortion),
+        K=matrix.ravel().tolist(),
         R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
-        P=[focal, 0.0, x, 0.0, 0.0, focal, y, 0.0, 0.0, 0.0, 1.0, 0.0],
+        P=np.insert(matrix, 3, 0.0, axis=1).ravel().tolist(),
     )

@@ -20,7 +20,7 @@ from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, camera_of, lens_
 
 pytestmark = pytest.mark.untimed
 
-FIXED = Lens("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 64, 48)
+FIXED = Lens.ideal("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 64, 48)
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.1, 0.1, 0.02), (0.0,) * 3)
 CAMERAS = {
     "eih": camera_of(64, 48),

@@ -15,7 +15,7 @@ from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, placed
 
 pytestmark = pytest.mark.untimed
 
-LENS = Lens("base", Pose(np.array([0.0, 0.0, 0.8]), LOOKS_DOWN), 40.0, 320, 240)
+LENS = Lens.ideal("base", Pose(np.array([0.0, 0.0, 0.8]), LOOKS_DOWN), 40.0, 320, 240)
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.06, 0.04, 0.02), (0.0,) * 3)
 GREY = np.full((240, 320), 120, np.uint8)
 THEN, NOW = above(0.0, 0.0, 0.2), above(0.06, -0.03, 0.25, Rotation.from_rotvec((0.0, 0.0, 0.4)))
@@ -62,7 +62,7 @@ def test_a_picture_in_colour_gets_the_same_line() -> None:
 
 def test_where_the_picture_has_caught_up_nothing_is_drawn() -> None:
     outline = GripperOutline(LENS, [BOX])
-    px_per_m = LENS.focal_px / (0.8 - 0.21)  # of the box's upper side
+    px_per_m = LENS.fx / (0.8 - 0.21)  # of the box's upper side
     for moved_px, is_drawn in ((2.9, False), (3.1, True)):
         now = above(moved_px / px_per_m, 0.0, 0.2)
         assert (outline.over(GREY, THEN, now) is not None) == is_drawn
@@ -115,8 +115,7 @@ def test_the_rig_s_cameras_see_the_gripper_within_its_outline(view: str) -> None
     joints = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
     now = figure.place(joints)[figure.flange]
     then = Pose(now.position + np.array([0.05, 0.0, 0.0]), now.rotation)
-    lens = Lens("base", Pose(np.array(camera.pose[:3]), Rotation(*camera.pose[3:])),
-                camera.fovy_deg, camera.width, camera.height)  # fmt: skip
+    lens = camera.lens
     drawn = GripperOutline(lens, [part.solid for part in camera.tool]).over(
         np.zeros((camera.height, camera.width), np.uint8), then, now
     )

@@ -4,7 +4,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.prediction.plane_warp import WristWarp, covered_by, mounted, plane_homography
+from tams_app.prediction.plane_warp import (
+    WristWarp,
+    border_rays,
+    covered_by,
+    mounted,
+    plane_change,
+)
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tests.prediction.wrist import above, lens_of, picture
@@ -19,37 +25,42 @@ heights = st.floats(0.1, 0.5)
 turns = within(0.3).map(Rotation.from_rotvec)
 
 
-def pixel(lens: Lens, camera: Pose, point: np.ndarray) -> np.ndarray:
-    """Where `camera` sees a point of the base frame."""
+def change(lens: Lens, then: Pose, now: Pose, height_m: float) -> np.ndarray | None:
+    return plane_change(border_rays(lens), then, now, height_m)
+
+
+def ray(camera: Pose, point: np.ndarray) -> np.ndarray:
+    """Where `camera` sees a point of the base frame, one metre before it."""
     seen = camera.rotation.inv().apply(point - camera.position)
-    x, y, depth = lens.matrix() @ seen
-    return np.array([x, y]) / depth
+    return seen / seen[2]
 
 
 @given(heights, heights, turns, turns, within(0.1), st.floats(-0.05, 0.05))
-def test_a_point_of_the_plane_is_where_the_homography_says(z0, z1, turn0, turn1, way, height_m):
+def test_a_point_of_the_plane_was_where_the_change_of_its_ray_says(
+    z0, z1, turn0, turn1, way, height_m
+):
     then, now = above(0.0, 0.0, z0, turn0), above(way[0], way[1], z1, turn1)
-    homography = plane_homography(LENS, then, now, height_m)
-    assert homography is not None
+    found = change(LENS, then, now, height_m)
+    assert found is not None
     for x, y in ((0.0, 0.0), (0.02, -0.03), (-0.05, 0.04)):
         point = np.array([x, y, height_m])
-        before = homography @ [*pixel(LENS, now, point), 1.0]
-        assert before[:2] / before[2] == pytest.approx(pixel(LENS, then, point), abs=1e-6)
+        before = found @ ray(now, point)
+        assert before / before[2] == pytest.approx(ray(then, point), abs=1e-7)
 
 
 def test_a_camera_that_sees_the_horizon_is_not_corrected():
     level = above(0.0, 0.0, 0.2)
     for angle in (1.2, -1.2):
         tilted = above(0.0, 0.0, 0.2, Rotation.from_rotvec((angle, 0.0, 0.0)))
-        assert plane_homography(LENS, level, tilted, 0.0) is None
-        assert plane_homography(LENS, tilted, level, 0.0) is None
+        assert change(LENS, level, tilted, 0.0) is None
+        assert change(LENS, tilted, level, 0.0) is None
 
 
 def test_a_camera_at_the_plane_is_not_corrected():
     high, low = above(0.0, 0.0, 0.2), above(0.0, 0.0, 0.019)
-    assert plane_homography(LENS, high, low, 0.0) is None
-    assert plane_homography(LENS, low, high, 0.0) is None
-    assert plane_homography(LENS, high, low, -0.01) is not None
+    assert change(LENS, high, low, 0.0) is None
+    assert change(LENS, low, high, 0.0) is None
+    assert change(LENS, high, low, -0.01) is not None
 
 
 def test_a_mount_turns_and_moves_with_what_it_is_mounted_on():
@@ -131,7 +142,7 @@ def test_a_solid_covers_its_outline_and_a_margin(kind):
     solid = Solid(kind, Pose(np.array([0.0, 0.05, 0.10]), Rotation.identity()), (0.04,) * 3,
                   (0.0, 0.0, 0.0))  # fmt: skip
     covered = covered_by((solid,), LENS)
-    half = LENS.focal_px * 0.02 / 0.08  # of its near side [px]
+    half = LENS.fy * 0.02 / 0.08  # of its near side [px]
     middle = (LENS.height - 1) / 2
     rows = np.flatnonzero(covered.any(axis=1))
     assert rows[0] == pytest.approx(middle - half - 3, abs=1.5)
@@ -153,9 +164,9 @@ def test_the_tool_counts_as_seen():
 
 def test_pixels_are_taken_between_as_linear():
     """Half a pixel of motion averages neighbours: nothing is sharpened or invented."""
-    height = LENS.focal_px * 0.5 / LENS.focal_px  # half a metre: a pixel is 0.5 m / focal
+    height = LENS.fy * 0.5 / LENS.fy  # half a metre: a pixel is 0.5 m / focal
     then = above(0.0, 0.0, height)
-    now = above(0.5 * height / LENS.focal_px, 0.0, height)
+    now = above(0.5 * height / LENS.fy, 0.0, height)
     frame = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     frame[:, ::2] = 200
     warped = WristWarp(LENS, BARE).to_now(frame, then, now)

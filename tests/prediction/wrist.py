@@ -17,7 +17,7 @@ MOUNT = Pose(np.array([0.0, 0.05, 0.0]), STRAIGHT)
 
 
 def lens_of(width: int, height: int) -> Lens:
-    return Lens("flange", MOUNT, 60.0, width, height)
+    return Lens.ideal("flange", MOUNT, 60.0, width, height)
 
 
 GRIP = Solid(SolidKind.BOX, Pose(np.array([0.0, 0.05, 0.06]), STRAIGHT), (0.02,) * 3, (0.0,) * 3)
@@ -37,7 +37,8 @@ def picture(lens: Lens, flange: Pose) -> Image:
     """A smooth pattern on the plane z = 0, BGR, as the camera on `flange` sees it."""
     camera = mounted(flange, lens.pose)
     x, y = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
-    rays = np.stack((x, y, np.ones_like(x)), axis=-1) @ np.linalg.inv(lens.matrix()).T
+    slopes = lens.slopes(np.stack((x, y), axis=-1).reshape(-1, 2).astype(float))
+    rays = np.insert(slopes, 2, 1.0, axis=1).reshape(lens.height, lens.width, 3)
     rays = rays @ camera.rotation.as_matrix().T
     points = camera.position - rays * (camera.position[2] / rays[..., 2:])
     wave = 127 + 60 * np.sin(40 * points[..., 0]) + 60 * np.cos(55 * points[..., 1])
