@@ -13,6 +13,7 @@ import inspect
 import textwrap
 import typing
 from collections.abc import Iterator
+from datetime import date
 from enum import Enum
 from typing import Any
 
@@ -56,13 +57,24 @@ _UNITS = {
     "bytes": "bytes",
     "kg": "kg",
     "mb": "MB",
+    "px": "px",
+    "fx": "px",
+    "fy": "px",
+    "cx": "px",
+    "cy": "px",
     "k": "K",
     "width": "px",
     "height": "px",
     "fps": "1/s",
 }
 _SIGNS = {"gt": "> ", "ge": "≥ ", "lt": "< ", "le": "≤ ", "multiple_of": "a multiple of "}
-_WORDS = {int: "whole number", float: "number", str: "text", bool: "true, false"}
+_WORDS = {
+    int: "whole number",
+    float: "number",
+    str: "text",
+    bool: "true, false",
+    date: "a day",
+}
 
 
 def reference() -> str:
@@ -83,7 +95,7 @@ def all_sections(model: type[BaseModel], key: str) -> Iterator[tuple[str, type[B
     """Each section below `key`, itself first: dotted key and model."""
     yield key, model
     for name, field in model.model_fields.items():
-        named = "" if _is_section(field.annotation) else ".NAME"
+        named = "" if _is_one(field.annotation) else ".NAME"
         for inner in sections(field.annotation):
             yield from all_sections(inner, f"{key}.{name}{named}".removeprefix("."))
 
@@ -101,6 +113,12 @@ def _table(key: str, model: type[BaseModel]) -> str:
 
 def _is_section(hint: Any) -> bool:
     return isinstance(hint, type) and issubclass(hint, BaseModel)
+
+
+def _is_one(hint: Any) -> bool:
+    """Whether it is a section, or a section or null."""
+    parts = typing.get_args(hint)
+    return _is_section(hint) or (type(None) in parts and any(map(_is_section, parts)))
 
 
 def _first_paragraph(model: type | None) -> str:

@@ -5,7 +5,9 @@ from tams_app.config.devices import (
     ControllerConfig,
     DeskConfig,
     HeadsetConfig,
+    LensConfig,
     MappingConfig,
+    MountConfig,
 )
 from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
@@ -40,9 +42,11 @@ __all__ = [
     "DeskConfig",
     "HandConfig",
     "HeadsetConfig",
+    "LensConfig",
     "LimitsConfig",
     "LinkConfig",
     "MappingConfig",
+    "MountConfig",
     "Network",
     "OperatorConfig",
     "OperatorKind",

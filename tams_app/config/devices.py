@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Annotated, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from tams_app.config.section import Positive, Section, Word
+from tams_app.config.section import Finite, NonNegative, Positive, Section, Triple, Word
+from tams_app.records import NO_DISTORTION, Lens, Pose
+from tams_app.rotation import Rotation
 
 # A part of a controller and what is read of it, as SteamVR names them: `trigger/pull`, `a/click`.
 ComponentPath = Annotated[str, Field(pattern=r"^[a-z_]+/[a-z]+$")]
+_FARTHEST_MM = 5000.0
+_Pixels = Annotated[int, Field(gt=0)]
 ControllerType = Literal["vive_focus3_controller", "vive_controller", "knuckles"]
 
 
@@ -106,6 +112,75 @@ class HeadsetConfig(Section):
     """Of the primary view's centre above the level of the eyes."""
 
 
+class LensConfig(Section):
+    """How a camera makes its picture."""
+
+    width: _Pixels
+    """Of the pictures that it was measured in; one of another size but the same shape is scaled."""
+    height: _Pixels
+    """Of the pictures that it was measured in."""
+    fx: Positive
+    """Focal length along the rows."""
+    fy: Positive
+    """Focal length along the columns."""
+    cx: Finite
+    """Principal point; 0 is the middle of the first pixel."""
+    cy: Finite
+    """Principal point; 0 is the middle of the first pixel."""
+    distortion: tuple[Finite, Finite, Finite, Finite, Finite] = NO_DISTORTION
+    """k1, k2, p1, p2, k3 as of OpenCV, and `plumb_bob` of ROS."""
+    error_px: NonNegative
+    """Distance (rms) of a board's corners from where they should be, in pictures that it was not
+    fitted to."""
+    measured: date | None = None
+    """The day."""
+
+    @model_validator(mode="after")
+    def _makes_a_picture(self) -> Self:
+        if not (0 <= self.cx < self.width and 0 <= self.cy < self.height):
+            raise ValueError("cx and cy must be in the picture")
+        if not self.at(Pose(np.zeros(3), Rotation.identity()), "").is_invertible:
+            raise ValueError("distortion turns back within the picture: measure it again")
+        return self
+
+    def at(self, pose: Pose, parent: str) -> Lens:
+        """The lens at `pose` in the frame `parent`."""
+        matrix = self.fx, self.fy, self.cx, self.cy
+        return Lens(parent, pose, *matrix, self.width, self.height, self.distortion)
+
+
+class MountConfig(Section):
+    """Where a camera is."""
+
+    on: Literal["arm", "base"]
+    """What it stands still on, in whose frame its pose is: `arm`, the flange; `base`, the arm's
+    base."""
+    position_mm: Triple
+    """Of its lens."""
+    rotation_vector_rad: Triple
+    """Axis times angle; turns the picture's axes (x right, y down, z forwards) to those of the
+    frame."""
+    error_px: NonNegative
+    """Distance (rms) of a board's corners from where arm and camera have them, in poses and places
+    that it was not fitted to."""
+    measured: date | None = None
+    """The day."""
+
+    @model_validator(mode="after")
+    def _is_near(self) -> Self:
+        if max(map(abs, self.position_mm)) > _FARTHEST_MM:
+            raise ValueError(
+                f"position_mm: a camera is within {_FARTHEST_MM:g} mm: give millimetres"
+            )
+        return self
+
+    @property
+    def pose(self) -> Pose:
+        """In the frame that `on` names [m]."""
+        turn = Rotation.from_rotvec(self.rotation_vector_rad)
+        return Pose(np.array(self.position_mm) / 1000.0, turn)
+
+
 class CameraConfig(Section):
     """Source of one view's frames."""
 
@@ -129,6 +204,10 @@ class CameraConfig(Section):
     """Further V4L2 controls by their names, such as gain."""
     latency_ms: Annotated[float, Field(ge=0, le=1000)] = 0.0
     """From the light to the frame's time stamp: added to the age of what the operator sees."""
+    lens: LensConfig | None = None
+    """How it makes its picture, which the predictive display needs; null: not measured."""
+    mount: MountConfig | None = None
+    """Where it is, which the predictive display needs; null: not measured."""
 
     @model_validator(mode="after")
     def _names_one(self) -> Self:
@@ -136,6 +215,12 @@ class CameraConfig(Section):
             raise ValueError("a v4l2 camera needs its name, serial or path")
         if self.source == "file" and not self.file:
             raise ValueError("a file camera needs its file")
+        return self
+
+    @model_validator(mode="after")
+    def _was_found_through_its_lens(self) -> Self:
+        if self.mount is not None and self.lens is None:
+            raise ValueError("mount holds with the lens through which it was measured: give both")
         return self
 
     @model_validator(mode="after")

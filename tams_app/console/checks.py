@@ -26,7 +26,7 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.robot.build import starts_at_capacity
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.session.predicting import NOT_KNOWN, predicted_cameras
+from tams_app.session.lenses import MEASURE, known_cameras
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 
@@ -214,11 +214,17 @@ def display(config: Config) -> Iterator[Finding]:
 
 
 def predictive_display(config: Config) -> Iterator[Finding]:
-    """The cameras whose frames are to be drawn with what is known of now."""
-    if config.view.predict != "off":
-        cameras = predicted_cameras(config)
+    """Of each view whether it can be drawn with what is known of now, where that is wanted."""
+    is_measured = any(camera.lens is not None for camera in config.cameras.values())
+    if config.view.predict == "off" and not is_measured:
+        return
+    for view, known in known_cameras(config).items():
         yield Finding(
-            "Predictive display", bool(cameras), ", ".join(cameras), NOT_KNOWN, essential=False
+            f"Prediction of {view}",
+            known.lens is not None,
+            known.words,
+            f"it is shown as received; to measure it: {MEASURE}",
+            essential=False,
         )
 
 

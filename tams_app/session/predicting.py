@@ -20,14 +20,12 @@ from tams_app.robot.build import ready_pose
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
+from tams_app.session.lenses import MEASURE, WRIST_VIEW, known_cameras
 from tams_app.session.viewing import scene_of
 from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.networks import resolve_network
 
-NOT_KNOWN = (
-    "view.predict: where the camera on the arm is, or how the hand moves the arm, is not known, so "
-    "its frames are shown as received"
-)
+_NOT_KNOWN = "view.predict: how the hand moves the arm is not known: all is shown as received"
 
 
 def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
@@ -41,6 +39,20 @@ def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
         view: PredictedCamera.of(lens, tool, grip, lens.parent == flange)
         for view, lens in scene.lenses.items()
         if lens.parent == flange or config.view.predict == "all"
+    }
+
+
+def as_received(config: Config) -> dict[str, str]:
+    """By view, why its frames are not corrected although `view.predict` wants it: a clause."""
+    if config.view.predict == "off":
+        return {}
+    known, predicted = known_cameras(config), predicted_cameras(config)
+    only = config.view.predict == "eih" and WRIST_VIEW in known
+    views = (WRIST_VIEW,) if only else tuple(known)
+    return {
+        view: "it is not on the arm" if known[view].lens else known[view].words
+        for view in views
+        if view not in predicted
     }
 
 
@@ -77,9 +89,12 @@ def linked_present(
 
     `moves_by`: the configuration by which it moves; None: that was not told.
     """
-    if not _told(ours, log, mount) or moves_by is None:
+    if not _told(ours, log, mount):
         return None
     assert mount is not None
+    if moves_by is None:
+        log.note("warning", _NOT_KNOWN)
+        return None
     return present_of(moves_by, _logged(log, mount.put))
 
 
@@ -97,10 +112,10 @@ def _logged(
 
 def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:
     """Record which views are predicted; whether any is."""
+    for view, reason in as_received(config).items():
+        log.note("warning", f"{view.upper()} is shown as received: {reason}; measure it: {MEASURE}")
     if mount is not None:
         log.fact(PREDICTED_FACT, ",".join(mount.cameras))
-    elif config.view.predict != "off":
-        log.note("warning", NOT_KNOWN)
     return mount is not None
 
 

@@ -16,16 +16,15 @@ from hw.sim.layout import (
     CONTAINER_INNER_M,
     CONTAINER_WALL_M,
 )
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import Config, LimitsConfig
 from tams_app.recording import Header, MakeViewers, Viewers
-from tams_app.records import ArmFigure, Lens, Pose, Solid, SolidKind
+from tams_app.records import Pose, Solid, SolidKind
 from tams_app.ros2.extra import require_extra
 from tams_app.rotation import Rotation
+from tams_app.session.lenses import known_lenses
 from tams_app.telemetry import Address, Scene, Telemetry, ViewerGroup, check_address
 from tams_app.vectors import Floats3
 
-_WRIST_VIEW = "eih"
 _BLOCK_COLOUR = (0.85, 0.15, 0.12)
 _CONTAINER_COLOUR = (0.20, 0.35, 0.75)
 
@@ -99,7 +98,7 @@ def scene_of_header(header: Header) -> Scene | None:
 
 
 def scene_of(config: Config) -> Scene:
-    """The known surroundings: of the rig everything, of a real place the arm alone."""
+    """The known surroundings: of the rig everything, of a real place what is measured."""
     limits, simulated = config.limits, config.rig.enabled
     figure = arm_kind(config.arm.model).figure()
     return Scene(
@@ -108,7 +107,7 @@ def scene_of(config: Config) -> Scene:
         tracking=Pose(np.zeros(3), Rotation.from_matrix(config.hand.rotation)),
         twist_lasts_s=config.arm.velocity_deadman_s,
         things=_things() if simulated else {},
-        lenses=_lenses(config, figure) if simulated else {},
+        lenses=known_lenses(config, figure),
     )
 
 
@@ -137,23 +136,3 @@ def _things() -> Mapping[str, tuple[Solid, ...]]:
 
 def _box(middle: Floats3, extent: Floats3, colour: Floats3) -> Solid:
     return Solid(SolidKind.BOX, Pose(np.array(middle), Rotation.identity()), extent, colour)
-
-
-def _lenses(config: Config, figure: ArmFigure | None) -> Mapping[str, Lens]:
-    """Of the rig's cameras, which are known exactly; the wrist's needs the flange it moves with."""
-    size = (config.video.width, config.video.height)
-    lenses = {
-        view: Lens.ideal(
-            "base",
-            Pose(np.array(one.place), Rotation.from_matrix(one.axes())),
-            one.fovy_deg,
-            *size,
-        )
-        for view, one in FIXED_VIEWPOINTS.items()
-        if view in config.video.views
-    }
-    if figure is not None and _WRIST_VIEW in config.video.views:
-        wrist = WRIST_VIEWPOINT
-        pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))
-        lenses[_WRIST_VIEW] = Lens.ideal(figure.flange, pose, wrist.fovy_deg, *size)
-    return lenses

@@ -275,17 +275,39 @@ def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch
     assert "gir1.2-gtk-4.0" in finding.fix
 
 
-def test_a_camera_on_the_arm_that_was_not_measured_is_told_where_it_is_to_be_predicted() -> None:
-    rig = load_config(None, {"view.predict": "eih"})
-    (found,) = checks.predictive_display(rig)
-    assert found.ok
-    assert found.detail == "eih"
-    real = rig.model_copy(update={"rig": rig.rig.model_copy(update={"enabled": False})})
-    (found,) = checks.predictive_display(real)
-    assert not found.ok
-    assert not found.essential
-    assert "as received" in found.fix
+def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_what_is_missing() -> (
+    None
+):
     assert not list(checks.predictive_display(load_config(None, {})))
+    rig = load_config(None, {"view.predict": "eih"})
+    found = list(checks.predictive_display(rig))
+    assert [(one.ok, one.detail) for one in found] == [(True, "exact, of the simulated rig")] * 3
+    lens = {"width": 640, "height": 480, "fx": 700.0, "fy": 700.0, "cx": 320.0, "cy": 240.0}
+    mount = {"on": "arm", "position_mm": [0, 0, 20], "rotation_vector_rad": [0, 0, 0]}
+    real = load_config(
+        None,
+        {
+            "rig.enabled": False,
+            "cameras.eih": {
+                "name": "a",
+                "lens": lens | {"error_px": 0.21, "measured": "2026-11-26"},
+                "mount": mount | {"error_px": 1.4},
+            },
+            "cameras.gt": {"name": "b", "lens": lens | {"error_px": 0.3}},
+            "cameras.gs": {"name": "c"},
+        },
+    )
+    eih, gt, gs = checks.predictive_display(real)  # also where no view is to be predicted yet
+    assert eih.ok
+    assert eih.detail == "lens within 0.21 px (2026-11-26), mount within 1.4 px"
+    for finding, reason in (
+        (gt, "where it is was not measured"),
+        (gs, "its lens was not measured"),
+    ):
+        assert not finding.ok
+        assert not finding.essential
+        assert finding.detail == reason
+        assert finding.fix.startswith("it is shown as received; to measure it: run_tams.py calib")
 
 
 def test_netem_is_found_where_it_can_be_loaded(tmp_path: Path) -> None:
