@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 from collections.abc import Callable
 from dataclasses import MISSING, fields
-from typing import Any, TypeVar, get_type_hints
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
@@ -52,7 +53,7 @@ def _command(
 
 @_command(CameraOptions)
 def cameras(options: CameraOptions) -> int:
-    """Which camera is which, focus, light, frame rate; and their latency if wanted."""
+    """Which camera is which, focus, light, frame rate; and latency, lens and mount if wanted."""
     from calibration.cameras.wizard import CameraWizard
     from calibration.ui import WizardUI
 
@@ -84,6 +85,22 @@ def weights(options: WeightOptions) -> int:
     from calibration.weights.wizard import WeightWizard
 
     return WeightWizard(WizardUI(), options).run()
+
+
+@app.command()
+def board(
+    file: Annotated[Path, typer.Argument(help="Where the page is written, PDF.")] = Path(
+        "board.pdf"
+    ),
+) -> None:
+    """Write the board for `cameras --only lens,mount` as an A4 page to print at 100 %."""
+    from calibration.cameras.board import print_board
+
+    print_board(file)
+    typer.echo(
+        f"Written: {file}\nPrint it at 100 %, glue it onto something flat, measure a square of it, "
+        "and give that as --square-mm."
+    )
 
 
 @app.command()

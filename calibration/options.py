@@ -40,9 +40,14 @@ class CameraOptions(WizardOptions):
     only: Annotated[
         str,
         typer.Option(
-            help="Steps: which,focus,exposure,rate (default), latency.", show_default=False
+            help="Steps: which,focus,exposure,rate (default), latency; with a board: lens, mount.",
+            show_default=False,
         ),
     ] = ""
+    square_mm: Annotated[
+        float,
+        typer.Option(min=5, max=200, help="lens, mount: a square of the printed board, measured."),
+    ] = 36.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from calibration.cameras.flashes import Flashes
 from calibration.ui import WizardUI
 from hw.sim.operator.at_cameras import Task
 from tams_app.config import CameraConfig
-from tams_app.records import Frame
+from tams_app.records import Frame, Vector
 
 _CHUNK_S = 0.5
+
+Arm: TypeAlias = Callable[[], Vector | None]
+"""Tells the arm's newest joints [rad], shape (6,); None: nothing was heard of it lately."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +46,8 @@ class Bench(Protocol):
     source: str  # where it all comes from, for the calibration's provenance
     attended: bool
     fps: int
-    width: int
+    width: int  # of the pictures
+    height: int
 
     @property
     def cameras(self) -> Sequence[str]:
@@ -77,6 +81,9 @@ class Bench(Protocol):
 
     def screen(self) -> AbstractContextManager[Flashes]:
         """Let a screen flash; SetupError where there is no display."""
+
+    def arm(self) -> AbstractContextManager[Arm]:
+        """Listen to the arm, which nothing here moves; DeviceError if it does not report."""
 
     def close(self) -> None:
         """Let go of all cameras; may be called twice."""

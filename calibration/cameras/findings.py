@@ -21,6 +21,8 @@ from calibration.cameras.image_quality import (
     measure_exposure,
     sharpness,
 )
+from calibration.cameras.lens_fit import LensFit
+from calibration.cameras.mount_fit import MountFit
 from calibration.cameras.timing import FEWEST_FRAMES, Rate, measure_rate, rate_advice
 from calibration.ui import WizardUI
 from tams_app.errors import UnreadableLogError
@@ -42,6 +44,8 @@ class Findings:
     rate: Rate | None = None
     settings: Settings | None = None  # accepted, to be written
     latency: Latency | None = None
+    lens: LensFit | None = None
+    mount: MountFit | None = None
     advice: list[str] = field(default_factory=list)
 
     def quality(self) -> dict[str, Any]:
@@ -60,6 +64,14 @@ class Findings:
         if self.latency is not None:
             kept["latency_ms"] = _number(self.latency.ms)
             kept["latency_error_ms"] = _number(self.latency.error_ms)
+        if (lens := self.lens) is not None:
+            kept["lens_error_px"] = _number(lens.error_px)
+            kept |= {"lens_focal_error": _number(lens.focal_error), "lens_views": lens.views}
+        if (mount := self.mount) is not None:
+            kept["mount_error_px"] = _number(mount.error_px)
+            kept["mount_position_sd_mm"] = _number(mount.position_sd_mm)
+            kept["mount_rotation_sd_deg"] = _number(mount.rotation_sd_deg)
+            kept["mount_views"] = mount.views
         if self.advice:
             kept["advice"] = list(self.advice)
         return kept
@@ -82,6 +94,10 @@ class Findings:
             )
         if self.latency is not None:
             lines.append(f"latency {self.latency.ms:.0f} ± {self.latency.error_ms:.0f} ms")
+        if self.lens is not None:
+            lines.append(f"lens {self.lens.lens.fx:.0f} px, within {self.lens.error_px:.2f} px")
+        if self.mount is not None:
+            lines.append(f"mount within {self.mount.error_px:.1f} px")
         return lines
 
 

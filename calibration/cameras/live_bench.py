@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import pkgutil
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 
-from calibration.cameras.bench import Settings, Shot
+import numpy as np
+
+from calibration.cameras.bench import Arm, Settings, Shot
 from calibration.cameras.flashes import Flashes, flashing_window
+from hw.arm_report import ReportWatch
+from hw.arms import arm_kind
 from hw.gstreamer.camera import GstCamera
 from hw.sim.operator.at_cameras import Task
 from hw.v4l2.controls import (
@@ -18,12 +23,14 @@ from hw.v4l2.controls import (
 )
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
 from hw.v4l2.source import V4l2Source
-from tams_app.config import CameraConfig, VideoConfig
+from tams_app.config import ArmConfig, CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
+from tams_app.records import Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _POLL_NS = 2 * NS_PER_MS
+_SILENT_NS = 500 * NS_PER_MS
 _BY_PATH = "/v4l/by-path/"
 _CHOSEN_BY_ITSELF = (EXPOSURE_ABSOLUTE, WHITE_BALANCE_TEMPERATURE)
 
@@ -47,8 +54,11 @@ class LiveBench:
         video: VideoConfig,
         clock: Clock,
         find: Callable[[], list[CameraInfo]] = list_cameras,
+        watch: Callable[[], ReportWatch] | None = None,
     ) -> None:
-        self.fps, self.width = video.fps, video.width
+        """`watch`: makes what listens to the arm, which the step `mount` needs."""
+        self._watch = watch
+        self.fps, self.width, self.height = video.fps, video.width, video.height
         self._video, self._clock, self._find = video, clock, find
         self._plugged: dict[str, _Plugged] = {}
         self._refused: list[str] = []
@@ -125,6 +135,16 @@ class LiveBench:
     def screen(self) -> AbstractContextManager[Flashes]:
         return flashing_window(self._clock)
 
+    @contextmanager
+    def arm(self) -> Iterator[Arm]:
+        assert self._watch is not None, "asked for a mount, the wizard gives it"
+        watch = self._watch()
+        watch.start()
+        try:
+            yield _Heard(watch, self._clock)
+        finally:
+            watch.close()
+
     def close(self) -> None:
         for plugged in self._plugged.values():
             plugged.camera.close()
@@ -142,6 +162,32 @@ class LiveBench:
         camera = GstCamera(name, source, self._video, self._clock, lambda _level, _text: None)
         camera.start()
         return camera
+
+
+class _Heard:
+    """The newest joints, until nothing was heard for half a second."""
+
+    def __init__(self, watch: ReportWatch, clock: Clock) -> None:
+        self._watch, self._clock = watch, clock
+        self._joints: Vector | None = None
+        self._heard_ns = clock.now_ns()
+
+    def __call__(self) -> Vector | None:
+        now_ns = self._clock.now_ns()
+        report = self._watch.newest(now_ns)
+        if report is not None:
+            self._joints, self._heard_ns = np.array(report.joints), now_ns
+        elif now_ns - self._heard_ns > _SILENT_NS:
+            self._joints = None
+        return self._joints
+
+
+def watch_of(config: ArmConfig) -> ReportWatch:
+    """What listens to the configured arm's reports, not connected yet."""
+    watch: ReportWatch = pkgutil.resolve_name(arm_kind(config.model).report_watch)(
+        config.host, config.report_port
+    )
+    return watch
 
 
 def bind(info: CameraInfo, found: Sequence[CameraInfo], video: VideoConfig) -> CameraConfig:

@@ -4,28 +4,34 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 
-from calibration.cameras.bench import Settings, Shot
+from calibration.cameras.bench import Arm, Settings, Shot
+from calibration.cameras.board import Board
 from calibration.cameras.flashes import Flashes
+from calibration.cameras.simulated_board import BoardPainter, BoardPerson
+from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
-from hw.sim.operator.at_cameras import CameraPerson, Task
+from hw.sim.operator.at_cameras import BOARD_TASKS, CameraPerson, Task
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera_images import SensorNoise
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
-from tams_app.records import Frame, Image
+from tams_app.records import NO_DISTORTION, Frame, Image, Lens, Vector
 from tams_app.runtime.clock import VirtualClock
+from tams_app.session.lenses import rig_lens
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-_SEED = 0xCA3
+_SEED, _BOARD_SEED = 0xCA3, 0xB0A
 _RATE_PPM = 100.0  # by which crystals differ
 _JITTER_MS = 0.3
+Distortion: TypeAlias = tuple[float, float, float, float, float]
 _DELIVERY_MS = (12.0, 2.0)  # at least, and the mean of what comes on top
 
 
@@ -47,9 +53,11 @@ class SimulatedBench:
     source = "the simulated rig and a simulated person"
     attended = False
 
-    def __init__(self, config: Config, seed: int) -> None:
-        """SetupError without off-screen OpenGL."""
-        self.fps, self.width = config.video.fps, WIDTH_PX
+    def __init__(
+        self, config: Config, seed: int, distortion: Mapping[str, Distortion] | None = None
+    ) -> None:
+        """`distortion`: by view, of cameras that shall distort. SetupError without OpenGL."""
+        self.fps, self.width, self.height = config.video.fps, WIDTH_PX, HEIGHT_PX
         self._clock = VirtualClock()
         self._random = np.random.default_rng([_SEED, seed])
         self.truth = _draw_truth(config.video.views, self._random, self.fps)
@@ -61,6 +69,8 @@ class SimulatedBench:
         }
         self._person = CameraPerson({one.view: one.sharpest_px for one in self.truth.values()})
         self._flashes: Flashes | None = None
+        self._setup = _Setup(config, seed, distortion or {})
+        self._has_board = False
         self.refused: Sequence[str] = ()
 
     @property
@@ -80,12 +90,26 @@ class SimulatedBench:
         found = [name for name in self.truth if self.binding(name)["serial"] == config.serial]
         return found[0] if found else ""
 
+    @property
+    def lenses(self) -> Mapping[str, Lens]:
+        """How the cameras truly see and where they are, to check the wizard against."""
+        return self._setup.lenses
+
     def prompt(self, task: Task, view: str) -> None:
-        self._person.ask(task, view, self._clock.now_ns())
+        now_ns = self._clock.now_ns()
+        self._person.ask(task, view, now_ns)
+        self._has_board = task in BOARD_TASKS
+        if self._has_board:
+            self._setup.person.ask(task, view, now_ns)
 
     @property
     def done(self) -> bool:
-        return self._person.finished(self._clock.now_ns())
+        person = self._setup.person if self._has_board else self._person
+        return person.finished(self._clock.now_ns())
+
+    @contextmanager
+    def arm(self) -> Iterator[Arm]:
+        yield lambda: self._setup.person.joints(self._clock.now_ns())
 
     def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
         start_ns = self._clock.now_ns()
@@ -122,13 +146,16 @@ class SimulatedBench:
             self._flashes = None
 
     def close(self) -> None:
-        """Nothing is held."""
+        self._setup.close()
 
     def _shot(self, name: str, index: int, start_ns: int) -> Shot:
         truth = self.truth[name]
         end_ns = start_ns + round(truth.exposure_ms * NS_PER_MS)
         lit = None if self._flashes is None else self._flashes.lit_share(start_ns, end_ns)
-        image = self._person.seen(truth.view, self._scenes[truth.view], start_ns, end_ns, lit)
+        scene = self._scenes[truth.view]
+        if self._has_board:
+            scene = self._setup.seen(truth.view, scene, start_ns)
+        image = self._person.seen(truth.view, scene, start_ns, end_ns, lit)
         self._noise[name].apply(image, index)
         jitter_ms = float(self._random.normal(0, _JITTER_MS))
         capture_ns = (start_ns + end_ns) // 2 + round((truth.latency_ms + jitter_ms) * NS_PER_MS)
@@ -136,6 +163,57 @@ class SimulatedBench:
         late_ms = least_ms + float(self._random.exponential(mean_ms))
         frame = Frame(name, index, capture_ns, image)
         return Shot(name, frame, capture_ns + round(late_ms * NS_PER_MS))
+
+
+class _Setup:
+    """The cameras as they are, with the board and the arm that the person moves."""
+
+    def __init__(self, config: Config, seed: int, distortion: Mapping[str, Distortion]) -> None:
+        kind = arm_kind(config.arm.model)
+        figure = kind.figure()
+        assert figure is not None, "the rig's arm has one"
+        size = (WIDTH_PX, HEIGHT_PX)
+        ideal = {view: rig_lens(view, figure, size) for view in config.video.views}
+        self._ideal = {view: lens for view, lens in ideal.items() if lens is not None}
+        self.lenses = {
+            view: replace(lens, distortion=distortion.get(view, NO_DISTORTION))
+            for view, lens in self._ideal.items()
+        }
+        self._ready = np.radians(config.arm.ready_joints_deg)
+        random = np.random.default_rng([_BOARD_SEED, seed])
+        self.person = BoardPerson(self.lenses, figure, self._ready, random)
+        self._board, self._painters = Board(), dict[str, BoardPainter]()
+        self._layout = draw_layout(seed)
+        self._renderer: SceneRenderer | None = None
+        self._last: dict[str, tuple[bytes, Image]] = {}  # by view: what was seen where
+
+    def seen(self, view: str, at_rest: Image, now_ns: int) -> Image:
+        """What a camera sees now; the same array as long as nothing moves."""
+        if view not in self._painters:
+            self._painters[view] = BoardPainter(self.lenses[view], self._ideal[view])
+        painter, joints = self._painters[view], self.person.joints(now_ns)
+        board = self.person.board(view, now_ns)
+        placed = () if board is None else (*board.position, *board.rotation)
+        what = np.array([*joints, *placed]).tobytes()
+        known = self._last.get(view)
+        if known is None or known[0] != what:
+            is_ready = np.array_equal(joints, self._ready)
+            image = painter.scene(at_rest if is_ready else self._rendered(view, joints))
+            if board is not None:
+                image = painter.paint(image, self._board, board, self.person.hidden(view, now_ns))
+            known = self._last[view] = what, image
+        return known[1]
+
+    def close(self) -> None:
+        """Let go of the renderer, if there is one."""
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
+
+    def _rendered(self, view: str, joints: Vector) -> Image:
+        if self._renderer is None:
+            self._renderer = SceneRenderer(self._layout)
+        return self._renderer.render(view, World(self._layout, joints).qpos)
 
 
 def _draw_truth(

@@ -7,9 +7,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from calibration.cameras import image_steps
+import numpy as np
+
+from calibration.cameras import board_steps, image_steps
 from calibration.cameras.bench import Bench, agreed
 from calibration.cameras.binding import bind_views
+from calibration.cameras.board import Board
+from calibration.cameras.board_steps import LENS, MOUNT
 from calibration.cameras.findings import Findings, draw_findings, findings_of_log
 from calibration.cameras.flashes import check_display
 from calibration.cameras.image_steps import EXPOSURE, FOCUS, RATE
@@ -17,13 +21,18 @@ from calibration.options import CameraOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard
-from tams_app.config import Config
-from tams_app.errors import ConfigError, SetupError
+from hw.arms import arm_kind
+from tams_app.config import Config, LensConfig
+from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.records import Lens, Pose
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
 
 KIND = "cameras"
 WHICH, LATENCY = "which", "latency"
 ALWAYS = (WHICH, FOCUS, EXPOSURE, RATE)
+STEPS = (*ALWAYS, LATENCY, LENS, MOUNT)  # in the order in which they are done
+_NOWHERE = Pose(np.zeros(3), Rotation.identity())
 _OFFER = "Measure the latency, with a screen that the cameras can be pointed at?"
 
 MakeBench = Callable[[Config, CameraOptions], Bench]
@@ -73,6 +82,9 @@ class CameraWizard(Wizard[CameraOptions]):
                 self.require_person()
             else:
                 self.ui.print("A simulated person does what is asked for here.")
+            if MOUNT in self._steps:
+                with bench.arm():
+                    pass  # one that does not report is told before anything is measured
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)
                 if WHICH in self._steps
@@ -113,6 +125,42 @@ class CameraWizard(Wizard[CameraOptions]):
                 image_steps.measure_latency(ui, bench, self._found)
             except SetupError as error:
                 ui.print(f"Left out: {error}.")
+        self._measure_with_board(bench)
+
+    def _measure_with_board(self, bench: Bench) -> None:
+        """Lenses and mounts; TamsError if they alone were asked for, and none was found."""
+        steps, ui, board = self._steps, self.ui, Board(self.options.square_mm)
+        if LENS in steps:
+            for each in self._found:
+                board_steps.measure_lens(ui, bench, board, each)
+        if MOUNT in steps:
+            figure = arm_kind(self.config.arm.model).figure()
+            lenses = self._lenses(bench)
+            try:
+                board_steps.measure_mounts(ui, bench, board, self._found, lenses, figure)
+            except SetupError as error:
+                ui.print(f"No mount: {error}.")
+        nothing = all(each.lens is None and each.mount is None for each in self._found)
+        if nothing and set(steps) <= {WHICH, LENS, MOUNT} and {LENS, MOUNT} & set(steps):
+            raise TamsError("no lens and no mount was found: nothing is written")
+
+    def _lenses(self, bench: Bench) -> dict[str, Lens]:
+        """By view, for the bench's pictures: measured now, else of the configuration."""
+        lenses = {}
+        for each in self._found:
+            lens = None if each.lens is None else each.lens.lens
+            before = self._lens_before(bench, each)
+            if lens is None and before is not None:
+                lens = before.at(_NOWHERE, "").scaled_to(bench.width, bench.height)
+            if lens is not None:
+                lenses[each.view] = lens
+        return lenses
+
+    def _lens_before(self, bench: Bench, found: Findings) -> LensConfig | None:
+        """What the configuration has of the same camera."""
+        before = self.config.cameras.get(found.view)
+        is_same = before is not None and bench.camera_of(before) == found.camera
+        return before.lens if before is not None and is_same else None
 
     def _bound(self, bench: Bench) -> dict[str, str]:
         """The cameras that the configuration names; ConfigError if one is not there."""
@@ -132,18 +180,34 @@ class CameraWizard(Wizard[CameraOptions]):
         """All keys of a view's camera that this kind of calibration knows.
 
         All of them each time: the new file replaces the old one. What was not measured now stays
-        as the configuration has it, the latency only if it is of the same camera.
+        as the configuration has it; latency, lens and mount only if they are of the same camera,
+        a mount only with the lens through which it was found.
         """
         before = self.config.cameras.get(found.view)
         keys: dict[str, Any] = dict(bench.binding(found.camera))
+        is_same = before is not None and bench.camera_of(before) == found.camera
         settings = found.settings or before
         if settings is not None:
             keys["exposure_us"] = settings.exposure_us
             keys["white_balance_k"] = settings.white_balance_k
         if found.latency is not None:
             keys["latency_ms"] = round(max(0.0, found.latency.ms), 1)
-        elif before is not None and bench.camera_of(before) == found.camera:
+        elif before is not None and is_same:
             keys["latency_ms"] = before.latency_ms
+        today = self.now().date()
+        lens = self._lens_before(bench, found)
+        mount = before.mount if before is not None and is_same else None
+        if found.lens is not None:
+            lens = board_steps.lens_section(found.lens, today)
+        if found.mount is not None:
+            mount = board_steps.mount_section(found.mount, found.view, today)
+        elif found.lens is not None:
+            mount = None  # it was found through another lens
+        for name, section in (("lens", lens), ("mount", mount)):
+            if section is not None:
+                keys[name] = section.model_dump(mode="json")
+            elif before is not None and getattr(before, name) is not None:
+                keys[name] = None  # over that of the configuration
         return keys
 
 
@@ -152,10 +216,9 @@ def chosen_steps(only: str) -> tuple[str, ...]:
     if not only:
         return ALWAYS
     names = tuple(name.strip() for name in only.split(","))
-    known = (*ALWAYS, LATENCY)
     for name in names:
-        if name not in known:
-            raise ConfigError(f"--only: {name!r} is none of {', '.join(known)}")
+        if name not in STEPS:
+            raise ConfigError(f"--only: {name!r} is none of {', '.join(STEPS)}")
     return names
 
 
@@ -164,8 +227,8 @@ def _bench(config: Config, options: CameraOptions) -> Bench:
         from calibration.cameras.simulated_bench import SimulatedBench  # only this needs MuJoCo
 
         return SimulatedBench(config, options.seed)
-    from calibration.cameras.live_bench import LiveBench
+    from calibration.cameras.live_bench import LiveBench, watch_of
 
     if LATENCY in chosen_steps(options.only):
         check_display()
-    return LiveBench(config.video, MonotonicClock())
+    return LiveBench(config.video, MonotonicClock(), watch=lambda: watch_of(config.arm))

@@ -60,6 +60,7 @@ def focal_length_px(fovy_deg: float, height_px: int) -> float:
 NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 _BEYOND = 1.2  # times the farthest corner: from there on the distortion grows no more
 _STEPS = 256
+_SAME_SHAPE = 0.005  # of the ratio of width to height
 _ITERATIONS, _EXACT = 20, 1e-10
 
 
@@ -103,8 +104,10 @@ class Lens:
         """Camera matrix, shape (3, 3), whose pixels have whole numbers in their middle."""
         return np.array([(self.fx, 0.0, self.cx), (0.0, self.fy, self.cy), (0.0, 0.0, 1.0)])
 
-    def scaled(self, width: int, height: int) -> Lens:
-        """The same lens for a picture of another size, of which it fills all."""
+    def scaled_to(self, width: int, height: int) -> Lens | None:
+        """The same lens for pictures of another size; None for those of another shape."""
+        if abs(self.width * height / (self.height * width) - 1.0) > _SAME_SHAPE:
+            return None
         along, down = width / self.width, height / self.height
         return replace(
             self,

@@ -17,7 +17,6 @@ from tams_app.rotation import Rotation
 WRIST_VIEW = "eih"
 BASE = "base"
 MEASURE = "run_tams.py calibrate cameras --only lens,mount"
-_SAME_SHAPE = 0.005  # of the ratio of width to height
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +48,7 @@ def _known(config: Config, view: str, figure: ArmFigure | None) -> Known:
         return Known(None, "its lens was not measured")
     if view == WRIST_VIEW and figure is None:
         return Known(None, "where the arm's flange is is not known")
-    lens = _of_the_rig(config, view, figure)
+    lens = rig_lens(view, figure, (config.video.width, config.video.height))
     return Known(lens, "exact, of the simulated rig" if lens else "the rig has no such camera")
 
 
@@ -60,27 +59,29 @@ def _measured(config: Config, camera: CameraConfig, figure: ArmFigure | None) ->
         return Known(None, "where it is was not measured")
     if mount.on == "arm" and figure is None:
         return Known(None, "where the arm's flange is is not known")
-    shape = (lens.width / lens.height) / (video.width / video.height)
-    if abs(shape - 1.0) > _SAME_SHAPE:
+    parent = BASE if mount.on == "base" or figure is None else figure.flange
+    scaled = lens.at(mount.pose, parent).scaled_to(video.width, video.height)
+    if scaled is None:
         return Known(
             None,
             f"its lens was measured in pictures of {lens.width}x{lens.height}, and the video is "
             f"{video.width}x{video.height}, of another shape",
         )
-    parent = BASE if mount.on == "base" or figure is None else figure.flange
     words = f"lens {_bound(lens.error_px, lens.measured)}, mount " + _bound(
         mount.error_px, mount.measured
     )
-    return Known(lens.at(mount.pose, parent).scaled(video.width, video.height), words)
+    return Known(scaled, words)
 
 
 def _bound(error_px: float, measured: date | None) -> str:
     return f"within {error_px:.2g} px" + (f" ({measured})" if measured else "")
 
 
-def _of_the_rig(config: Config, view: str, figure: ArmFigure | None) -> Lens | None:
-    """Of the rig's cameras, which are known exactly; the wrist's needs the flange it moves with."""
-    size = (config.video.width, config.video.height)
+def rig_lens(view: str, figure: ArmFigure | None, size: tuple[int, int]) -> Lens | None:
+    """Of a camera of the rig, exactly; None: it has none, or no flange that the camera is on.
+
+    `size`: width and height of the picture [px].
+    """
     if view == WRIST_VIEW and figure is not None:
         wrist = WRIST_VIEWPOINT
         pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))

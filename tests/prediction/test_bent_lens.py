@@ -75,9 +75,12 @@ def test_a_lens_that_turns_back_within_its_picture_is_told_from_one_that_does_no
 
 @given(bent, st.floats(0.2, 3.0), within(0.3))
 def test_a_smaller_picture_shows_the_same_point_at_the_same_share_of_it(lens, scale, place):
-    width, height = round(640 * scale / 4) * 4, round(640 * scale / 4) * 3
+    width, height = round(160 * scale) * 4, round(160 * scale) * 3
     slopes = np.array([(place[0], place[1])])
-    small = lens.scaled(width, height).pixels(slopes) + 0.5
+    scaled = lens.scaled_to(width, height)
+    assert scaled is not None
+    assert lens.scaled_to(width, height * 3 // 4) is None
+    small = scaled.pixels(slopes) + 0.5
     large = lens.pixels(slopes) + 0.5
     assert small / (width, height) == pytest.approx(large / (640, 480), abs=1e-9)
 

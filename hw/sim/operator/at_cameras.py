@@ -25,6 +25,12 @@ class Task(Enum):
     WAVE = auto()  # a hand before one camera
     FOCUS = auto()  # turn its ring until the bar is highest
     SHOW_SCREEN = auto()  # point it at the screen that flashes
+    SHOW_BOARD = auto()  # hold the board before one camera, from many sides
+    MOVE_ARM = auto()  # the board lies still, the arm goes to many poses
+    MOVE_BOARD = auto()  # the board goes to another place
+
+
+BOARD_TASKS = (Task.SHOW_BOARD, Task.MOVE_ARM, Task.MOVE_BOARD)
 
 
 class CameraPerson:
@@ -34,12 +40,15 @@ class CameraPerson:
         """By view: the blur that is left when the ring stands right."""
         self._sharpest_px = sharpest_px
         self._blur_px = dict.fromkeys(sharpest_px, _START_BLUR_PX)
-        self._behind: dict[str, tuple[float, Image]] = {}  # by view: blur and the blurred scene
+        # by view: blur, scene, and the scene blurred
+        self._behind: dict[str, tuple[float, Image, Image]] = {}
         self._task, self._view, self._since_ns = Task.REST, "", 0
 
     def ask(self, task: Task, view: str, now_ns: int) -> None:
         """Begin to do it for `view`, "" for all."""
         self._task, self._view, self._since_ns = task, view, now_ns
+        if task in BOARD_TASKS:  # for which nobody leaves a camera out of focus
+            self._blur_px |= self._sharpest_px
 
     def finished(self, now_ns: int) -> bool:
         """Whether what was asked is done; what has no end of its own never is."""
@@ -67,11 +76,11 @@ class CameraPerson:
 
     def _blurred(self, view: str, scene: Image) -> Image:
         """A new image of the scene, as sharp as the ring stands."""
-        blur_px = self._blur_px[view]
-        if view not in self._behind or self._behind[view][0] != blur_px:
+        blur_px, known = self._blur_px[view], self._behind.get(view)
+        if known is None or known[0] != blur_px or known[1] is not scene:
             blurred = scene if blur_px < 0.3 else cv2.GaussianBlur(scene, (0, 0), blur_px)
-            self._behind[view] = blur_px, np.asarray(blurred, np.uint8)
-        return self._behind[view][1].copy()
+            known = self._behind[view] = blur_px, scene, np.asarray(blurred, np.uint8)
+        return known[2].copy()
 
     def _ring(self, view: str, after_s: float) -> float:
         """Turned through the best place to the other end, and back to where the bar was highest."""

@@ -1,0 +1,229 @@
+"""The steps with the board: the lens of each camera, and where each is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+
+from rich.text import Text
+
+from calibration.cameras.bench import Arm, Bench, agreed, until_done
+from calibration.cameras.board import Board
+from calibration.cameras.findings import Findings
+from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
+from calibration.cameras.mount_fit import (
+    HandEye,
+    MountFit,
+    NoMountError,
+    Placed,
+    fit_fixed,
+    fit_hand_eye,
+)
+from calibration.cameras.taking import WANTED_VIEWS, ViewTaker
+from calibration.cameras.watching import Place, Watcher
+from calibration.ui import WizardUI
+from hw.sim.operator.at_cameras import Task
+from tams_app.config import LensConfig, MountConfig
+from tams_app.errors import SetupError
+from tams_app.records import ArmFigure, Lens, Pose
+from tams_app.session.lenses import WRIST_VIEW
+
+LENS, MOUNT = "lens", "mount"
+WANTED_POSES, WANTED_PLACES = 16, 5
+_EVERY = 5  # frames: corners cost tens of milliseconds each
+_SHOWING_S = 300.0
+_MOST_PLACES = 8  # that a simulated person tries
+
+
+def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> None:
+    """The lens of one camera, from views of the board; one that cannot be told is left out."""
+    view = found.view.upper()
+    while True:
+        ui.print(
+            f"{view}: show it the board from {WANTED_VIEWS} sides: so near that it fills half of "
+            "the picture, in all corners of the picture, tilted to all sides by some 30°. Hold it "
+            "still each time; it is taken by itself. Enter ends it."
+        )
+        bench.prompt(Task.SHOW_BOARD, found.view)
+        try:
+            found.lens = _lens(ui, bench, board, found)
+        except NoLensError as error:
+            ui.print(f"{view}: no lens: {error}.")
+            if not agreed(ui, bench, "Try again?"):
+                return
+        else:
+            ui.print(f"{view}: {lens_words(found.lens)}.")
+            return
+
+
+def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
+    taker: ViewTaker | None = None
+    for shot in until_done(ui, bench, [found.camera], _SHOWING_S, _EVERY):
+        height, width = shot.frame.image.shape[:2]
+        taker, found.image = taker or ViewTaker(width, height), shot.frame.image
+        said = taker.offer(board.find(shot.frame.image))
+        left = ", ".join(taker.open_edges) or "none"
+        ui.show(
+            Text(
+                f"{found.view.upper()} {len(taker.views)} of {WANTED_VIEWS} views; edges without "
+                f"corners: {left}; {said}"
+            )
+        )
+        if taker.is_complete:
+            break
+    if taker is None or not taker.views:
+        raise NoLensError("the board was not seen at rest: is it sharp, well lit, large enough?")
+    if len(taker.views) >= FEWEST_VIEWS and taker.open_edges:
+        raise NoLensError(
+            "no corner of the board came near these parts of the picture's edge: "
+            + ", ".join(taker.open_edges)
+        )
+    return fit_lens(taker.views, width, height)
+
+
+def measure_mounts(
+    ui: WizardUI,
+    bench: Bench,
+    board: Board,
+    views: Sequence[Findings],
+    lenses: Mapping[str, Lens],
+    figure: ArmFigure | None,
+) -> None:
+    """Where the cameras are: first of the one on the arm, and by it of the others.
+
+    `lenses`: by view; cameras without are left out. SetupError if the lens of the camera on the
+    arm, or the arm's flange, is not known.
+    """
+    if figure is None:
+        raise SetupError("of this kind of arm it is not known where its flange is")
+    if WRIST_VIEW not in lenses:
+        raise SetupError(
+            "where the cameras are is told by the arm and the camera on it: measure the lens of "
+            f"{WRIST_VIEW.upper()} as well, with --only lens,mount"
+        )
+    for each in views:
+        if each.view not in lenses:
+            ui.print(f"{each.view.upper()}: left out, for its lens was not measured.")
+    known = {each.view: each for each in views if each.view in lenses}
+    cameras = {view: each.camera for view, each in known.items()}
+    with bench.arm() as arm:
+        watcher = Watcher(
+            ui, bench, board, cameras, lenses, WRIST_VIEW, lambda: _flange(arm, figure)
+        )
+        hand_eye = _on_the_arm(ui, bench, watcher, lenses[WRIST_VIEW])
+        if hand_eye is None:
+            return
+        wrist = known.pop(WRIST_VIEW)
+        wrist.mount = hand_eye.mount
+        if known:
+            _beside_it(ui, bench, watcher, known, lenses, hand_eye)
+
+
+def _on_the_arm(ui: WizardUI, bench: Bench, watcher: Watcher, lens: Lens) -> HandEye | None:
+    view = WRIST_VIEW.upper()
+    while True:
+        ui.print(
+            f"{view}: lay the board on the table, propped up towards the other cameras, and leave "
+            f"it there. Move the arm, by hand or by its own program, to {WANTED_POSES} poses from "
+            f"which {view} sees the board: from all sides, turned about the camera's axis by 30° "
+            "and more, and tilted. Let it rest each time; it is taken by itself. Enter ends it."
+        )
+        bench.prompt(Task.MOVE_ARM, WRIST_VIEW)
+        try:
+            found = fit_hand_eye(lens, watcher.poses(WANTED_POSES))
+        except NoMountError as error:
+            ui.print(f"{view}: no mount: {error}.")
+            if not agreed(ui, bench, "Try again?"):
+                return None
+        else:
+            ui.print(f"{view}: {mount_words(found.mount)}.")
+            return found
+
+
+def _beside_it(
+    ui: WizardUI,
+    bench: Bench,
+    watcher: Watcher,
+    views: Mapping[str, Findings],
+    lenses: Mapping[str, Lens],
+    hand_eye: HandEye,
+) -> None:
+    names, wrist = ", ".join(view.upper() for view in views), WRIST_VIEW.upper()
+    ui.print(
+        f"{names}: put the board at {WANTED_PLACES - 1} other places, tilted otherwise each time, "
+        f"where {wrist} and all of them see it, and let board and arm rest. Enter takes a place "
+        "that not all of them see; Enter where none does ends it."
+    )
+    places = [watcher.first_place(hand_eye.board)]
+    for _ in range(_MOST_PLACES):
+        bench.prompt(Task.MOVE_BOARD, "")
+        place = watcher.next_place(hand_eye.mount.pose, [board for board, _ in places])
+        if place is not None:
+            places.append(place)
+            ui.print(f"Place {len(places)} of {WANTED_PLACES}: seen by {_names(place[1])}.")
+        if len(places) == WANTED_PLACES or (place is None and bench.attended):
+            break
+    for view, found in views.items():
+        try:
+            found.mount = fit_fixed(lenses[view], _seen_by(view, places))
+        except NoMountError as error:
+            ui.print(f"{view.upper()}: no mount: {error}.")
+        else:
+            ui.print(f"{view.upper()}: {mount_words(found.mount)}.")
+
+
+def _seen_by(view: str, places: Sequence[Place]) -> list[Placed]:
+    return [
+        Placed(board.position + board.rotation.apply(seen[view].points), seen[view])
+        for board, seen in places
+        if view in seen
+    ]
+
+
+def _names(views: Mapping[str, object]) -> str:
+    return ", ".join(view.upper() for view in views)
+
+
+def _flange(arm: Arm, figure: ArmFigure) -> Pose | None:
+    joints = arm()
+    return None if joints is None else figure.place(joints)[figure.flange]
+
+
+def lens_words(fit: LensFit) -> str:
+    """What was found, with its error."""
+    bent = "distorted" if fit.lens.is_distorted else "without distortion"
+    return (
+        f"focal length {fit.lens.fx:.1f} px (± {fit.focal_error:.2%}), {bent}; in views that it "
+        f"was not fitted to the corners are within {fit.error_px:.2f} px (rms); {fit.views} views"
+    )
+
+
+def mount_words(fit: MountFit) -> str:
+    """What was found, with its error."""
+    x, y, z = (fit.pose.position * 1000.0).tolist()
+    return (
+        f"at ({x:.1f}, {y:.1f}, {z:.1f}) mm (± {fit.position_sd_mm:.1f} mm, "
+        f"{fit.rotation_sd_deg:.2f}°); where it was not fitted to it predicts the corners within "
+        f"{fit.error_px:.1f} px (rms); {fit.views} views"
+    )
+
+
+def lens_section(fit: LensFit, today: date) -> LensConfig:
+    """For the configuration; rounded to what means anything."""
+    lens = fit.lens
+    fx, fy, cx, cy = (round(number, 3) for number in (lens.fx, lens.fy, lens.cx, lens.cy))
+    k1, k2, p1, p2, k3 = (float(f"{number:.6g}") for number in lens.distortion)
+    return LensConfig(
+        width=lens.width, height=lens.height, fx=fx, fy=fy, cx=cx, cy=cy,
+        distortion=(k1, k2, p1, p2, k3), error_px=round(fit.error_px, 3), measured=today,
+    )  # fmt: skip
+
+
+def mount_section(fit: MountFit, view: str, today: date) -> MountConfig:
+    """For the configuration, of the camera of `view`."""
+    x, y, z = (round(one, 3) for one in (fit.pose.position * 1000.0).tolist())
+    a, b, c = (round(one, 6) for one in fit.pose.rotation.as_rotvec())
+    return MountConfig(
+        on="arm" if view == WRIST_VIEW else "base", position_mm=(x, y, z),
+        rotation_vector_rad=(a, b, c), error_px=round(fit.error_px, 3), measured=today,
+    )  # fmt: skip
