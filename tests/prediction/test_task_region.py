@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -14,13 +16,13 @@ from tams_app.rotation import Rotation
 
 pytestmark = pytest.mark.untimed
 
-AHEAD = Lens("base", Pose(np.zeros(3), Rotation.identity()), 60.0, 640, 480)
+AHEAD = Lens.ideal("base", Pose(np.zeros(3), Rotation.identity()), 60.0, 640, 480)
 """Looks along z from the origin."""
 
 
 def turned(lens: Lens, turn: Rotation, moved: np.ndarray) -> Lens:
     pose = Pose(turn.apply(lens.pose.position) + moved, turn * lens.pose.rotation)
-    return Lens(lens.parent, pose, lens.fovy_deg, lens.width, lens.height)
+    return replace(lens, pose=pose)
 
 
 @given(
