@@ -159,12 +159,8 @@ class WristWarp:
         """
         self._lens, self._height_m = lens, height_m
         self._border, self._resampling = border_rays(lens), resampling_of(lens)
-        still = covered_by(tool, lens)
-        self._still = {False: still, True: still | covered_by(grip, lens)}
-        self._seen = {
-            closed: np.where(still, 0, 255).astype(np.uint8)
-            for closed, still in self._still.items()
-        }
+        fixed, held = (covered_by(each, lens) * np.uint8(255) for each in (tool, grip))
+        self._still = {False: fixed, True: fixed | held}
 
     def to_now(self, image: Image, then: Pose, now: Pose, closed: bool = False) -> Warped | None:
         """`image`, taken with the lens's parent at `then`, as seen from `now`; None: it cannot be.
@@ -179,8 +175,8 @@ class WristWarp:
             return None
         resample = self._resampling(change)
         warped = resample(image, cv2.INTER_LINEAR)
-        seen = resample(self._seen[closed], cv2.INTER_NEAREST).astype(bool)
-        unseen = ~(seen | still)
-        warped[unseen] = _UNSEEN
-        warped[still] = image[still]
-        return Warped(warped, float(unseen.mean()))
+        seen = resample(~still, cv2.INTER_NEAREST)
+        unseen = ~(seen | still)  # masks of 0 and 255, by which OpenCV copies at once
+        cv2.copyTo(np.full_like(image, _UNSEEN), unseen, warped)
+        cv2.copyTo(image, still, warped)
+        return Warped(warped, cv2.countNonZero(unseen) / unseen.size)
