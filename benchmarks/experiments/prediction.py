@@ -6,8 +6,7 @@ whom frame, state and samples are late: by the one-way latency, the frame by 45 
 state by 5 ms more. First, how far from the truth the arm's TCP is believed to be now: by the newest
 state, by that state extrapolated at its own speed, by the forward model. Then the similarity (SSIM)
 of the frame to the one that the camera takes now: as it is, and warped to each of those poses, and
-to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant,
-`--animation FILE` some seconds of motion.
+to the true one. Frames are free of coding and loss. `--picture FILE` draws one instant.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.experiments.prediction_instants import FRAME_MS, Recorded, instants
-from benchmarks.experiments.prediction_pictures import VIEW, Artist, animate
+from benchmarks.experiments.prediction_pictures import VIEW, Artist
 from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
 from hw.sim.world.scene_renderer import SceneRenderer
@@ -37,7 +36,6 @@ from tams_app.session.viewing import scene_of
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
 
 ONE_WAY_MS = (40.0, 100.0, 200.0, 400.0)
-_ANIMATED = 90  # instants
 BELIEFS = ("as received", "newest state", "extrapolated", "forward model", "true pose")
 
 
@@ -119,7 +117,6 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--picture", type=Path, help="of the last seed, at 100 ms one way")
-    parser.add_argument("--animation", type=Path, help="of the last seed, at 200 ms one way")
     options = parser.parse_args()
     config = load_config(overrides={"rig.enabled": True})
     console = Console()
@@ -141,14 +138,10 @@ def main() -> None:
         measure(config, trial, seed, found)
     console.print(errors_table(found))
     console.print(similarity_table(found))
-    if options.picture or options.animation:
+    if options.picture:
         artist = Artist(config, trial, seed)
-        if options.picture:
-            most = max(instants(config, trial, 100.0), key=artist.moved_m)
-            cv2.imwrite(str(options.picture), artist.draw(most))
-        if options.animation:
-            each = list(instants(config, trial, 200.0, each_ticks=12))
-            animate(artist, each[:_ANIMATED], options.animation, 200.0)
+        most = max(instants(config, trial, 100.0), key=artist.moved_m)
+        cv2.imwrite(str(options.picture), artist.draw(most))
         artist.close()
     if options.json:
         told = {

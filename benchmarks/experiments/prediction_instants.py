@@ -46,10 +46,8 @@ class Instant:
     closed: bool  # the gripper, by the newest state
 
 
-def instants(
-    config: Config, trial: Recorded, one_way_ms: float, each_ticks: int = _EACH_TICKS
-) -> Iterator[Instant]:
-    """Some while the operator is engaged; by default each third of a second."""
+def instants(config: Config, trial: Recorded, one_way_ms: float) -> Iterator[Instant]:
+    """One each third of a second while the operator is engaged."""
     kind = arm_kind(config.arm.model)
     model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
     state_ns = round((one_way_ms + STATE_MS) * NS_PER_MS)
@@ -63,7 +61,7 @@ def instants(
             heard += 1
         forecast = model.at(now_ns)
         moves = tick.arming == ArmingState.ENGAGED and heard > _SPEED_OVER
-        if forecast is None or not moves or number % each_ticks:
+        if forecast is None or not moves or number % _EACH_TICKS:
             continue
         newest, before = states[heard - 1], states[heard - 1 - _SPEED_OVER]
         joints, then = _joints(newest), _joints(before)

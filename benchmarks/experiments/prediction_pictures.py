@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
-
-import cv2
 import numpy as np
 
 from benchmarks.experiments.prediction_instants import Instant, Recorded
@@ -18,7 +14,6 @@ from tams_app.records import Image
 from tams_app.session.viewing import scene_of
 
 VIEW = "eih"
-_FRAME_MS, _QUALITY = 100, 50  # of an animation
 
 
 class Artist:
@@ -52,21 +47,3 @@ class Artist:
 
     def close(self) -> None:
         self._renderer.close()
-
-
-def animate(artist: Artist, shown: Sequence[Instant], path: Path, one_way_ms: float) -> None:
-    """The instants as a looped WebP, in real time, each picture with its name."""
-    names = (f"as received, {one_way_ms:g} ms one way", "predicted from it", "the camera now")
-    frames = []
-    for instant in shown:
-        image = cv2.resize(artist.draw(instant), (3 * 320, 240), interpolation=cv2.INTER_AREA)
-        for place, name in enumerate(names):
-            at = (320 * place + 8, 230)
-            for colour, thickness in (((0, 0, 0), 3), ((255, 255, 255), 1)):
-                cv2.putText(image, name, at, cv2.FONT_HERSHEY_SIMPLEX, 0.5, colour, thickness,
-                            cv2.LINE_AA)  # fmt: skip
-        frames.append(image)
-    animation = cv2.Animation()
-    animation.frames = frames
-    animation.durations = np.full(len(frames), _FRAME_MS)
-    cv2.imwriteanimation(str(path), animation, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])
