@@ -129,6 +129,7 @@ KEYS: dict[str, Any] = {
         "error_deg": {"p50": 0.0, "p95": 0.0},
         "newest_state_mm": {"p50": 0.0, "p95": 0.0},
         "trusted_fraction": 1.0,
+        "camera_fits": True,
     },
     "operator": dict.fromkeys(("kind", "glances_per_s", "relied_on", "uncertainty_mm")),
     "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},

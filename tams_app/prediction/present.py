@@ -32,13 +32,14 @@ class AsReceived(StrEnum):
     UNKNOWN = "arm not known"
     UNSURE = "prediction off"
     HORIZON = "tilted too far"  # the camera sees more than the table
+    MISFIT = "calibration off"  # of the camera: its frames say so
 
 
 class Correction(StrEnum):
     """What was made of a frame, in the words of its view's title."""
 
     PREDICTED = "predicted"
-    OUTLINE = "outline: gripper now"
+    OUTLINE = "outline: now"
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +63,7 @@ class Believed:
     pose: Pose
     trusted: bool
     closed: bool
+    camera_fits: bool
 
 
 class MountTrail:
@@ -76,12 +78,12 @@ class MountTrail:
         """What is known from now on; the same place may be told again."""
         self.offset_ns = placed.offset_ns
         self._then.add(placed.then_ns, self._numbers(placed.then))
-        beside = (float(placed.trusted), float(placed.closed))
+        beside = [float(one) for one in (placed.trusted, placed.closed, placed.camera_fits)]
         self._now.add(placed.now_ns, np.append(self._numbers(placed.now), beside))
 
-    def then(self, t_ns: int) -> Pose | None:
-        """Where it was; None: not known."""
-        known = self._then.covers(t_ns, _BEYOND_NS)
+    def then(self, t_ns: int, beyond_ns: int = _BEYOND_NS) -> Pose | None:
+        """Where it was; None: not known. `beyond_ns`: the newest state may be older by so much."""
+        known = self._then.covers(t_ns, beyond_ns)
         return _pose(self._then.at(t_ns)) if known else None
 
     def now(self, now_ns: int) -> Believed | None:
@@ -89,7 +91,12 @@ class MountTrail:
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
         found = self._now.at(now_ns, _AHEAD_NS)
-        return Believed(_pose(found[:7]), bool(found[7] > 0.5), bool(found[8] > 0.5))
+        return Believed(_pose(found[:7]), *(bool(one > 0.5) for one in found[7:]))
+
+    @property
+    def closed(self) -> bool:
+        """Whether the gripper is, by the newest belief; IndexError before the first."""
+        return bool(self._now.newest[1][8] > 0.5)
 
     def _numbers(self, pose: Pose) -> Vector:
         """Position and quaternion: of the two of a rotation the one that is near the last one."""
@@ -111,9 +118,14 @@ class Present:
         model: ForwardModel,
         mount: Callable[[Vector], Pose],
         tell: Callable[[MountPrediction], None],
+        camera_fits: Callable[[], bool],
     ) -> None:
-        """`mount`: where joints put it; `tell` gets each belief."""
+        """`mount`: where joints put it; `tell` gets each belief.
+
+        `camera_fits`: whether the camera on the mount is where it should be, by its frames so far.
+        """
         self._model, self._mount, self._tell = model, mount, tell
+        self._camera_fits = camera_fits
         self._then: tuple[int, Pose, int, bool] | None = None
         self._sent_ns = 0
 
@@ -131,8 +143,8 @@ class Present:
             return
         then_ns, then, offset_ns, closed = self._then
         now = self._mount(forecast.joints)
-        trusted = forecast.is_trusted
-        self._tell(MountPrediction(then_ns, then, now_ns, now, trusted, offset_ns, closed))
+        believed = forecast.is_trusted, offset_ns, closed, self._camera_fits()
+        self._tell(MountPrediction(then_ns, then, now_ns, now, *believed))
 
     def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         """A state was received.
@@ -186,7 +198,24 @@ class WristView(CorrectedView):
         super().__init__(trail)
         self._warp = warp
 
+    def measured(self, t_ns: int) -> Pose | None:
+        """Where the mount was, by the states before and after; None: not known.
+
+        `t_ns`: on the clock of the captures.
+        """
+        return self._trail.then(t_ns, beyond_ns=0)
+
+    def between(self, image: Image, then: Pose, now: Pose) -> Image | None:
+        """`image`, taken with the mount at `then`, as seen from `now`; None: it cannot be.
+
+        The gripper is as it is by the newest belief, of which there must be one.
+        """
+        warped = self._warp.to_now(image, then, now, self._trail.closed)
+        return None if warped is None else warped.image
+
     def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
+        if not now.camera_fits:
+            return Shown(image, as_received=AsReceived.MISFIT)
         warped = self._warp.to_now(image, then, now.pose, now.closed)
         if warped is None:
             return Shown(image, as_received=AsReceived.HORIZON)

@@ -100,3 +100,6 @@ class MountPrediction(Record):
     trusted: Annotated[bool, "whether frames are corrected by it"] = True
     offset_ns: Annotated[int, "the clock of the captures minus that of the screen [ns]"] = 0
     closed: Annotated[bool, "whether the gripper is closed"] = False
+    camera_fits: Annotated[
+        bool, "whether the camera on the arm is where its calibration has it, by its frames so far"
+    ] = True

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from hw.arms import arm_kind
 from tams_app.config import Config
+from tams_app.prediction.camera_check import CameraCheck
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.forward_model import ForwardModel
 from tams_app.prediction.present import (
@@ -13,15 +14,17 @@ from tams_app.prediction.present import (
     CorrectedView,
     MountTrail,
     Present,
+    WristView,
 )
 from tams_app.recording.journal import Journal
-from tams_app.records import MountPrediction, Pose, Vector
+from tams_app.records import MountPrediction, Pose, ShownFrame, Vector
 from tams_app.robot.build import ready_pose
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
 from tams_app.session.lenses import MEASURE, WRIST_VIEW, known_cameras
 from tams_app.session.viewing import scene_of
+from tams_app.station.camera_watch import misfit
 from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.networks import resolve_network
 
@@ -63,23 +66,36 @@ def follow_states(
     if not _told(config, log, mount):
         return ()
     assert mount is not None
-    told = _logged(log, mount.put)
-    states = LateStates(present_of(config, told), resolve_network(config, config.network))
+    present = present_of(config, _logged(log, mount.put), lambda: mount.camera_fits)
+    states = LateStates(present, resolve_network(config, config.network))
     parts.run("prediction", lambda stop: states.run(stop, clock))
     return (states,)
 
 
 def predicted_trial(
     config: Config, log: Journal
-) -> tuple[tuple[LateStates, ...], dict[str, CorrectedView]]:
-    """The same in virtual time, and what shows the frames of the views that are corrected."""
+) -> tuple[tuple[LateStates, ...], dict[str, CorrectedView], Callable[[ShownFrame], None]]:
+    """The same in virtual time; by view, what shows its frames if they are corrected.
+
+    The last is to get each frame that reaches the screen.
+    """
     cameras, trail = predicted_cameras(config), MountTrail()
     if not cameras:
-        return (), {}
+        return (), {}, lambda _shown: None
     log.fact(PREDICTED_FACT, ",".join(cameras))
+    views: dict[str, CorrectedView] = {one: cameras[one].view(trail) for one in cameras}
+    checks = {view: CameraCheck(one) for view, one in views.items() if isinstance(one, WristView)}
+
+    def fits() -> bool:
+        return all(check.fits for check in checks.values())
+
+    def shown(frame: ShownFrame) -> None:
+        if frame.view in checks and checks[frame.view].shown(frame):
+            log.note("warning", misfit(frame.view))
+
     network = resolve_network(config, config.network)
-    states = LateStates(present_of(config, _logged(log, trail.add)), network, at_once=True)
-    return (states,), {view: camera.view(trail) for view, camera in cameras.items()}
+    present = present_of(config, _logged(log, trail.add), fits)
+    return (LateStates(present, network, at_once=True),), views, shown
 
 
 def linked_present(
@@ -95,7 +111,7 @@ def linked_present(
     if moves_by is None:
         log.note("warning", _NOT_KNOWN)
         return None
-    return present_of(moves_by, _logged(log, mount.put))
+    return present_of(moves_by, _logged(log, mount.put), lambda: mount.camera_fits)
 
 
 def _logged(
@@ -119,8 +135,13 @@ def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:
     return mount is not None
 
 
-def present_of(config: Config, tell: Callable[[MountPrediction], None]) -> Present:
-    """What follows the arm's flange for those cameras; `tell` gets where it is believed to be."""
+def present_of(
+    config: Config, tell: Callable[[MountPrediction], None], camera_fits: Callable[[], bool]
+) -> Present:
+    """What follows the arm's flange for those cameras; `tell` gets where it is believed to be.
+
+    `camera_fits`: as for `Present`.
+    """
     kind = arm_kind(config.arm.model)
     figure = kind.figure()
     assert figure is not None, "there are no such cameras without"
@@ -129,4 +150,4 @@ def present_of(config: Config, tell: Callable[[MountPrediction], None]) -> Prese
         return figure.place(joints)[figure.flange]
 
     model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
-    return Present(model, mount, tell)
+    return Present(model, mount, tell, camera_fits)

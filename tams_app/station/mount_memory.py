@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from tams_app.prediction.cameras import PredictedCamera, numbers7, pose7
-from tams_app.prediction.present import MountTrail, Shown
+from tams_app.prediction.present import MountTrail, Shown, WristView
 from tams_app.records import Image, MountPrediction
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -27,7 +27,7 @@ from tams_app.runtime.shared_ring import (
     remove_block,
 )
 
-_RECORD = struct.Struct("<qq7d7d?q?")  # times, poses then and now, trusted, offset, closed
+_RECORD = struct.Struct("<qq7d7d?q??")  # in the order of `MountPrediction`, the times first
 _SHAPE = RingShape(head_bytes=_RECORD.size, heads=1024)  # eight seconds
 
 
@@ -36,10 +36,12 @@ class MountMemory:
 
     `name` is what a reader's process opens it by, or `descriptor`, which it inherits, where the
     name is hidden already. `cameras`: by view, those whose frames are to be corrected.
+    `camera_fits`: whether the one on the arm is where it should be, as far as is known.
     """
 
     def __init__(self, cameras: Mapping[str, PredictedCamera]) -> None:
         self.cameras = cameras
+        self.camera_fits = True
         self.name = f"{new_block_name()}-mount"
         self._memory = create_block(self.name, _SHAPE.size)
         self.descriptor = open_descriptor(self.name)
@@ -56,6 +58,7 @@ class MountMemory:
                 placed.trusted,
                 placed.offset_ns,
                 placed.closed,
+                placed.camera_fits,
             )
         )
 
@@ -86,15 +89,23 @@ class PresentViews:
         self._ring = SharedRing(block, _SHAPE)
         self._next = 0
 
+    def on_arm(self, view: str) -> WristView:
+        """That of a camera on the arm; `read` before each use. TypeError for any other."""
+        found = self._views[view]
+        if not isinstance(found, WristView):
+            raise TypeError(f"{view} is not of a camera on the arm")
+        return found
+
     def __contains__(self, view: str) -> bool:
         return view in self._views
 
     def show(self, view: str, image: Image, capture_ns: int, now_ns: int) -> Shown:
         """As `WristView.show`; KeyError for a view that is not corrected."""
-        self._read()
+        self.read()
         return self._views[view].show(image, capture_ns, now_ns)
 
-    def _read(self) -> None:
+    def read(self) -> None:
+        """Take in what was put since."""
         written = self._ring.written()
         self._next = max(self._next, written - _SHAPE.heads + 1)  # the oldest may be half gone
         for number in range(self._next, written):
@@ -115,6 +126,6 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
 
 
 def _placed(head: bytes) -> MountPrediction:
-    then_ns, now_ns, *numbers, trusted, offset_ns, closed = _RECORD.unpack(head)
-    then, now = tuple(numbers[:7]), tuple(numbers[7:])
-    return MountPrediction(then_ns, pose7(then), now_ns, pose7(now), trusted, offset_ns, closed)
+    then_ns, now_ns, *numbers = _RECORD.unpack(head)
+    then, now, beside = tuple(numbers[:7]), tuple(numbers[7:14]), numbers[14:]
+    return MountPrediction(then_ns, pose7(then), now_ns, pose7(now), *beside)

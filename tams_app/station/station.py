@@ -17,6 +17,7 @@ from tams_app.recording.journal import Journal
 from tams_app.records import ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
+from tams_app.station.camera_watch import CameraWatch
 from tams_app.station.displays import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.receivers import Receivers
@@ -64,8 +65,10 @@ class Station:
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         parts.stack.callback(self.screen.close)
         self.mount = MountMemory(cameras) if cameras else None
+        self._camera_watch: CameraWatch | None = None
         if self.mount is not None:
             parts.stack.callback(self.mount.close)
+            self._camera_watch = CameraWatch(self.mount, log.note)
         self.keyboard: KeyboardController | None = None
         self._simulated: RigOperator | None = None
         self._receivers: Receivers | None = None
@@ -203,3 +206,5 @@ class Station:
         """In a thread for each view."""
         self._log.record(shown)
         self.screen.put(shown.view, shown.index, shown.shown_ns, shown.image, shown.capture_ns)
+        if self._camera_watch is not None:
+            self._camera_watch.shown(shown)

@@ -28,6 +28,7 @@ def prediction_errors(log: SessionLog) -> dict[str, Any]:
         "error_deg": percentiles(error_deg, _NAMES),
         "newest_state_mm": percentiles(newest_mm, _NAMES),
         "trusted_fraction": ratio(sum(one.trusted for one in told), len(told)),
+        "camera_fits": all(one.camera_fits for one in told) if told else None,
     }
 
 

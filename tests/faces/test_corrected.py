@@ -88,7 +88,7 @@ def test_a_fixed_view_gets_an_outline_until_it_has_caught_up_and_says_so(bench: 
     image = bench.corrected.newest("gs")
     assert image is not None
     assert (image != FRAME).any()
-    assert bench.corrected.words("gs") == " · outline: gripper now"
+    assert bench.corrected.words("gs") == " · outline: now"
     assert bench.corrected.moves("gs")
     bench.rest()
     assert (bench.corrected.newest("gs") == FRAME).all()

@@ -74,6 +74,26 @@ def test_a_frame_is_shown_as_received_while_predictions_are_wrong():
     assert show(trail_of(trusted=False)).as_received is AsReceived.UNSURE
 
 
+def test_a_frame_is_shown_as_received_where_the_camera_is_not_as_calibrated():
+    trail = MountTrail()
+    for step in range(40):
+        now_ns, fits = START_NS + step * PERIOD_NS, step < 20
+        trail.add(placed(now_ns, THEN, NOW, 100 * NS_PER_MS, camera_fits=fits))
+    assert show(trail, now_ns=START_NS + 10 * PERIOD_NS).as_received is None
+    assert show(trail).as_received is AsReceived.MISFIT
+
+
+def test_each_belief_says_whether_the_camera_is_as_calibrated():
+    told: list[MountPrediction] = []
+    fits = iter((True, False))
+    sides = Sides(way=0, back=0)
+    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: next(fits))
+    present.heard(ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0), way_ns=0)
+    for step in (2, 4):
+        present.sent(sides.hand.sample(START_NS, 0.0), START_NS + step * PERIOD_NS)
+    assert [one.camera_fits for one in told] == [True, False]
+
+
 def test_a_frame_is_shown_as_received_where_the_mount_is_not_known():
     assert show(MountTrail()).as_received is AsReceived.UNKNOWN
     late = trail_of(late_ns=200 * NS_PER_MS)
@@ -127,7 +147,7 @@ def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
 def test_each_second_sample_tells_where_the_mount_is_then_and_now():
     told: list[MountPrediction] = []
     sides = Sides(way=6, back=6)
-    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
     sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
     sides.engage()
     sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
@@ -147,7 +167,7 @@ def test_each_second_sample_tells_where_the_mount_is_then_and_now():
 def test_frames_may_be_captured_by_another_clock():
     told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
     state = ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0)
     present.heard(state, way_ns=0, offset_ns=5_000_000_000)
     present.sent(sides.hand.sample(START_NS, 0.0), START_NS + PERIOD_NS)
@@ -175,7 +195,7 @@ def test_a_state_that_is_older_than_the_last_moves_nothing():
     """Else a clock that was misjudged would leave an old prediction beside new places."""
     told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
     for t_ns in (START_NS, START_NS - PERIOD_NS):
         joints = READY_JOINTS + (START_NS - t_ns) * 1e-9
         present.heard(ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0), way_ns=0)
@@ -187,7 +207,7 @@ def test_a_state_that_is_older_than_the_last_moves_nothing():
 def test_nothing_is_told_before_the_first_state():
     told: list[MountPrediction] = []
     sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append)
+    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
     present.sent(sides.hand.sample(START_NS, 0.0), START_NS)
     assert told == []
 

@@ -33,15 +33,19 @@ def above(x: float, y: float, z: float, turn: Rotation = STRAIGHT) -> Pose:
     return Pose(np.array([x, y, z]), turn * LOOKS_DOWN)
 
 
-def picture(lens: Lens, flange: Pose) -> Image:
-    """A smooth pattern on the plane z = 0, BGR, as the camera on `flange` sees it."""
+def picture(lens: Lens, flange: Pose, finer: float = 1.0) -> Image:
+    """A smooth pattern on the plane z = 0, BGR, as the camera on `flange` sees it.
+
+    `finer`: how many times finer than waves of 16 and 11 cm.
+    """
     camera = mounted(flange, lens.pose)
     x, y = np.meshgrid(np.arange(lens.width), np.arange(lens.height))
     slopes = lens.slopes(np.stack((x, y), axis=-1).reshape(-1, 2).astype(float))
     rays = np.insert(slopes, 2, 1.0, axis=1).reshape(lens.height, lens.width, 3)
     rays = rays @ camera.rotation.as_matrix().T
     points = camera.position - rays * (camera.position[2] / rays[..., 2:])
-    wave = 127 + 60 * np.sin(40 * points[..., 0]) + 60 * np.cos(55 * points[..., 1])
+    x, y = finer * points[..., 0], finer * points[..., 1]
+    wave = 127 + 60 * np.sin(40 * x) + 60 * np.cos(55 * y)
     return np.repeat(wave[..., None], 3, axis=2).astype(np.uint8)
 
 

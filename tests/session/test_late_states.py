@@ -33,7 +33,7 @@ def told(network: Network) -> list[MountPrediction]:
     """Where the flange is believed to be, over that session."""
     log, config = recorded()
     found: list[MountPrediction] = []
-    states = LateStates(present_of(config, found.append), network)
+    states = LateStates(present_of(config, found.append, lambda: True), network)
     for tick in log.ticks:
         states.on_tick(tick)
         states.step()
@@ -68,7 +68,7 @@ def test_a_state_comes_as_late_as_the_network_makes_it_at_worst() -> None:
 def test_the_control_thread_hands_over_and_another_one_works() -> None:
     log, config = recorded()
     found: list[MountPrediction] = []
-    states = LateStates(present_of(config, found.append), Network())
+    states = LateStates(present_of(config, found.append, lambda: True), Network())
     for tick in log.ticks[:60]:
         states.on_tick(tick)
     assert found == []

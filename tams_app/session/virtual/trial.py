@@ -55,13 +55,14 @@ class VirtualTrial:
             records = virtual_records(config, folder, self._clock, wall_start_ns)
             self._log = stack.enter_context(records)
             scored = config.video.views if config.video.quality.enabled else ()
-            states, predicted = predicted_trial(config, self._log)
+            states, predicted, check = predicted_trial(config, self._log)
             lumas = {view: shows.luma for view, shows in predicted.items()}
             self._scores = scores = FrameScores(scored, self._log.record, lumas)
             looks = {view: shows.show for view, shows in predicted.items()}
 
             def shown(frame: ShownFrame) -> None:
                 scores.shown(frame)
+                check(frame)
                 watch(frame)
 
             if config.rig.operator.looks_at == "received":

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +15,7 @@ from tams_app.faces.client import FaceClient
 from tams_app.faces.messages import Beat, Event, Facts
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.faces.window.facts import FACTS
@@ -47,10 +50,9 @@ class WornHeadset:
         return max((beat.drawings for beat in self.events if isinstance(beat, Beat)), default=0)
 
 
-@pytest.fixture(scope="module")
-def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
-    """With the default configuration."""
-    folder = tmp_path_factory.mktemp("headset")
+@contextmanager
+def worn_headset(folder: Path, mount: MountMemory | None = None) -> Iterator[WornHeadset]:
+    """With the default configuration; `mount`: as for `FaceClient.open`."""
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
     video = config.video
     with (
@@ -61,7 +63,7 @@ def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
         block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         client = FaceClient(MonotonicClock(), FAKED)
         client.launch(folder, headset=HeadsetConfig().model_dump())
-        client.open(config, block, blind=False)
+        client.open(config, block, blind=False, mount=mount)
         with feeding(client) as feeder:
             worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
             hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
@@ -76,3 +78,9 @@ def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
                 hearing.join()
         client.close()
         block.close()
+
+
+@pytest.fixture(scope="module")
+def headset(tmp_path_factory: pytest.TempPathFactory) -> Iterator[WornHeadset]:
+    with worn_headset(tmp_path_factory.mktemp("headset")) as worn:
+        yield worn
