@@ -3,22 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from tams_app.config import load_config
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.present import AsReceived, Correction
 from tams_app.records import Lens, Pose, ShownFrame, Solid, SolidKind
+from tams_app.robot.session_records import SessionRecords
+from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.camera_watch import CameraWatch, misfit
+from tams_app.station.displays import Displays
 from tams_app.station.mount_memory import MountMemory, PresentViews
+from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.prediction.test_camera_check import FINER, LENS, to_and_fro, turned
 from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, picture, placed
+from tests.station.test_recorded_hand import Unkept
 
 pytestmark = pytest.mark.untimed
 
+WRONG = turned(0.0, 0.0, 90.0)
 FRAME_NS, LATE_NS = 100 * NS_PER_MS, 150 * NS_PER_MS
 FIXED = Lens("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 160, 120)
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.1, 0.1, 0.02), (0.0,) * 3)
@@ -58,7 +67,7 @@ class Bench:
         return shown.as_received or shown.correction
 
 
-@pytest.fixture(params=[LENS, turned(0.0, 0.0, 90.0)], ids=["right", "wrong"])
+@pytest.fixture(params=[LENS, WRONG], ids=["right", "wrong"])
 def bench(request: pytest.FixtureRequest) -> Iterator[Bench]:
     bench = Bench(request.param)
     yield bench
@@ -79,3 +88,21 @@ def test_only_a_wrong_camera_s_view_is_shown_as_received_and_a_sentence_says_so_
 def test_a_camera_that_stands_still_is_not_one_on_the_arm(bench: Bench) -> None:
     with pytest.raises(TypeError, match="gs is not of a camera on the arm"):
         bench.present.on_arm("gs")
+
+
+def test_the_station_has_the_frames_checked_that_it_shows(tmp_path: Path) -> None:
+    config = load_config(None, {"video.width": LENS.width, "video.height": LENS.height})
+    told: list[str] = []
+    log = SessionRecords(VirtualClock(), Unkept(), show=told.append)
+    parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera.of(WRONG, ())}
+    with parts.stack:
+        station = Station(config, VirtualClock(), parts, log, Displays(), True, cameras=cameras)
+        assert station.mount is not None
+        for step in range(1, 150):
+            capture_ns = step * FRAME_NS
+            then = to_and_fro(capture_ns / NS_PER_S)
+            station.mount.put(placed(capture_ns, then, then))
+            image = picture(LENS, then, FINER)
+            station._on_shown(ShownFrame("eih", step, capture_ns, image, capture_ns, True))
+        assert told == [misfit("eih")]
+        assert not station.mount.camera_fits
