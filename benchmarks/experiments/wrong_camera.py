@@ -170,7 +170,9 @@ def main() -> None:
     with ProcessPoolExecutor(options.processes, get_context("spawn")) as pool:
         trials = pool.map(lefts_of, *zip(*cases, strict=True))
         for (seed, one_way_ms), lefts in zip(cases, trials, strict=True):
-            found[f"seed {seed}, {one_way_ms:g} ms"] = lefts
+            found[f"seed {seed}, {one_way_ms:g} ms"] = {
+                name: [round(left, 3) for left in each] for name, each in lefts.items()
+            }
             console.print(f"seed {seed}, {one_way_ms:g} ms: {len(lefts[RIGHT])} decisions")
             if options.json:
                 options.json.write_text(json.dumps(found) + "\n", encoding="utf-8")

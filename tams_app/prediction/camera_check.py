@@ -26,7 +26,9 @@ _SIZE = 160, 120  # of the pictures that are compared [px]: small ones have litt
 _MOVED_M, _TURNED_RAD = 0.010, math.radians(2.0)  # else both frames show the same
 _LEAST = 0.1  # dissimilarity of the two frames: a bare table tells nothing
 COMPARED = 5  # that are judged together: seconds of motion
-WORST = 0.6  # of the dissimilarity that is left: twice what a right camera leaves at most
+# Of the dissimilarity, what may be left: most of it, and the picture is no help. A right camera
+# leaves .17 at most over the rig's table; things that stand high on a real one will leave more.
+WORST = 0.6
 
 
 class CameraCheck:
