@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import tempfile
 from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
@@ -64,9 +63,9 @@ def cameras_of(lens: Lens) -> dict[str, Lens]:
             move[axis] = move_mm / 1000.0
             found[f"{name} {move_mm:+g} mm"] = moved(lens, (move[0], move[1], move[2]))
     for percent in (-30, -20, -10, 10, 20, 30):
-        half = math.tan(math.radians(lens.fovy_deg) / 2.0) / (1.0 + percent / 100.0)
-        fovy_deg = 2.0 * math.degrees(math.atan(half))
-        found[f"focal length {percent:+d} %"] = replace(lens, fovy_deg=fovy_deg)
+        times = 1.0 + percent / 100.0
+        longer = replace(lens, fx=times * lens.fx, fy=times * lens.fy)
+        found[f"focal length {percent:+d} %"] = longer
     return found
 
 

@@ -96,8 +96,8 @@ def test_a_camera_that_is_where_it_should_be_fits_however_long() -> None:
         turned(20.0, 0.0, 0.0),
         turned(0.0, 20.0, 0.0),
         shifted(0.0, 0.0, 0.08),
-        replace(LENS, fovy_deg=1.5 * LENS.fovy_deg),
-        replace(LENS, fovy_deg=LENS.fovy_deg / 1.5),
+        replace(LENS, fx=LENS.fx / 1.7, fy=LENS.fy / 1.7),
+        replace(LENS, fx=1.6 * LENS.fx, fy=1.6 * LENS.fy),
     ],
     ids=["rolled", "upside down", "tilted", "panned", "too near", "too wide", "too narrow"],
 )

@@ -29,7 +29,7 @@ pytestmark = pytest.mark.untimed
 
 WRONG = turned(0.0, 0.0, 90.0)
 FRAME_NS, LATE_NS = 100 * NS_PER_MS, 150 * NS_PER_MS
-FIXED = Lens("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 160, 120)
+FIXED = Lens.ideal("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 160, 120)
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.1, 0.1, 0.02), (0.0,) * 3)
 
 
