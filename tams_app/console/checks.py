@@ -26,7 +26,8 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.robot.build import starts_at_capacity
 from tams_app.runtime.realtime import use_fifo
 from tams_app.runtime.worker import Worker
-from tams_app.session.lenses import MEASURE, known_cameras
+from tams_app.session.lenses import known_cameras
+from tams_app.station.camera_watch import MEASURE
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.udp import requested_ports
 

@@ -16,7 +16,6 @@ from tams_app.rotation import Rotation
 
 WRIST_VIEW = "eih"
 BASE = "base"
-MEASURE = "run_tams.py calibrate cameras --only lens,mount"
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,9 +22,9 @@ from tams_app.robot.build import ready_pose
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
-from tams_app.session.lenses import MEASURE, WRIST_VIEW, known_cameras
+from tams_app.session.lenses import WRIST_VIEW, known_cameras
 from tams_app.session.viewing import scene_of
-from tams_app.station.camera_watch import misfit
+from tams_app.station.camera_watch import MEASURE, misfit
 from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.networks import resolve_network
 

@@ -9,6 +9,8 @@ from tams_app.records import ShownFrame
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import MountMemory, PresentViews
 
+MEASURE = "run_tams.py calibrate cameras --only lens,mount"
+
 Note = Callable[[str, str], None]
 
 
@@ -16,8 +18,8 @@ def misfit(view: str) -> str:
     """What is said once a camera is found not to be where it should be."""
     return (
         f"{view}: while the arm moves, the picture does not change as the camera's pose and lens "
-        "say, so it is shown as received from now on; check where the camera is mounted, and its "
-        "pose and lens"
+        "say, so it is shown as received from now on; mount the camera as it was, or measure it: "
+        f"{MEASURE}"
     )
 
 
