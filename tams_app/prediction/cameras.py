@@ -42,7 +42,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
 
     intrinsics: fx, fy, cx, cy [px]; distortion: as of a `Lens`.
     on_arm: it moves with the arm's mount, in whose frame its pose is then; else that of the base.
-    grip: what closed fingers cover besides.
+    grip: what closed fingers cover besides. tip: the TCP [m], in the frame of the mount.
     """
 
     pose: Numbers7
@@ -53,12 +53,17 @@ class PredictedCamera(msgspec.Struct, frozen=True):
     tool: tuple[ToolPart, ...] = ()
     grip: tuple[ToolPart, ...] = ()
     on_arm: bool = True
+    tip: Floats3 = ZERO
 
     @staticmethod
     def of(
-        lens: Lens, tool: Iterable[Solid], grip: Iterable[Solid] = (), on_arm: bool = True
+        lens: Lens,
+        tool: Iterable[Solid],
+        grip: Iterable[Solid] = (),
+        on_arm: bool = True,
+        tip: Floats3 = ZERO,
     ) -> PredictedCamera:
-        """`tool`, `grip`: in the frame of the mount."""
+        """`tool`, `grip`, `tip`: in the frame of the mount."""
         return PredictedCamera(
             numbers7(lens.pose),
             (lens.fx, lens.fy, lens.cx, lens.cy),
@@ -68,6 +73,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
             ToolPart.all_of(tool),
             ToolPart.all_of(grip),
             on_arm,
+            tip,
         )
 
     @property
@@ -83,7 +89,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
         tool, grip = ([part.solid for part in parts] for parts in (self.tool, self.grip))
         if self.on_arm:
             return WristView(WristWarp(lens, tool, grip), trail)
-        return FixedView(GripperOutline(lens, tool), trail)
+        return FixedView(GripperOutline(lens, tool, self.tip), trail)
 
 
 def numbers7(pose: Pose) -> Numbers7:

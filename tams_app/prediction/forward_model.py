@@ -70,12 +70,14 @@ class ArmHeard:
 class Forecast:
     """The arm at a time.
 
-    joints: [rad], shape (6,). error_m: how far off the TCP was in the last two seconds where it was
+    joints: [rad], shape (6,). commanded: where all samples that were sent lead, once they have
+    taken effect. error_m: how far off the TCP was in the last two seconds where it was
     predicted, at worst; late_m: where the newest state had it, at worst. 0 while nothing was
     predicted that has been received since.
     """
 
     joints: Vector
+    commanded: Vector
     error_m: float
     late_m: float
 
@@ -165,13 +167,13 @@ class ForwardModel:
         if heard is None:
             return None
         if t_ns <= heard.t_ns or not self._trail:
-            return Forecast(self._measured.at(t_ns), 0.0, 0.0)
+            return Forecast(self._measured.at(t_ns), self._joints, 0.0, 0.0)
         start = self._trail.at(self._shows_ns(heard, heard.t_ns))
         joints = heard.joints + self._trail.at(self._shows_ns(heard, t_ns)) - start
         self._predicted.append((t_ns, joints, heard.joints))
         error_m = max((error_m for _, error_m, _ in self._errors), default=0.0)
         late_m = max((late_m for _, _, late_m in self._errors), default=0.0)
-        return Forecast(joints, error_m, late_m)
+        return Forecast(joints, self._joints, error_m, late_m)
 
     def _shows_ns(self, state: ArmHeard, t_ns: int) -> int:
         """When the newest sample was sent that shows in the joints at `t_ns`."""

@@ -58,9 +58,13 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """The mount's pose at a time as it was believed then, and the rest of `MountPrediction`."""
+    """The mount's pose at a time as it was believed then, and the rest of `MountPrediction`.
+
+    commanded: `pose` itself where it is not known.
+    """
 
     pose: Pose
+    commanded: Pose
     trusted: bool
     closed: bool
     camera_fits: bool
@@ -79,7 +83,9 @@ class MountTrail:
         self.offset_ns = placed.offset_ns
         self._then.add(placed.then_ns, self._numbers(placed.then))
         beside = [float(one) for one in (placed.trusted, placed.closed, placed.camera_fits)]
-        self._now.add(placed.now_ns, np.append(self._numbers(placed.now), beside))
+        now = self._numbers(placed.now)
+        commanded = now if placed.commanded is None else self._numbers(placed.commanded)
+        self._now.add(placed.now_ns, np.concatenate((now, commanded, beside)))
 
     def then(self, t_ns: int, beyond_ns: int = _BEYOND_NS) -> Pose | None:
         """Where it was; None: not known. `beyond_ns`: the newest state may be older by so much."""
@@ -91,12 +97,13 @@ class MountTrail:
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
         found = self._now.at(now_ns, _AHEAD_NS)
-        return Believed(_pose(found[:7]), *(bool(one > 0.5) for one in found[7:]))
+        beside = (bool(one > 0.5) for one in found[14:])
+        return Believed(_pose(found[:7]), _pose(found[7:14]), *beside)
 
     @property
     def closed(self) -> bool:
         """Whether the gripper is, by the newest belief; IndexError before the first."""
-        return bool(self._now.newest[1][8] > 0.5)
+        return bool(self._now.newest[1][15] > 0.5)
 
     def _numbers(self, pose: Pose) -> Vector:
         """Position and quaternion: of the two of a rotation the one that is near the last one."""
@@ -143,7 +150,8 @@ class Present:
             return
         then_ns, then, offset_ns, closed = self._then
         now = self._mount(forecast.joints)
-        believed = forecast.is_trusted, offset_ns, closed, self._camera_fits()
+        commanded = self._mount(forecast.commanded)
+        believed = forecast.is_trusted, offset_ns, closed, self._camera_fits(), commanded
         self._tell(MountPrediction(then_ns, then, now_ns, now, *believed))
 
     def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
@@ -223,12 +231,12 @@ class WristView(CorrectedView):
 
 
 class FixedView(CorrectedView):
-    """The view of a camera that stands still: with an outline of where the gripper is now."""
+    """The view of a camera that stands still, with what is now: the gripper and where it is led."""
 
     def __init__(self, outline: GripperOutline, trail: MountTrail) -> None:
         super().__init__(trail)
         self._outline = outline
 
     def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
-        drawn = self._outline.over(image, then, now.pose)
+        drawn = self._outline.over(image, then, now.pose, now.commanded)
         return Shown(image) if drawn is None else Shown(drawn, Correction.OUTLINE)

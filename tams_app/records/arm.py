@@ -103,3 +103,6 @@ class MountPrediction(Record):
     camera_fits: Annotated[
         bool, "whether the camera on the arm is where its calibration has it, by its frames so far"
     ] = True
+    commanded: Annotated[
+        Pose | None, "of the flange where all samples sent so far lead; null: not known"
+    ] = None

@@ -23,7 +23,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.session.late_states import LateStates
 from tams_app.session.lenses import WRIST_VIEW, known_cameras
-from tams_app.session.viewing import scene_of
+from tams_app.session.viewing import scene_of, tool_tip
 from tams_app.station.camera_watch import MEASURE, misfit
 from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.networks import resolve_network
@@ -38,8 +38,9 @@ def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
         return {}
     flange = scene.figure.flange
     tool, grip = scene.figure.solids[flange], scene.figure.grip
+    tip = tool_tip(config, scene.figure)
     return {
-        view: PredictedCamera.of(lens, tool, grip, lens.parent == flange)
+        view: PredictedCamera.of(lens, tool, grip, lens.parent == flange, tip)
         for view, lens in scene.lenses.items()
         if lens.parent == flange or config.view.predict == "all"
     }

@@ -6,9 +6,8 @@ import numpy as np
 
 from tams_app.config import Config
 from tams_app.prediction.task_region import task_region
-from tams_app.robot.build import ready_pose
 from tams_app.robot.task_regions import TaskRegions
-from tams_app.session.viewing import scene_of
+from tams_app.session.viewing import scene_of, tool_tip
 
 
 def task_regions(config: Config) -> TaskRegions:
@@ -17,12 +16,11 @@ def task_regions(config: Config) -> TaskRegions:
     if scene.figure is None:
         return TaskRegions({}, {})
     flange = scene.figure.flange
-    place = scene.figure.place(np.radians(np.array(config.arm.ready_joints_deg)))[flange]
-    tcp = place.rotation.inv().apply(ready_pose(config).position - place.position)
+    tip = np.array(tool_tip(config, scene.figure))
     fixed, wrist = {}, {}
     for view, lens in scene.lenses.items():
         if lens.parent == flange:
-            wrist[view] = task_region(lens, tcp)
+            wrist[view] = task_region(lens, tip)
         else:
             fixed[view] = lens
     return TaskRegions(fixed, wrist)

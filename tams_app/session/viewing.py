@@ -18,7 +18,8 @@ from hw.sim.layout import (
 )
 from tams_app.config import Config, LimitsConfig
 from tams_app.recording import Header, MakeViewers, Viewers
-from tams_app.records import Pose, Solid, SolidKind
+from tams_app.records import ArmFigure, Pose, Solid, SolidKind
+from tams_app.robot.build import ready_pose
 from tams_app.ros2.extra import require_extra
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
@@ -109,6 +110,13 @@ def scene_of(config: Config) -> Scene:
         things=_things() if simulated else {},
         lenses=known_lenses(config, figure),
     )
+
+
+def tool_tip(config: Config, figure: ArmFigure) -> Floats3:
+    """The TCP of the configured tool in the flange's frame [m], the same in each pose."""
+    flange = figure.place(np.radians(np.array(config.arm.ready_joints_deg)))[figure.flange]
+    x, y, z = flange.rotation.inv().apply(ready_pose(config).position - flange.position).tolist()
+    return x, y, z
 
 
 def _workspace(limits: LimitsConfig) -> tuple[Floats3, Floats3]:

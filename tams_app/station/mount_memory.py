@@ -27,7 +27,7 @@ from tams_app.runtime.shared_ring import (
     remove_block,
 )
 
-_RECORD = struct.Struct("<qq7d7d?q??")  # in the order of `MountPrediction`, the times first
+_RECORD = struct.Struct("<qq7d7d7d?q??")  # of `MountPrediction` the times, the poses, the rest
 _SHAPE = RingShape(head_bytes=_RECORD.size, heads=1024)  # eight seconds
 
 
@@ -55,6 +55,7 @@ class MountMemory:
                 placed.now_ns,
                 *numbers7(placed.then),
                 *numbers7(placed.now),
+                *numbers7(placed.now if placed.commanded is None else placed.commanded),
                 placed.trusted,
                 placed.offset_ns,
                 placed.closed,
@@ -127,5 +128,8 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
 
 def _placed(head: bytes) -> MountPrediction:
     then_ns, now_ns, *numbers = _RECORD.unpack(head)
-    then, now, beside = tuple(numbers[:7]), tuple(numbers[7:14]), numbers[14:]
-    return MountPrediction(then_ns, pose7(then), now_ns, pose7(now), *beside)
+    then, now, commanded = (pose7(tuple(numbers[at : at + 7])) for at in (0, 7, 14))
+    trusted, offset_ns, closed, camera_fits = numbers[21:]
+    return MountPrediction(
+        then_ns, then, now_ns, now, trusted, offset_ns, closed, camera_fits, commanded
+    )

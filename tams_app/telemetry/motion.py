@@ -15,6 +15,7 @@ from tams_app.telemetry.scene import TRACKING, Scene, thing_frames
 
 MOTION_HZ = 30.0
 PREDICTED = "flange predicted"  # the frame of where it is believed to be now
+LED = "flange commanded"  # of where the hand's samples so far lead it
 
 
 class MotionChannels:
@@ -62,6 +63,8 @@ class MotionChannels:
             return
         wall_ns = prediction.now_ns + self._offset_ns
         moved = [transform(wall_ns, BASE, PREDICTED, prediction.now)]
+        if prediction.commanded is not None:
+            moved.append(transform(wall_ns, BASE, LED, prediction.commanded))
         self._predicted.log(FrameTransforms(transforms=moved), log_time=wall_ns)
 
     def _send_arm(self, arm: ArmState) -> None:

@@ -136,7 +136,7 @@ def test_a_tool_far_beside_the_picture_of_a_bent_lens_draws_nothing():
     looks_down = replace(WIDE, parent="base", pose=above(0.0, 0.0, 0.8))
     image = np.full((480, 640), 120, np.uint8)
     drawn = GripperOutline(looks_down, [tool]).over(
-        image, above(0.0, 0.0, 0.2), above(2.5, 0.0, 0.2)
+        image, above(0.0, 0.0, 0.2), above(2.5, 0.0, 0.2), above(2.5, 0.0, 0.2)
     )
     assert drawn is not None
     assert (drawn == image).all()

@@ -29,6 +29,28 @@ def test_the_arm_is_where_it_is_predicted_whatever_the_hand_does(way, back, path
     assert max(errors) < 2e-3
 
 
+@settings(max_examples=15)
+@given(delays, delays, st.integers(0, 12), velocities)
+def test_the_arm_comes_to_where_it_is_commanded_once_the_samples_have_taken_effect(
+    way, back, lag, path
+):
+    sides = Sides(way, back, lag)
+    sides.engage()
+    commanded, reached = [], []
+    for velocity in path:
+        sides.hand.linear = hand_for(velocity, sides.config)
+        for _ in range(60):
+            sides.step()
+            commanded.append(MODEL.tcp_pose(sides.model.at(sides.now_ns).commanded).position)
+            reached.append(MODEL.tcp_pose(sides.arm.joints).position)
+    until = way + lag
+    assert len(reached) >= until
+    apart = np.array(commanded[: len(commanded) - until]) - np.array(reached[until:])
+    # the model's arm follows at once: how late the true one is shows in where it is pulled back to
+    bound_m = 2e-3 + 4e-4 * lag
+    assert np.linalg.norm(apart.reshape(-1, 3), axis=1).max(initial=0.0) < bound_m
+
+
 def test_a_hand_that_turns_is_followed_in_orientation_mode():
     sides = Sides(12, 12)
     sides.engage()
@@ -161,7 +183,7 @@ def test_the_error_of_earlier_predictions_is_told_with_each():
     ],
 )
 def test_predictions_are_trusted_that_are_good_or_much_better_than_none(error_m, late_m, trusted):
-    assert Forecast(READY_JOINTS, error_m, late_m).is_trusted is trusted
+    assert Forecast(READY_JOINTS, READY_JOINTS, error_m, late_m).is_trusted is trusted
 
 
 def test_how_far_off_the_newest_state_was_is_told_beside_the_error_of_predictions():

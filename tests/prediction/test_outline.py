@@ -27,7 +27,7 @@ def pixel(point: np.ndarray) -> np.ndarray:
 
 
 def test_the_outline_encloses_the_tool_where_it_is_now() -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW)
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW, NOW)
     assert drawn is not None
     rows, columns = np.nonzero(drawn > 200)
     corners = [
@@ -44,7 +44,7 @@ def test_the_outline_encloses_the_tool_where_it_is_now() -> None:
 
 
 def test_a_line_has_a_dark_edge_and_the_picture_is_the_same_elsewhere() -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW)
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW, NOW)
     assert drawn is not None
     assert (GREY == 120).all()
     assert drawn.min() < 60
@@ -53,8 +53,8 @@ def test_a_line_has_a_dark_edge_and_the_picture_is_the_same_elsewhere() -> None:
 
 def test_a_picture_in_colour_gets_the_same_line() -> None:
     outline = GripperOutline(LENS, [BOX])
-    colour = outline.over(np.repeat(GREY[..., None], 3, axis=2), THEN, NOW)
-    grey = outline.over(GREY, THEN, NOW)
+    colour = outline.over(np.repeat(GREY[..., None], 3, axis=2), THEN, NOW, NOW)
+    grey = outline.over(GREY, THEN, NOW, NOW)
     assert colour is not None
     assert grey is not None
     assert (colour == grey[..., None]).all()
@@ -65,14 +65,30 @@ def test_where_the_picture_has_caught_up_nothing_is_drawn() -> None:
     px_per_m = LENS.fx / (0.8 - 0.21)  # of the box's upper side
     for moved_px, is_drawn in ((2.9, False), (3.1, True)):
         now = above(moved_px / px_per_m, 0.0, 0.2)
-        assert (outline.over(GREY, THEN, now) is not None) == is_drawn
+        assert (outline.over(GREY, THEN, now, now) is not None) == is_drawn
+
+
+def test_a_cross_is_where_the_hand_leads_the_tip_unless_the_arm_is_there() -> None:
+    outline = GripperOutline(LENS, [BOX], (0.0, 0.0, 0.05))
+    px_per_m = LENS.fx / (0.8 - 0.15)  # of the tip, which is below the flange
+    assert outline.over(GREY, THEN, THEN, above(5.9 / px_per_m, 0.0, 0.2)) is None
+    led = above(0.06, 0.04, 0.2)
+    drawn = outline.over(GREY, THEN, THEN, led)
+    assert drawn is not None
+    rows, columns = np.nonzero(drawn > 200)
+    tip = pixel(led.position + led.rotation.apply(np.array([0.0, 0.0, 0.05])))
+    assert (np.median(columns), np.median(rows)) == pytest.approx(tip, abs=1.0)
+    assert (drawn != GREY).sum() < 150, "the picture has caught up: there is no outline"
+    both = outline.over(GREY, THEN, NOW, led)
+    assert both is not None
+    assert (both > 200).sum() > (drawn > 200).sum()
 
 
 @pytest.mark.parametrize("now", [above(2.0, 0.0, 0.2), above(0.0, 0.0, 0.9)])
 def test_a_tool_that_is_out_of_the_picture_or_behind_the_camera_leaves_it_as_it_is(
     now: Pose,
 ) -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, now)
+    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, now, now)
     assert drawn is not None
     assert (drawn == GREY).all()
 
@@ -117,7 +133,7 @@ def test_the_rig_s_cameras_see_the_gripper_within_its_outline(view: str) -> None
     then = Pose(now.position + np.array([0.05, 0.0, 0.0]), now.rotation)
     lens = camera.lens
     drawn = GripperOutline(lens, [part.solid for part in camera.tool]).over(
-        np.zeros((camera.height, camera.width), np.uint8), then, now
+        np.zeros((camera.height, camera.width), np.uint8), then, now, now
     )
     assert drawn is not None
     tip = mounted(now, Pose(np.array([0.0, 0.012, 0.075]), STRAIGHT)).position

@@ -152,15 +152,18 @@ def test_every_frame_that_something_is_drawn_in_is_placed(tmp_path: Path) -> Non
 def test_where_the_flange_is_predicted_is_a_frame_of_its_own(tmp_path: Path) -> None:
     was = Pose(np.array([0.3, 0.0, 0.2]), Rotation.identity())
     now = Pose(np.array([0.32, 0.0, 0.2]), Rotation.identity())
+    led = Pose(np.array([0.35, 0.0, 0.2]), Rotation.identity())
     told = [
-        MountPrediction(START_NS, was, START_NS + number * NS_PER_S // 60, now)
+        MountPrediction(START_NS, was, START_NS + number * NS_PER_S // 60, now, commanded=led)
         for number in range(61)
     ]
     sent_there = sent(recorded(tmp_path, told))["/tf/predicted"]
     assert len(sent_there) == pytest.approx(31, abs=1), "at a viewer's pace"
-    (frame,) = sent_there[0][1]["transforms"]
-    assert (frame["parent_frame_id"], frame["child_frame_id"]) == ("base", "flange predicted")
-    assert np.allclose(place(frame).position, now.position)
+    frames = sent_there[0][1]["transforms"]
+    assert [one["parent_frame_id"] for one in frames] == ["base", "base"]
+    assert [one["child_frame_id"] for one in frames] == ["flange predicted", "flange commanded"]
+    assert np.allclose(place(frames[0]).position, now.position)
+    assert np.allclose(place(frames[1]).position, led.position)
 
 
 def test_the_commanded_pose_is_where_the_twist_leads(tmp_path: Path) -> None:
