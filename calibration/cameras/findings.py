@@ -123,7 +123,7 @@ def _number(value: float | None) -> float | None:
 
 _FRAMES = 90  # of each view, for flicker
 CANNOT = (
-    "A log does not tell which camera is which, nor how long the light takes to its time stamp: "
+    "A log does not tell which camera is which, nor lens, mount, and latency of any: "
     "that takes the cameras, or --sim."
 )
 

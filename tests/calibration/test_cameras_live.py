@@ -12,11 +12,13 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.cameras.live_bench import bind
+from calibration.cameras.live_bench import LiveBench, bind, watch_of
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
+from tams_app.runtime.clock import MonotonicClock
 from tests.calibration.camera_ui_process import ALL, STILL
+from tests.hw.lite6.controller_rig import controller, until
 from tests.hw.v4l2 import fake_cameras
 from tests.hw.v4l2.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
 
@@ -142,3 +144,18 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     finally:
         process.close()
     assert cameras[6].streams_started == before[6]
+
+
+def test_the_arm_is_only_listened_to():
+    with controller() as served:
+        config = served.config().model_copy(update={"host": "127.0.0.1"})
+        bench = LiveBench(VideoConfig(), MonotonicClock(), list, lambda: watch_of(config))
+        with bench.arm() as arm:
+            assert until(lambda: arm() is not None)
+            assert arm() == pytest.approx(served.model.joints)
+            before = served.model.joints
+        bench.close()
+        assert served.model.joints == before
+    bench = LiveBench(VideoConfig(), MonotonicClock(), list, lambda: watch_of(config))
+    with pytest.raises(DeviceError, match="sends no reports"), bench.arm():
+        pass
