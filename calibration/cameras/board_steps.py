@@ -224,6 +224,6 @@ def mount_section(fit: MountFit, view: str, today: date) -> MountConfig:
     x, y, z = (round(one, 3) for one in (fit.pose.position * 1000.0).tolist())
     a, b, c = (round(one, 6) for one in fit.pose.rotation.as_rotvec())
     return MountConfig(
-        on="arm" if view == WRIST_VIEW else "base", position_mm=(x, y, z),
+        frame="arm" if view == WRIST_VIEW else "base", position_mm=(x, y, z),
         rotation_vector_rad=(a, b, c), error_px=round(fit.error_px, 3), measured=today,
     )  # fmt: skip

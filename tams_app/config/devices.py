@@ -152,9 +152,8 @@ class LensConfig(Section):
 class MountConfig(Section):
     """Where a camera is."""
 
-    on: Literal["arm", "base"]
-    """What it stands still on, in whose frame its pose is: `arm`, the flange; `base`, the arm's
-    base."""
+    frame: Literal["arm", "base"]
+    """In which it stands still, and its pose is: `arm`, the flange's; `base`, the arm's base."""
     position_mm: Triple
     """Of its lens."""
     rotation_vector_rad: Triple
@@ -176,7 +175,7 @@ class MountConfig(Section):
 
     @property
     def pose(self) -> Pose:
-        """In the frame that `on` names [m]."""
+        """In `frame` [m]."""
         turn = Rotation.from_rotvec(self.rotation_vector_rad)
         return Pose(np.array(self.position_mm) / 1000.0, turn)
 

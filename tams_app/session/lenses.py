@@ -56,9 +56,9 @@ def _measured(config: Config, camera: CameraConfig, figure: ArmFigure | None) ->
     assert lens is not None
     if mount is None:
         return Known(None, "where it is was not measured")
-    if mount.on == "arm" and figure is None:
+    if mount.frame == "arm" and figure is None:
         return Known(None, "where the arm's flange is is not known")
-    parent = BASE if mount.on == "base" or figure is None else figure.flange
+    parent = BASE if mount.frame == "base" or figure is None else figure.flange
     scaled = lens.at(mount.pose, parent).scaled_to(video.width, video.height)
     if scaled is None:
         return Known(

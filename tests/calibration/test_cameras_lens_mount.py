@@ -82,7 +82,7 @@ def test_each_mount_is_found_and_so_is_how_far_off_a_prediction_is_in_pixels(cal
     for view, true in calibrated.true.items():
         found, told = lenses[view], calibrated.config.cameras[view].mount
         assert told is not None
-        assert told.on == ("arm" if view == "eih" else "base")
+        assert told.frame == ("arm" if view == "eih" else "base")
         assert found.parent == true.parent
         apart = np.linalg.norm(found.pose.position - true.pose.position)
         turned = (found.pose.rotation.inv() * true.pose.rotation).magnitude()

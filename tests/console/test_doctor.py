@@ -283,7 +283,7 @@ def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_wha
     found = list(checks.predictive_display(rig))
     assert [(one.ok, one.detail) for one in found] == [(True, "exact, of the simulated rig")] * 3
     lens = {"width": 640, "height": 480, "fx": 700.0, "fy": 700.0, "cx": 320.0, "cy": 240.0}
-    mount = {"on": "arm", "position_mm": [0, 0, 20], "rotation_vector_rad": [0, 0, 0]}
+    mount = {"frame": "arm", "position_mm": [0, 0, 20], "rotation_vector_rad": [0, 0, 0]}
     real = load_config(
         None,
         {

@@ -1,5 +1,6 @@
 """What a session knows of its cameras: exactly of the rig's, by calibration of real ones."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -7,18 +8,22 @@ import pytest
 
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
+from tams_app.recording.journal import Journal
+from tams_app.records import Note, PacketRecord, Record
 from tams_app.rotation import Rotation
+from tams_app.runtime.clock import VirtualClock
 from tams_app.session.lenses import known_cameras
-from tams_app.session.predicting import as_received, predicted_cameras
+from tams_app.session.predicting import as_received, linked_present, predicted_cameras
 from tams_app.session.viewing import scene_of
+from tams_app.station.mount_memory import MountMemory
 
 pytestmark = pytest.mark.untimed
 
 LENS = {"width": 1280, "height": 960, "fx": 1400.0, "fy": 1410.0, "cx": 641.0, "cy": 470.0,
         "distortion": [-0.1, 0.02, 0.001, 0.0, 0.0], "error_px": 0.2}  # fmt: skip
-ON_ARM = {"on": "arm", "position_mm": [-68, 1, 24], "rotation_vector_rad": [0.1, 0.2, 1.5],
+ON_ARM = {"frame": "arm", "position_mm": [-68, 1, 24], "rotation_vector_rad": [0.1, 0.2, 1.5],
           "error_px": 1.0}  # fmt: skip
-BESIDE = ON_ARM | {"on": "base", "position_mm": [750, 0, 820]}
+BESIDE = ON_ARM | {"frame": "base", "position_mm": [750, 0, 820]}
 
 
 VIEWS = ("eih", "gt", "gs")
@@ -95,3 +100,35 @@ def test_a_calibration_that_cannot_be_is_refused_in_one_sentence(
 ) -> None:
     with pytest.raises(ConfigError, match=words):
         config({"eih": keys})
+
+
+class Kept:
+    """A log that is a list."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+
+    def record(self, item: Record) -> None:
+        self.records.append(item)
+
+    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+        raise AssertionError("no packets here")
+
+
+def test_a_session_says_of_each_view_that_is_not_predicted_why_it_is_not() -> None:
+    kept, clock = Kept(), VirtualClock()
+    cameras = {"eih": {"lens": LENS}, "gt": {}, "gs": {"lens": LENS, "mount": BESIDE}}
+    ours = config(cameras, **{"view.predict": "all"})
+    memory = MountMemory(predicted_cameras(ours))
+    try:
+        linked_present(ours, None, Journal(clock, kept), memory)
+    finally:
+        memory.close()
+    notes = [one.text for one in kept.records if isinstance(one, Note)]
+    assert notes == [
+        "EIH is shown as received: where it is was not measured; measure it: run_tams.py calibrate "
+        "cameras --only lens,mount",
+        "GT is shown as received: its lens was not measured; measure it: run_tams.py calibrate "
+        "cameras --only lens,mount",
+        "view.predict: how the hand moves the arm is not known: all is shown as received",
+    ]
