@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 from calibration.store import CalibrationSet, InForce
 from calibration.ui import WizardUI
@@ -54,6 +55,14 @@ def _described(one: InForce) -> str:
     figures = quality if isinstance(quality, dict) else {}
     more = [name for name, value in figures.items() if isinstance(value, dict | list)]
     lines += [f"  {name}: {value}" for name, value in figures.items() if name not in more]
+    lines += [line for name in more if (line := _errors(name, figures[name]))]
     if more:
         lines.append(f"  in the file besides: {', '.join(more)}")
     return "\n".join(lines)
+
+
+def _errors(name: str, figures: Any) -> str:
+    """How far off what was measured of a part may be, such as of a view; "" if that is not said."""
+    known = figures.items() if isinstance(figures, dict) else ()
+    said = [f"{key} {value}" for key, value in known if "_error" in str(key)]
+    return f"  {name}: {', '.join(said)}" if said else ""

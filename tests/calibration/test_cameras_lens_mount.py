@@ -11,6 +11,7 @@ from calibration.cameras import board_steps
 from calibration.cameras.findings import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
+from calibration.in_force import show_in_force
 from calibration.options import CameraOptions
 from hw.arms import arm_kind
 from hw.sim.operator.at_cameras import Task
@@ -137,6 +138,15 @@ def test_errors_in_pixels_are_shown_and_kept_in_the_file(calibrated):
         assert kept["lens_views"] >= 12
     assert calibrated.quality["eih"]["mount_views"] == 16
     assert calibrated.quality["gt"]["mount_views"] == 5
+
+
+def test_the_errors_of_each_view_are_listed_with_what_is_in_force(calibrated):
+    ui = ScriptedUI()
+    show_in_force(calibrated.path, ui)
+    listed = "\n".join(ui.said)
+    for view, kept in calibrated.quality.items():
+        assert f"{view}: lens_error_px {kept['lens_error_px']}" in listed
+        assert f"mount_error_px {kept['mount_error_px']}" in listed
 
 
 def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(calibrated):
