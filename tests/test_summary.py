@@ -59,6 +59,7 @@ VIEW_KEYS: dict[str, Any] = {
     "frames_shown": 0,
     "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
     "latency_stages_ms": {stage: {"p50": 0.0, "p95": 0.0} for stage in STAGES},
+    "own_latency_ms": {"p50": 0.0, "p95": 0.0},
     "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
     "not_whole_s": 0.0,
     **SSIM,

@@ -84,6 +84,14 @@ def test_frames_shown_elsewhere_have_the_latency_that_they_had_to_within_the_unc
         assert latency == pytest.approx(one["views"][view]["latency_ms"]["p50"], abs=2.01)
 
 
+def test_what_the_decoder_took_elsewhere_is_the_same_by_the_robot_s_clock():
+    _, robot, operator = pair(offset_ns=3 * NS_PER_S)
+    took_ns = 5 * NS_PER_MS
+    operator.shown = [replace(one, received_ns=one.shown_ns - took_ns) for one in operator.shown]
+    for view in summarise_both(robot, operator)["views"].values():
+        assert view["latency_stages_ms"]["decoder"]["p50"] == pytest.approx(5.0)
+
+
 def test_only_what_two_computers_leave_open_differs_from_the_summary_of_one():
     whole, robot, operator = pair(offset_ns=0)
     one, both = summarise(whole), summarise_both(robot, operator)

@@ -170,7 +170,8 @@ class GstCamera(Camera):
         index = self._grid.index(raw.capture_ns)
         if index is None:
             return None
-        return Frame(self.view, index, raw.capture_ns, raw.pixels.reshape(self._shape))
+        pixels = raw.pixels.reshape(self._shape)
+        return Frame(self.view, index, raw.capture_ns, pixels, ready_ns=now_ns)
 
     def _look_after(self, capture: GstCapture) -> None:
         """No frame came: find out whether the source is to be opened again."""

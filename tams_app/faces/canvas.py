@@ -11,7 +11,7 @@ from typing import Any
 
 from tams_app import palette
 from tams_app.faces.banner import look_of
-from tams_app.faces.figures import HEADINGS, hand_rows, uplink_texts, view_row
+from tams_app.faces.figures import HEADINGS, hand_rows, slowest_text, uplink_texts, view_row
 from tams_app.faces.history import SPAN_S, History
 from tams_app.faces.messages import Workspace
 from tams_app.records import SessionState
@@ -147,9 +147,9 @@ def _ceiling(kbps: float) -> float:
 def draw_table(
     cr: Context, width: float, height: float, state: SessionState, views: Sequence[str]
 ) -> None:
-    """The numbers of each view, and the uplink's below them."""
+    """The numbers of each view, and below them the uplink's, and what delays the primary view."""
     fill(cr, PANEL, 0, 0, width, height)
-    rows = len(views) + 3
+    rows = len(views) + 4
     step = height / (rows + 0.3)
     size = min(step * 0.72, width / 38)
     for heading, column in zip(HEADINGS, _COLUMNS, strict=True):
@@ -163,7 +163,7 @@ def draw_table(
         row = view_row(view, state.views[view], state.asked_fps)
         for cell, column in zip(row, _COLUMNS, strict=True):
             write(cr, cell, 8 + column * (width - 12), y, INK, size, bold=is_primary)
-    for number, text in enumerate(uplink_texts(state)):
+    for number, text in enumerate((*uplink_texts(state), slowest_text(state))):
         y = step * (len(views) + 2.0 + 0.95 * number)
         write(cr, text, 8, y, INK if number else FAINT, size)
 

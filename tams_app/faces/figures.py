@@ -6,8 +6,10 @@ from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Facts, Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
+from tams_app.video.core.stages import stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
+NOTABLE_MS = 25  # apart from the network; what less of it is due to helps nobody
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 
@@ -64,6 +66,22 @@ def uplink_texts(state: SessionState) -> tuple[str, str]:
         f"with padding, RTCP {known(state.link_kbps)}",
         f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}; "
         f"queue {known(state.queue_ms)} ms, loss {loss} %",
+    )
+
+
+def slowest_text(state: SessionState) -> str:
+    """What the primary view's latency apart from the network is due to; "" where it is low.
+
+    On the robot's side it ends where the packets leave.
+    """
+    view = state.views.get(state.primary_view, ViewState())
+    own = view.own
+    if own is None or own.total_ms < NOTABLE_MS:
+        return ""
+    upto = " to the uplink" if view.shown_fps is None else ""
+    return (
+        f"{state.primary_view.upper()} {own.total_ms} ms apart from the network{upto}, "
+        f"slowest: {stage_words(own.slowest)} {own.slowest_ms} ms"
     )
 
 

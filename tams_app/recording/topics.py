@@ -123,6 +123,11 @@ class FrameSent:
     rtp_timestamp: Annotated[
         int | None, "of the frame's packets, 90 kHz; null: the log does not say"
     ] = None
+    ready_ns: Annotated[
+        int,
+        "when the camera, or the rig's renderer, had made the picture [ns]; 0: the log does not "
+        "say",
+    ] = 0
 
     @staticmethod
     def of(frame: EncodedFrame) -> FrameSent:
@@ -135,6 +140,7 @@ class FrameSent:
             len(frame.data),
             frame.pushed_ns,
             frame.rtp_timestamp,
+            frame.ready_ns,
         )
 
     def with_data(self, data: bytes) -> EncodedFrame:
@@ -148,6 +154,7 @@ class FrameSent:
             data,
             self.pushed_ns,
             self.rtp_timestamp,
+            self.ready_ns,
         )
 
 
@@ -163,6 +170,11 @@ class FrameShown(Record):
         "whether no packet of it or of what it is predicted from was missing; null: the log does "
         "not say",
     ] = None
+    received_ns: Annotated[
+        int,
+        "when the jitter buffer had handed out the frame's last packet [ns]; 0: the log does not "
+        "say",
+    ] = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -222,4 +222,4 @@ def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
     """What the log keeps of a frame."""
     if isinstance(frame, Frame):
         return FrameCaptured(frame.view, frame.index, frame.capture_ns)
-    return FrameShown(frame.view, frame.index, frame.shown_ns, frame.whole)
+    return FrameShown(frame.view, frame.index, frame.shown_ns, frame.whole, frame.received_ns)

@@ -33,6 +33,7 @@ class Frame(Record):
     index: int
     capture_ns: int
     image: Image
+    ready_ns: int = 0  # the camera, or the rig's renderer, had made the picture; 0: not known
     task: TaskRegion | None = None
 
 
@@ -48,6 +49,7 @@ class EncodedFrame(Record):
     data: bytes
     pushed_ns: int = 0  # handed to the sender; 0 in logs that do not say
     rtp_timestamp: int | None = None  # of its packets; None in logs that do not say
+    ready_ns: int = 0  # as in `Frame`
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,6 +91,7 @@ class ShownFrame(Record):
     image: Image
     capture_ns: int
     whole: bool  # no packet of it, or of what it is predicted from, was missing
+    received_ns: int = 0  # the jitter buffer had handed out its last packet; 0: not known
 
 
 @dataclass(frozen=True, slots=True)

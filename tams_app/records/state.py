@@ -13,13 +13,25 @@ Whole: TypeAlias = Annotated[int, msgspec.Meta(gt=-_BEYOND_WHOLE, lt=_BEYOND_WHO
 LINK_LOST = "link lost"  # in the place of a state of the arming table
 
 
+class LatencyState(msgspec.Struct, frozen=True, array_like=True):
+    """What a view's frames have taken lately apart from the network, as far as it is known here.
+
+    total_ms: all stages. slowest: the key of the longest of them, slowest_ms: what that took.
+    """
+
+    total_ms: Whole
+    slowest: str
+    slowest_ms: Whole
+
+
 class ViewState(msgspec.Struct, frozen=True, array_like=True):
     """One view; None while a value is not known.
 
     target_kbps, sent_kbps: what it is to send, and what it has sent in the last second. given_fps,
     shown_fps: frames in the last second, of the camera, and as the operator got them. latency_ms:
     of the newest frame shown, from its capture to the mailbox. age_ms: of the newest frame shown
-    that counts, since its capture. live_ssim: of what is on the screen with what the camera sees,
+    that counts, since its capture. own: of its latency, what is not the network's; on the robot's
+    side until the packets leave. live_ssim: of what is on the screen with what the camera sees,
     over the last scored frames; task_live_ssim: the same within the task's region.
     """
 
@@ -29,6 +41,7 @@ class ViewState(msgspec.Struct, frozen=True, array_like=True):
     latency_ms: float | None = None
     age_ms: float | None = None
     shown_fps: float | None = None
+    own: LatencyState | None = None
     live_ssim: float | None = None
     task_live_ssim: float | None = None
 

@@ -21,10 +21,10 @@ from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
 from tams_app.report.plots import Stretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
-from tams_app.summary.stages import STAGES, slowest_stage
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS
+from tams_app.video.core.stages import STAGES, slowest_stage, stage_words
 
 _LEAST_RANGE = 8  # of a picture's grey levels; an encoder's first frames may show nothing at all
 
@@ -61,7 +61,10 @@ class PhaseStills:
 
 @dataclass(frozen=True, slots=True)
 class StagesTable:
-    """A row for each view, a cell for each stage; `slowest`: the longest of all, that of `view`."""
+    """A row for each view, a cell for each stage and all but the network.
+
+    `slowest`: the longest stage of all, that of `view`.
+    """
 
     names: list[str]
     rows: list[tuple[str, list[str]]]
@@ -96,25 +99,21 @@ def write_page(
 
 def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
     """Where each view's latency comes from; None where no stage is known."""
-    views = {
-        view: entry["latency_stages_ms"]
-        for view, entry in summary["views"].items()
-        if slowest_stage(entry["latency_stages_ms"]) is not None
-    }
-    if not views:
+    slowest_ms: dict[tuple[str, str], float] = {}
+    rows = []
+    for view, entry in summary["views"].items():
+        stages = entry["latency_stages_ms"]
+        p95_ms = {stage: stages[stage]["p95"] for stage in stages}
+        if (slowest := slowest_stage(p95_ms)) is None:
+            continue
+        slowest_ms[view, slowest] = p95_ms[slowest]
+        columns = (*stages.values(), entry["own_latency_ms"])
+        rows.append((view, [f"{known(one['p50'])} / {known(one['p95'])}" for one in columns]))
+    if not rows:
         return None
-    names = [STAGES[stage] for stage in STAGES]
-    rows = [
-        (view, [f"{known(one['p50'])} / {known(one['p95'])}" for one in stages.values()])
-        for view, stages in views.items()
-    ]
-    slowest_ms = {
-        (view, stage): stages[stage]["p95"]
-        for view, stages in views.items()
-        if (stage := slowest_stage(stages)) is not None
-    }
     view, stage = max(slowest_ms, key=lambda one: slowest_ms[one])
-    return StagesTable(names, rows, view, STAGES[stage])
+    names = [*STAGES.values(), "all but the network"]
+    return StagesTable(names, rows, view, stage_words(stage))
 
 
 def stop_rows(log: SessionLog) -> list[Stop]:

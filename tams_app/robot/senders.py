@@ -10,7 +10,7 @@ from pathlib import Path
 
 from hw.camera import Camera
 from tams_app.config import Config, LinkConfig, Network
-from tams_app.records import Frame, PacketRecord
+from tams_app.records import Frame, LatencyState, PacketRecord
 from tams_app.robot.operator import StreamedOperator
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
@@ -96,6 +96,11 @@ class Senders(Video):
     def behind_ns(self) -> int:
         """By how much the encoder that is furthest behind its camera is so."""
         return max(sender.behind_ns for sender in self._senders.values())
+
+    @property
+    def latency(self) -> dict[str, LatencyState | None]:
+        """By view, what its frames take here until their packets leave."""
+        return {view: sender.stages.latency for view, sender in self._senders.items()}
 
     @property
     def relay_pid(self) -> int | None:

@@ -232,6 +232,7 @@ class RobotSide:
             given_fps,
             operator.hand,
             None if self._episodes is None else self._episodes.state,
+            self._video.latency,
         )
 
     # --- end ------------------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from tams_app.records import (
     ArmState,
     ControllerSample,
     EpisodesState,
+    LatencyState,
     PacketRecord,
     Phase,
     PhaseChange,
@@ -81,8 +83,12 @@ class StatusBoard(Listener):
         given_fps: Mapping[str, float],
         hand: str,
         episodes: EpisodesState | None = None,
+        latency: Mapping[str, LatencyState | None] = MappingProxyType({}),
     ) -> SessionState:
-        """All that is known without the screen, from any thread; `hand`: of `HANDS`."""
+        """All that is known without the screen, from any thread; `hand`: of `HANDS`.
+
+        `latency`: by view, what its frames take on this side.
+        """
         figures, allocation, output, arm = self._figures, self._allocation, self._output, self._arm
         targets = {} if allocation is None else allocation.target_kbps
         ages = {view: video.age_ns(view, now_ns) for view in self._views}
@@ -106,6 +112,7 @@ class StatusBoard(Listener):
                     sent_kbps=figures.sent_kbps[view],
                     given_fps=given_fps.get(view),
                     age_ms=None if (age := ages[view]) is None else age / NS_PER_MS,
+                    own=latency.get(view),
                 )
                 for view in self._views
             },

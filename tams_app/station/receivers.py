@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 
 from tams_app.config import VideoConfig
-from tams_app.records import ShownFrame, SteeredBy
+from tams_app.records import LatencyState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import Clock
 from tams_app.station.displays import Displays
 from tams_app.station.fresh_video import FreshVideo
@@ -15,6 +15,7 @@ from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stages import StageMeans
 from tams_app.video.live.receiver import VideoReceiver
 from tams_app.video.live.udp import ViewPorts
 
@@ -43,6 +44,7 @@ class Receivers:
         self._on_shown = on_shown
         self._fresh = FreshVideo(config.views, displays)
         self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
+        self._stages = {view: StageMeans() for view in config.views}
         self._host = config.bind_host
         self._receivers: dict[str, VideoReceiver] = {}
         with ExitStack() as stack:  # where one cannot bind, the others let go of their ports
@@ -80,6 +82,10 @@ class Receivers:
         since_ns = self._clock.now_ns() - _RATE_NS
         return float(sum(t_ns > since_ns for t_ns in tuple(self._times[view])))
 
+    def latency(self, view: str) -> LatencyState | None:
+        """What the frames of `view` take here once their packets have come."""
+        return self._stages[view].latency
+
     def poll(self) -> str:
         """The first failure of any stream in one sentence, "" while all work."""
         return next(filter(None, (one.poll() for one in self._receivers.values())), "")
@@ -91,4 +97,5 @@ class Receivers:
     def _shown(self, shown: ShownFrame) -> None:
         self._fresh.shown(shown)
         self._times[shown.view].append(shown.shown_ns)
+        self._stages[shown.view].step("decoder", shown.received_ns, shown.shown_ns)
         self._on_shown(shown)

@@ -27,6 +27,7 @@ from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stages import together
 from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
@@ -200,7 +201,8 @@ class Station:
             if shown is not None:
                 latency_ms = (shown.shown_ns + offset_ns - shown.capture_ns) / NS_PER_MS
         fps = receivers.shown_fps(view)
-        return replace(robots, shown_fps=fps, latency_ms=latency_ms, age_ms=age_ms)
+        own = together(robots.own, receivers.latency(view))
+        return replace(robots, shown_fps=fps, latency_ms=latency_ms, age_ms=age_ms, own=own)
 
     def _on_shown(self, shown: ShownFrame) -> None:
         """In a thread for each view."""

@@ -98,7 +98,13 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
         if there:
             times_ns = offsets.to_robot(np.array([one.shown_ns for one in there], dtype=np.int64))
             shown += [
-                FrameShown(view, indices[one.index], t_ns, one.whole)
+                FrameShown(
+                    view,
+                    indices[one.index],
+                    t_ns,
+                    one.whole,
+                    one.received_ns and one.received_ns + t_ns - one.shown_ns,
+                )
                 for one, t_ns in zip(there, times_ns.tolist(), strict=True)
             ]
     seen_ns = np.array([one.t_ns for one in operator.glances], dtype=np.int64)

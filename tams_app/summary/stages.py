@@ -8,89 +8,64 @@ import numpy as np
 
 from tams_app.recording import SessionLog
 from tams_app.records import PacketKind
-from tams_app.summary.tables import Floats, FrameTable, PacketTable, capture_indices, percentiles
+from tams_app.summary.tables import Floats, PacketTable, capture_indices, percentiles
 from tams_app.units import NS_PER_MS
+from tams_app.video.core.stages import NETWORK, STAGES
 
-# By the key in summary.json, what a stage is in words; in their order.
-STAGES = {
-    "to_encoder": "camera to encoder",
-    "encoder": "encoder",
-    "sender": "pacing at the sender",
-    "network": "network and repair",
-    "receiver": "jitter buffer and decoder",
-}
-OURS = tuple(stage for stage in STAGES if stage != "network")
-_CARRIES = (PacketKind.MEDIA.value, PacketKind.REPAIR.value)
+_PERCENTILES = ("p50", "p95")
 
 
-def latency_stages(
-    log: SessionLog, view: str, frames: FrameTable, packets: PacketTable
-) -> dict[str, Any]:
-    """By stage of `STAGES`, p50 and p95 of the frames of `view` [ms].
+def latency_stages(log: SessionLog, view: str, packets: PacketTable) -> dict[str, Any]:
+    """Of the frames of `view`, p50 and p95 [ms]: by stage of `STAGES`, and of all but the network.
 
-    The sender has a frame until its last packet enters the uplink, the network until the last one
-    that had come when it was shown is delivered, be it one that was sent again. Network and
-    receiver are null where no network was emulated: there the two clocks are not one.
+    The sender has a frame until its last packet enters the uplink for the first time, the network
+    until the jitter buffer has handed that out: it waits there for what was lost of this frame, or
+    of one before it. Where no network was emulated the two clocks are not one, and null stands for
+    both.
     """
-    columns = _columns(log, view, frames, packets)
+    stages = dict(zip(STAGES, _columns(log, view, packets), strict=True))
+    own = sum(values for stage, values in stages.items() if stage != NETWORK)
     return {
-        stage: percentiles(values[~np.isnan(values)], ("p50", "p95"))
-        for stage, values in zip(STAGES, columns, strict=True)
+        "latency_stages_ms": {stage: _known(values) for stage, values in stages.items()},
+        "own_latency_ms": _known(np.asarray(own)),
     }
 
 
-def slowest_stage(stages: dict[str, Any]) -> str | None:
-    """The stage beside the network that takes longest at p95; None: nothing is known."""
-    known = {stage: stages[stage]["p95"] for stage in OURS if stages[stage]["p95"] is not None}
-    return max(known, key=lambda stage: known[stage]) if known else None
+def _known(values: Floats) -> dict[str, float | None]:
+    return percentiles(values[~np.isnan(values)], _PERCENTILES)
 
 
-def _columns(
-    log: SessionLog, view: str, frames: FrameTable, packets: PacketTable
-) -> tuple[Floats, ...]:
-    """Of each frame that was sent, what each stage took [ms]; NaN: not known."""
-    shown_ns = {
-        index: t_ns
-        for index, t_ns in zip(frames.index.tolist(), frames.shown_ns.tolist(), strict=True)
-        if t_ns > 0
-    }
-    entered_ns, delivered_ns = _last_packets(log, view, packets, shown_ns)
-    rows = [
-        (
-            one.capture_ns,
-            one.pushed_ns or np.nan,
-            one.encoded_ns,
-            entered_ns.get(one.index, np.nan),
-            delivered_ns.get(one.index, np.nan),
-            shown_ns.get(one.index, np.nan),
-        )
-        for one in log.sent
-        if one.view == view
-    ]
-    times = np.array(rows, dtype=np.float64).reshape(len(rows), len(STAGES) + 1)
-    return tuple(np.diff(times, axis=1).T / NS_PER_MS)
+def _columns(log: SessionLog, view: str, packets: PacketTable) -> tuple[Floats, ...]:
+    """Of each frame that was sent or shown, what each stage took [ms]; NaN: not known."""
+    shown = {one.index: one for one in log.shown if one.view == view}
+    sent = {one.index: one for one in log.sent if one.view == view}
+    entered_ns = _last_entered(log, view, packets)
+    rows = []
+    for index in sent.keys() | shown.keys():
+        source, end = sent.get(index), shown.get(index)
+        begun = (0, 0, 0, 0)
+        if source is not None:
+            begun = source.capture_ns, source.ready_ns, source.pushed_ns, source.encoded_ns
+        ended = (0, 0) if end is None else (end.received_ns, end.shown_ns)
+        rows.append((*begun, entered_ns.get(index, 0), *ended))
+    times = np.array(rows, dtype=np.int64).reshape(len(rows), len(STAGES) + 1)
+    took_ms: Floats = np.diff(times, axis=1) / NS_PER_MS
+    took_ms[(times[:, 1:] <= 0) | (times[:, :-1] <= 0)] = np.nan
+    return tuple(took_ms.T)
 
 
-def _last_packets(
-    log: SessionLog, view: str, packets: PacketTable, shown_ns: dict[int, int]
-) -> tuple[dict[int, int], dict[int, int]]:
-    """By frame, when its last packet entered the uplink, and when the last came that counted."""
+def _last_entered(log: SessionLog, view: str, packets: PacketTable) -> dict[int, int]:
+    """By frame, when the last of its packets entered the uplink, resends left out."""
     if not log.packets:
-        return {}, {}
+        return {}
     indices = capture_indices(log, view)
     entered: dict[int, int] = {}
-    delivered: dict[int, int] = {}
-    carries = np.isin(packets.kind, _CARRIES) & (packets.view == log.header.views.index(view))
-    for kind, stamp, entered_ns, delivered_ns in zip(
-        packets.kind[carries].tolist(),
-        packets.rtp_timestamp[carries].tolist(),
-        packets.entered_ns[carries].tolist(),
-        packets.delivered_ns[carries].tolist(),
-        strict=True,
+    media = (packets.kind == PacketKind.MEDIA.value) & (
+        packets.view == log.header.views.index(view)
+    )
+    for stamp, entered_ns in zip(
+        packets.rtp_timestamp[media].tolist(), packets.entered_ns[media].tolist(), strict=True
     ):
         index = indices.get(stamp, -1)
-        if kind == PacketKind.MEDIA.value:
-            entered[index] = max(entered_ns, entered.get(index, 0))
-        if 0 < delivered_ns <= shown_ns.get(index, 0):
-            delivered[index] = max(delivered_ns, delivered.get(index, 0))
-    return entered, delivered
+        entered[index] = max(entered_ns, entered.get(index, 0))
+    return entered

@@ -127,7 +127,7 @@ def _view(
         "frames_left_out": sum(one.view == view and one.under_way for one in log.dropped),
         "frames_shown": int(np.sum(shown)),
         "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
-        "latency_stages_ms": latency_stages(log, view, frames, packets),
+        **latency_stages(log, view, packets),
         "freezes": _freezes(frames, span),
         "not_whole_s": _not_whole_s(log, view, span),
         **view_quality(log, view, quality),

@@ -20,7 +20,7 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
-from tams_app.records import EpisodesState, EpisodeState, SessionState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -75,6 +75,7 @@ hands = st.builds(
     episodes=st.tuples(*[COUNT] * 5),
 )
 KNOWN = st.none() | NUMBER
+OWN = st.none() | st.builds(LatencyState, COUNT, TEXT, COUNT)
 session_states = st.builds(
     SessionState,
     t_s=NUMBER,
@@ -90,7 +91,9 @@ session_states = st.builds(
     phase=TEXT,
     primary_view=TEXT,
     tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
-    views=st.dictionaries(TEXT, st.builds(ViewState, *(KNOWN,) * 8), max_size=3),
+    views=st.dictionaries(
+        TEXT, st.builds(ViewState, *(KNOWN,) * 6, OWN, KNOWN, KNOWN), max_size=3
+    ),
     link_kbps=KNOWN,
     budget_kbps=KNOWN,
     capacity_kbps=KNOWN,

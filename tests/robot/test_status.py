@@ -12,6 +12,7 @@ from tams_app.records import (
     Allocation,
     ControllerSample,
     ControllerStatus,
+    LatencyState,
     PacketFate,
     PacketKind,
     PacketRecord,
@@ -72,6 +73,14 @@ def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
     arm = replace(arm_at(0.3, 0), gripper_closed=closed)
     board.on_output(0, output(ArmingState.READY), arm)
     assert state(board).gripper_closed is closed
+
+
+def test_what_its_frames_take_on_this_side_is_told_of_each_view():
+    board, own = board_of(("gt", "gs")), LatencyState(12, "encoder", 9)
+    told = board.state(
+        10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {}, "openvr", latency={"gt": own}
+    )
+    assert (told.views["gt"].own, told.views["gs"].own) == (own, None)
 
 
 def test_the_frames_that_each_camera_gives_are_shown():

@@ -23,7 +23,7 @@ from tams_app.link.gateway import LinkEvent
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
-from tams_app.records import Outcome, SessionState, ShownFrame, SteeredBy
+from tams_app.records import LatencyState, Outcome, SessionState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.operate import operate
 from tams_app.session.session import Session
@@ -126,7 +126,11 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
 
     def show(timestamp: int, whole: bool = True) -> SteeredBy:
         clock.advance_ns(NS_PER_MS)
-        receivers._shown(ShownFrame("gt", timestamp, clock.now_ns(), image, timestamp, whole))
+        now_ns = clock.now_ns()
+        took_ns = 3 * NS_PER_MS
+        receivers._shown(
+            ShownFrame("gt", timestamp, now_ns, image, timestamp, whole, now_ns - took_ns)
+        )
         return receivers.steered_by("gt")
 
     try:
@@ -138,6 +142,8 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
         assert show(103, whole=False) == SteeredBy(102, 102)
         heard_ns = clock.now_ns()
         assert show(104) == SteeredBy(102, 102, is_damaged=True)
+        assert receivers.latency("gt") == LatencyState(3, "decoder", 3)
+        assert receivers.latency("eih") is None, "nothing was shown of it"
     finally:
         receivers.close()
 

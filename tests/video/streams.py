@@ -80,7 +80,8 @@ class Stream:
         due = time.monotonic()
         for each in frames:
             time.sleep(max(0.0, due - time.monotonic()))
-            self.sender.push(replace(each, capture_ns=self.capture_ns))
+            ready_ns = self.clock.now_ns()
+            self.sender.push(replace(each, capture_ns=self.capture_ns, ready_ns=ready_ns))
             self.capture_ns += round(self._period_s * NS_PER_S)
             self._pushed += 1
             self._wait_for_encoder()

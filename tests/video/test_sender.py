@@ -164,6 +164,35 @@ def test_a_paced_frame_leaves_in_parts_and_arrives_as_it_was(
     assert all(after[2] > before[2] for before, after in pairwise(pacer.told))
 
 
+@pytest.mark.parametrize("protected", [False, True])
+def test_what_each_stage_takes_is_known_until_the_packets_leave(protected: bool) -> None:
+    rule = replace(PATIENT, parity=protected)
+    with stream(rule=rule, kbps=1500.0, fps=30, pacer=Pacer(2000.0)) as joined:
+        if joined.parity is not None:
+            joined.parity.groups = 1
+        joined.push(range(10))
+        assert joined.wait_until(lambda: len(joined.shown) == 10)
+        taken = joined.sender.stages.ms
+    assert list(taken) == ["camera", "to_encoder", "encoder", "sender"]
+    assert all(ms > 0 for ms in taken.values())
+
+
+def test_where_nothing_is_paced_no_time_is_taken_for_it() -> None:
+    with stream(kbps=1500.0, fps=30) as joined:
+        joined.push(range(3))
+        assert joined.wait_until(lambda: len(joined.shown) == 3)
+        assert list(joined.sender.stages.ms) == ["camera", "to_encoder", "encoder"]
+
+
+def test_a_frame_shown_tells_when_it_was_received() -> None:
+    with stream(fps=30) as joined:
+        joined.push(range(3))
+        assert joined.wait_until(lambda: len(joined.shown) == 3)
+    encoded_ns = {one.index: one.encoded_ns for one in joined.encoded}
+    for one in joined.shown:
+        assert encoded_ns[one.index] < one.received_ns < one.shown_ns
+
+
 @pytest.mark.parametrize("feedback", [False, True])
 def test_what_leaves_at_once_is_asked_for_once_and_not_packet_by_packet(feedback: bool) -> None:
     """At 20 Mbit/s Python would be called 2,000 times a second, for each packet."""

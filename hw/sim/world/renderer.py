@@ -122,7 +122,9 @@ def run(
             continue
         t_ns, state = newest
         image = frames.take(camera.view, camera.next_index, state.qpos)
-        writer.publish(camera.view, camera.next_index, t_ns, image, camera.grid)
+        writer.publish(
+            camera.view, camera.next_index, t_ns, image, camera.grid, ready_ns=clock.now_ns()
+        )
         camera.taken()
 
 

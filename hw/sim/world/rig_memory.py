@@ -30,7 +30,7 @@ QPOS_SIZE = 15  # joints 6, fingers 2, block 7
 
 _STATE = struct.Struct(f"<q{QPOS_SIZE}d21d2d")
 _WORLD_RING = RingShape(_STATE.size, heads=4)
-_FRAME = struct.Struct("<4q")  # index, capture, grid start and period [ns]
+_FRAME = struct.Struct("<5q")  # index, capture, grid start and period, when it was ready [ns]
 _WORLD, _FRAMES = "world", "frames"
 
 
@@ -143,11 +143,20 @@ class FrameWriter:
         return _grid(self._rings[view])
 
     def publish(
-        self, view: str, index: int, capture_ns: int, image: Image, grid: FrameGrid | None = None
+        self,
+        view: str,
+        index: int,
+        capture_ns: int,
+        image: Image,
+        grid: FrameGrid | None = None,
+        ready_ns: int = 0,
     ) -> None:
-        """Put a BGR image, shape (height, width, 3), in the ring of `view`."""
+        """Put a BGR image, shape (height, width, 3), in the ring of `view`.
+
+        `ready_ns`: when it was rendered; 0: not known.
+        """
         due = grid or FrameGrid()
-        head = _FRAME.pack(index, capture_ns, due.start_ns, due.period_ns)
+        head = _FRAME.pack(index, capture_ns, due.start_ns, due.period_ns, ready_ns)
         ring = self._rings[view]
         ring.put(head, lambda pixels: np.copyto(pixels, image.ravel()))
         ring.wake_readers()
@@ -180,8 +189,8 @@ class FrameReader:
         pixels = self._ring.bulk(number) if head is not None else None
         if head is None or pixels is None:
             return None
-        index, capture_ns, *_ = _FRAME.unpack(head)
-        return Frame(self._view, index, capture_ns, pixels.reshape(self._image_shape))
+        index, capture_ns, _, _, ready_ns = _FRAME.unpack(head)
+        return Frame(self._view, index, capture_ns, pixels.reshape(self._image_shape), ready_ns)
 
     def close(self) -> None:
         self._block.close()
@@ -195,7 +204,7 @@ def remove_memory(name: str) -> None:
 
 def _grid(ring: SharedRing) -> FrameGrid:
     newest = ring.newest()
-    return FrameGrid(*_FRAME.unpack(newest[1])[2:]) if newest is not None else FrameGrid()
+    return FrameGrid(*_FRAME.unpack(newest[1])[2:4]) if newest is not None else FrameGrid()
 
 
 def _attach(name: str, size: int) -> mmap.mmap:

@@ -11,6 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tams_app.faces import episodes
+from tams_app.faces.figures import slowest_text
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState
@@ -30,7 +31,8 @@ _STYLES = {"ENGAGED": "bold green", "HOLDING": "bold yellow", "FAULT": "bold red
 class Words:
     """A state in words: `live` on a terminal, within COLUMNS; `plain`, in full, elsewhere.
 
-    why: on a terminal below `live`, the episodes, why the arm does not move, and what to do.
+    why: on a terminal below `live`, the episodes, why the arm does not move, what to do, and what
+    makes the video late.
     """
 
     live: str
@@ -50,10 +52,16 @@ def status_words(state: SessionState) -> Words:
         f"link {known(state.link_kbps)}/{known(state.budget_kbps)} kbit/s, "
         f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}, "
         f"queue {known(state.queue_ms)} ms{_ssim(state)}",
+        *_slowest(state),
         *reason_parts(state),
     ]
-    why = "\n".join((*_episodes(state), *reason_parts(state)))
+    why = "\n".join((*_episodes(state), *reason_parts(state), *_slowest(state)))
     return Words(fitting(_parts(state)), SEPARATOR.join(full), why)
+
+
+def _slowest(state: SessionState) -> list[str]:
+    """What the primary view's latency is due to, where that is notable."""
+    return [*filter(None, [slowest_text(state)])]
 
 
 def _episodes(state: SessionState) -> list[str]:

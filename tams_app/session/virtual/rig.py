@@ -98,7 +98,9 @@ class VirtualCameras:
 
     def _take(self, view: str, index: int, due_ns: int) -> None:
         capture_ns = self._robot.catch_up()
-        frame = Frame(view, index, capture_ns, self._frames.take(view, index, self._robot.qpos))
-        self._events.post(due_ns + DELIVERY_NS, partial(self._deliver, frame))
+        ready_ns = due_ns + DELIVERY_NS
+        image = self._frames.take(view, index, self._robot.qpos)
+        frame = Frame(view, index, capture_ns, image, ready_ns)
+        self._events.post(ready_ns, partial(self._deliver, frame))
         next_ns = due_ns + self._period_ns
         self._events.post(next_ns, partial(self._take, view, index + 1, next_ns))

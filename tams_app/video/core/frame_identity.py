@@ -29,11 +29,15 @@ def _ticks(duration_ns: int) -> int:
 
 @dataclass(frozen=True, slots=True)
 class SentFrame:
-    """The capture that a timestamp stands for, and when it was handed to the sender [ns]."""
+    """The capture that a timestamp stands for, and when it was handed to the sender [ns].
+
+    `ready_ns`: as in `Frame`.
+    """
 
     index: int
     capture_ns: int
     pushed_ns: int
+    ready_ns: int = 0
 
 
 class SentFrames:

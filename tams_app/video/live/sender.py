@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -17,6 +18,7 @@ from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, padding_ssrc
 from tams_app.video.core.padding import Padding
 from tams_app.video.core.received_feedback import ReceivedFeedback
+from tams_app.video.core.stages import StageMeans
 from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.live.udp import (
@@ -31,6 +33,7 @@ from tams_app.video.live.view_encoder import ViewEncoder
 
 # A machine that wakes threads so late has no time for pacing: frames leave at once for a while.
 _LATE_NS, _UNPACED_NS = 5 * NS_PER_MS, 5 * NS_PER_S
+_LEAVING = 64  # frames: more than the pacer ever holds
 
 
 class VideoSender:
@@ -86,6 +89,8 @@ class VideoSender:
         self._config = config
         self._rtx = rtx
         self._encoder = encoder
+        self.stages = StageMeans()  # until the packets leave
+        self._leaving: deque[int] = deque(maxlen=_LEAVING)  # when each was encoded [ns]
         self._parity = parity
         self._packets: list[bytes] = []  # of the frame that is being packetised
         self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
@@ -222,6 +227,12 @@ class VideoSender:
 
     def _encoded(self, frame: EncodedFrame) -> None:
         self._encoded_ns = frame.capture_ns
+        if self._pacer is not None:
+            self._leaving.append(frame.encoded_ns)
+        stages = self.stages
+        stages.step("camera", frame.capture_ns, frame.ready_ns)
+        stages.step("to_encoder", frame.ready_ns, frame.pushed_ns)
+        stages.step("encoder", frame.pushed_ns, frame.encoded_ns)
         self._on_encoded(frame)
 
     def _on_packets(self, parity: ViewParity, pad: Any, probe: Any) -> Any:
@@ -252,10 +263,12 @@ class VideoSender:
         sizes_bytes = [one.get_size() + IP_UDP_HEADER_BYTES for one in buffers]
         parts, now_ns = pacer.parts(sizes_bytes), self._clock.now_ns()
         if now_ns < self._unpaced_until_ns:
+            self._leave(buffers[-1])
             return Gst.PadProbeReturn.OK
         leave_ns = [pacer.reserve(now_ns, sum(sizes_bytes[part])) for part in parts]
         if len(parts) == 1:
             self._clock.sleep_until_ns(leave_ns[0])
+            self._leave(buffers[-1])
             return Gst.PadProbeReturn.OK
         while parts:
             self._clock.sleep_until_ns(leave_ns[0])
@@ -269,7 +282,13 @@ class VideoSender:
                 together.insert(-1, one)
             del parts[:due], leave_ns[:due]
             pad.get_peer().chain_list(together)
+        self._leave(buffers[-1])
         return Gst.PadProbeReturn.DROP
+
+    def _leave(self, last: Any) -> None:
+        """Packets leave, or have left, the last of a frame's media perhaps among them."""
+        if self._leaving and last.has_flags(gst.load().Gst.BufferFlags.MARKER):
+            self.stages.step("sender", self._leaving.popleft(), self._clock.now_ns())
 
     def _set_structure(self, name: str, text: str) -> None:
         structure, _ = gst.load().Gst.Structure.from_string(text)

@@ -65,6 +65,8 @@ class ViewDecoder:
         self._start_request_is_idle = False
         self._chain = WholeChain()
         self._whole: deque[int] = deque(maxlen=_DECODING)  # RTP timestamps of whole frames
+        # by RTP timestamp, when the jitter buffer had handed out the last packet [ns]
+        self._received: deque[tuple[int, int]] = deque(maxlen=_DECODING)
 
     def attach(self, pipeline: Any) -> None:
         """Take the elements of a `decoder_chain` that ends in the appsink `frames`."""
@@ -131,6 +133,7 @@ class ViewDecoder:
         Gst = gst.load().Gst
         buffer = probe.get_buffer()
         timestamp = self._newest_timestamp()
+        self._received.append((timestamp, self._clock.now_ns()))
         has_end = buffer.has_flags(Gst.BufferFlags.MARKER)
         if has_end and self._keep_in_line(buffer, timestamp):
             # where about 65,536 packets or a multiple were lost, their numbers show no gap
@@ -187,7 +190,10 @@ class ViewDecoder:
         image = bgr_of(gst.pixels_of(buffer), self._config.height, self._config.width)
         now_ns = self._clock.now_ns()
         whole = timestamp in self._whole
-        shown = ShownFrame(self._view, sent.index, now_ns, image, sent.capture_ns, whole)
+        received_ns = next((ns for one, ns in reversed(self._received) if one == timestamp), 0)
+        shown = ShownFrame(
+            self._view, sent.index, now_ns, image, sent.capture_ns, whole, received_ns
+        )
         self.mailbox.put(shown)
         self._on_shown(shown)
 

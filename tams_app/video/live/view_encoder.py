@@ -84,7 +84,8 @@ class ViewEncoder:
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
         if self._codec.adjustable:
             self._set_encoder_rate(wire_bytes, frame_kbps, time)
-        pts_ns = self.sent.add(SentFrame(frame.index, frame.capture_ns, pushed_ns))
+        sent = SentFrame(frame.index, frame.capture_ns, pushed_ns, frame.ready_ns)
+        pts_ns = self.sent.add(sent)
         return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
 
     def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
@@ -126,5 +127,6 @@ class ViewEncoder:
                 data,
                 sent.pushed_ns,
                 timestamp,
+                sent.ready_ns,
             )
         )

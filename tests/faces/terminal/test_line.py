@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.faces.terminal.line import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
-from tams_app.records import EpisodesState, EpisodeState, SessionState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -64,6 +64,15 @@ def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
     live = status_words(longest).live
     assert len(live) <= COLUMNS
     assert live.startswith("121:12.3 LINK LOST PRE_RELEASE held eih 2950/3000k 82ms")
+
+
+def test_what_makes_the_primary_view_late_is_named() -> None:
+    own = LatencyState(40, "encoder", 22)
+    late = replace(STATE, primary_view="gt", views={"gt": ViewState(shown_fps=30.0, own=own)})
+    told = "GT 40 ms apart from the network, slowest: encoder 22 ms"
+    assert told in status_words(late).plain
+    assert status_words(late).why == told
+    assert "slowest" not in status_words(STATE).plain
 
 
 def test_without_views_the_live_line_tells_the_arm() -> None:

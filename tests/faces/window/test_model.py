@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from itertools import pairwise
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -20,11 +21,13 @@ from tams_app.faces.canvas import apart
 from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text, strip_texts
 from tams_app.faces.figures import (
+    NOTABLE_MS,
     hand_rows,
     marking_texts,
     notice_text,
     placed_text,
     replay_texts,
+    slowest_text,
     status_text,
     trial_texts,
     uplink_texts,
@@ -38,7 +41,7 @@ from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.style import state_class, style_sheet
-from tams_app.records import EpisodesState, EpisodeState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
 from tams_app.teleop.hands import HANDS, SIMULATED
 from tams_app.teleop.safety import ArmingState
 from tests.faces.played_session import STATE
@@ -318,6 +321,31 @@ def test_what_shares_the_budget_is_apart_from_what_the_uplink_carries_beside_it(
     assert carried == "views 3000 of budget 3100 kbit/s; with padding, RTCP 3300"
     nothing = {name: ViewState() for name in views}
     assert uplink_texts(replace(padded, views=nothing))[0].startswith("views – of")
+
+
+def seen(own: LatencyState | None, **changes: Any) -> SessionState:
+    """The primary view is shown, and its own latency known or not."""
+    views = {"eih": replace(FACTS.state.views["eih"], shown_fps=29.0, own=own, **changes)}
+    return changed(FACTS, views=views, primary_view="eih").state
+
+
+def test_what_makes_the_primary_view_late_is_named_once_it_is_notable() -> None:
+    told = "EIH 31 ms apart from the network, slowest: encoder 9 ms"
+    assert slowest_text(seen(LatencyState(31, "encoder", 9))) == told
+    assert slowest_text(seen(LatencyState(NOTABLE_MS - 1, "encoder", 9))) == ""
+
+
+def test_where_a_stage_is_not_known_none_is_called_the_slowest() -> None:
+    assert slowest_text(seen(None)) == ""
+    assert slowest_text(changed(FACTS, views={}).state) == ""
+
+
+def test_the_robot_s_side_says_how_far_it_knows_a_frame_s_way() -> None:
+    there = seen(LatencyState(31, "camera", 20))
+    there = replace(there, views={"eih": replace(there.views["eih"], shown_fps=None)})
+    assert slowest_text(there) == (
+        "EIH 31 ms apart from the network to the uplink, slowest: camera 20 ms"
+    )
 
 
 def test_a_gripper_without_a_command_is_not_used_yet_and_without_an_arm_not_known() -> None:

@@ -65,6 +65,15 @@ def meanwhile(do: Callable[[], None]) -> Iterator[None]:
         thread.join()
 
 
+def test_a_frame_tells_when_it_was_taken_and_when_it_was_rendered(
+    writer: FrameWriter, camera: SimCamera
+) -> None:
+    writer.publish("gt", 4, 1000, grey(7), ready_ns=1500)
+    frame = camera.next_frame(1.0)
+    assert frame is not None
+    assert (frame.index, frame.capture_ns, frame.ready_ns) == (4, 1000, 1500)
+
+
 def test_newest_frame_is_delivered_once_and_older_ones_are_skipped(
     writer: FrameWriter, camera: SimCamera
 ) -> None:
