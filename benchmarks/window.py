@@ -19,7 +19,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import cv2
-import msgspec
 import numpy as np
 import psutil
 import pytest
@@ -30,7 +29,7 @@ from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.realtime import WINDOW_NICE
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
-from tests.faces.window.facts import FACTS
+from tests.faces.window.facts import FACTS, changed
 from tests.faces.window.xvfb import virtual_screen, wait_for
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -101,7 +100,7 @@ def play(client: FaceClient, block: FrameBlock, views: tuple[str, ...], seconds:
             time.sleep(max(0.0, due_s - time.monotonic()))
             block.put(view, number, number, np.roll(pictures[view], 4 * number, axis=1))
         if number % 3 == 0:
-            client.show(msgspec.structs.replace(FACTS, t_s=time.monotonic()))
+            client.show(changed(FACTS, t_s=time.monotonic()))
         number += 1
     return number
 

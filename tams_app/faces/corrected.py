@@ -30,6 +30,10 @@ class Corrected:
         """Whether a frame that was drawn looks different later on."""
         return self._is_on and view in self._drawn and self._drawn[view][1] is None
 
+    def version(self, view: str, now_ns: int) -> tuple[str, int]:
+        """What the frame to draw is known by; one that moves is another one at each look."""
+        return view, now_ns if self.moves(view) else self._frames[view].written()
+
     def newest(self, view: str) -> Image | None:
         """The frame to draw now; None before the first, or if it was overwritten meanwhile."""
         found = self._frames[view].newest_frame()

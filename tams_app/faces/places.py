@@ -19,6 +19,11 @@ class Places:
         self.pinned = ""
         self._changed_ns: int | None = None
 
+    @property
+    def large(self) -> str:
+        """The view in the first place."""
+        return self.views[0]
+
     def step(self, primary: str, now_ns: int) -> bool:
         """Assign anew; True if the places have changed. `views` has them in order."""
         if self.pinned:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.faces.pacing import LEAST_NS, MOST_NS, SHARE, Pacer
+from tams_app.faces.pacing import EARLY_NS, FOLLOWS_NS, LEAST_NS, MOST_NS, SHARE, Pacer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -12,17 +12,19 @@ pytestmark = pytest.mark.untimed
 _LOOK_NS = 8 * NS_PER_MS
 
 
-def run(cost_ns: int, seconds: float, idle_cost: float = 0.0) -> tuple[float, float]:
+def run(
+    cost_ns: int, seconds: float, idle_cost: float = 0.0, fps: float = 30.0
+) -> tuple[float, float]:
     """Drawings a second, and the share of a core that they take, once settled.
 
-    `idle_cost`: share of a core that the process needs besides.
+    `idle_cost`: share of a core that the process needs besides. `fps`: of each view.
     """
     pacer = Pacer(0, 0)
     used_ns, drawings, settled_used_ns = 0.0, 0, 0.0
     half = round(seconds * NS_PER_S / 2)
     for now_ns in range(0, 2 * half, _LOOK_NS):
         used_ns += _LOOK_NS * idle_cost
-        if pacer.may_draw(now_ns):
+        if pacer.may_draw(now_ns, int(now_ns * fps / NS_PER_S)):
             used_ns += cost_ns
             pacer.drawn(now_ns, round(used_ns))
             drawings += now_ns >= half
@@ -54,6 +56,29 @@ def test_other_work_of_the_process_does_not_stop_the_drawing() -> None:
 
 def test_nothing_is_drawn_before_it_is_time() -> None:
     pacer = Pacer(0, 0)
-    pacer.drawn(NS_PER_S, 0)
-    assert not pacer.may_draw(NS_PER_S + LEAST_NS - 1)
-    assert pacer.may_draw(NS_PER_S + LEAST_NS)
+    pacer.drawn(0, 0)
+    assert not pacer.may_draw(LEAST_NS - EARLY_NS - 1, 1)
+    assert pacer.may_draw(LEAST_NS - EARLY_NS, 2)
+
+
+def test_what_is_no_new_frame_of_the_large_picture_waits_for_one() -> None:
+    pacer = Pacer(0, 0)
+    pacer.drawn(0, 0)
+    due_ns = LEAST_NS
+    assert pacer.may_draw(due_ns, 1), "it has come just now"
+    assert not pacer.may_draw(due_ns, 1), "it came before: the next one is near"
+    assert not pacer.may_draw(due_ns + FOLLOWS_NS - 1, 1)
+    assert pacer.may_draw(due_ns + FOLLOWS_NS, 1), "no other one comes"
+
+
+def test_a_frame_of_the_large_picture_is_drawn_when_it_comes_or_not_at_all() -> None:
+    """Drawing takes 10 ms of a core: 40 ms apart in the mean, at frames 33 ms apart."""
+    period_ns, pacer, used_ns, drawn = NS_PER_S // 30, Pacer(0, 0), 0, []
+    for now_ns in range(0, 20 * NS_PER_S, NS_PER_MS):
+        if pacer.may_draw(now_ns, now_ns // period_ns):
+            used_ns += 10 * NS_PER_MS
+            pacer.drawn(now_ns, used_ns)
+            drawn.append(now_ns)
+    settled = [now_ns for now_ns in drawn if now_ns >= 10 * NS_PER_S]
+    assert max(now_ns % period_ns for now_ns in settled) <= NS_PER_MS
+    assert len(settled) / 10 == pytest.approx(25, rel=0.05)

@@ -78,7 +78,7 @@ class HeadsetDisplay:
             if newer is not None or (known.silent_s is not None and now_ns >= self._silence_ns):
                 self._silence_ns = now_ns + _SILENCE_NS
                 self._take_in(known, now_ns)
-        if self._pacer.may_draw(now_ns):
+        if self._pacer.may_draw(now_ns, self._corrected.version(self._places.large, now_ns)):
             self._take_frames()
             if self._dirty:
                 self._draw()

@@ -18,6 +18,7 @@ from tams_app.faces.window.window import OperatorWindow
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import WINDOW_NICE, use_nice
+from tams_app.runtime.worker import Worker
 
 _ENDING_MS = 20  # between looks whether to end
 
@@ -51,6 +52,8 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
         opened.present,
     )
     window.present()
+    arrivals = Worker("arrivals", window.arrivals.run)
+    arrivals.start()
     loop = GLib.MainLoop()
 
     def end_if_asked() -> bool:
@@ -60,6 +63,7 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
 
     GLib.timeout_add(_ENDING_MS, end_if_asked)
     loop.run()
+    arrivals.stop()
     try:
         keep_size(path, window.size)
     except TamsError as error:

@@ -6,6 +6,8 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from msgspec.structs import replace
+
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
 from tams_app.faces.corrected import Corrected
@@ -16,6 +18,7 @@ from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, 
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import as_known
+from tams_app.faces.window.arrivals import Arrivals
 from tams_app.faces.window.episode_strip import EpisodeStrip
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
@@ -42,6 +45,7 @@ from tams_app.faces.window.toolkit import load
 from tams_app.runtime.clock import Clock
 from tams_app.station.mount_memory import PresentViews
 from tams_app.units import NS_PER_MS
+from tams_app.video.core.stages import DISPLAY, StageMeans, together
 from tams_app.video.live.frame_ring import FrameReader
 
 TITLE = "TAMS"
@@ -90,7 +94,10 @@ class OperatorWindow:
             bool(opening.cameras),
         )
         self._places = Places(opening.views)
+        self.arrivals = Arrivals(frames, self._places.large, self._on_arrival)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
+        self._display = StageMeans()  # of the large picture
+        self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
         self._history = History()
         self._drawings = 0
         self._figures_ns = 0
@@ -120,6 +127,7 @@ class OperatorWindow:
         Gtk, Gdk = self._modules.Gtk, self._modules.Gdk
         title = f"{TITLE} replay" if self._is_replay else TITLE
         self.window = Gtk.Window(title=title, default_width=size.width, default_height=size.height)
+        self.window.connect("realize", self._realized)
         if size.maximised:
             self.window.maximize()
         self._css = Gtk.CssProvider()
@@ -313,6 +321,18 @@ class OperatorWindow:
 
     # --- what is shown --------------------------------------------------------------------------
 
+    def _on_arrival(self) -> None:
+        """In a thread of its own: the large picture's view has a new frame."""
+        GLib = self._modules.GLib
+        GLib.idle_add(lambda: not self._look(), priority=GLib.PRIORITY_DEFAULT)
+
+    def _realized(self, window: Any) -> None:
+        window.get_frame_clock().connect("after-paint", lambda _clock: self._painted())
+
+    def _painted(self) -> None:
+        put_ns, self._put_ns = self._put_ns, 0
+        self._display.step(DISPLAY, put_ns, self._clock.now_ns())
+
     def _look(self) -> bool:
         now_ns = self._clock.now_ns()
         if (facts := self._facts_reader.newer()) is not None:
@@ -320,7 +340,8 @@ class OperatorWindow:
             self._take_in(as_known(facts, now_ns), now_ns)
         elif self._facts is not None and self._is_silent(self._facts, now_ns):
             self._take_in(as_known(self._facts, now_ns), now_ns)
-        if self._pacer.may_draw(now_ns) and self._take_frames():
+        newest = self._corrected.version(self._places.large, now_ns)
+        if self._pacer.may_draw(now_ns, newest) and self._take_frames():
             self._drawings += 1
             self._pacer.drawn(now_ns, time.process_time_ns())
         self._looked_ns = self._clock.now_ns()
@@ -357,13 +378,23 @@ class OperatorWindow:
         if now_ns - self._figures_ns >= _FIGURES_NS:
             self._figures_ns = now_ns
             self._adapt()
-            self._panel.show(facts)
+            self._panel.show(self._with_display(facts))
             self._timeline.show(facts)
             self._episodes.show(facts)
             self._notice.set_text(notice_text(facts))
             self._status.set_text(status_text(facts, self._opening))
 
+    def _with_display(self, facts: Facts) -> Facts:
+        """The facts with the time that drawing takes in the primary view's latency."""
+        views, primary = facts.state.views, facts.state.primary_view
+        own = together(views[primary].own, self._display.latency) if primary in views else None
+        if own is None:
+            return facts
+        views = {**views, primary: replace(views[primary], own=own)}
+        return replace(facts, state=replace(facts.state, views=views))
+
     def _show_places(self) -> None:
+        self.arrivals.view = self._places.large
         for view, picture in zip(self._places.views, self._pictures, strict=True):
             state = None if self._shown is None else self._shown.state
             view_state = None if state is None else state.views.get(view)
@@ -373,16 +404,22 @@ class OperatorWindow:
             title += self._corrected.words(view)
             picture.set_title(title, view_class(self._opening.views.index(view)))
 
+    def _is_new(self, view: str) -> bool:
+        """True if it has a frame that is not drawn yet, or one that looks different by now."""
+        return self._frames[view].written() != self._seen[view] or self._corrected.moves(view)
+
     def _take_frames(self) -> bool:
         """Show the newest frame of each view, or how it looks by now; whether any has changed."""
         changed = []
         for view, reader in self._frames.items():
             written = reader.written()
-            if written == self._seen[view] and not self._corrected.moves(view):
+            if not self._is_new(view):
                 continue
             image = self._corrected.newest(view)
             if image is None:  # overwritten meanwhile: the next look finds a newer one
                 continue
+            if view == self._places.large and written != self._seen[view]:
+                self._put_ns = reader.newest_put_ns()
             self._seen[view] = written
             self._textures[view] = texture_of(image)
             changed.append(view)

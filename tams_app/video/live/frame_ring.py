@@ -108,6 +108,7 @@ class FrameWriter:
         region = _NO_REGION if task is None else (task.x_px, task.y_px, task.radius_px)
         head = _ENTRY.pack(index, t_ns, captured_ns, *region)
         self._ring.put(head, lambda bulk: fill(bulk, image))
+        self._ring.wake_readers()
 
     def _to_luma(self, bulk: Bulk, image: Image) -> None:
         cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=bulk.reshape(self._bulk_shape))
@@ -127,6 +128,15 @@ class FrameReader:
     def written(self) -> int:
         """The number of frames put so far."""
         return self._ring.written()
+
+    def await_more(self, written: int, timeout_ns: int) -> None:
+        """Sleep while no more than `written` frames were put; it may return early, look again."""
+        self._ring.await_more(written, timeout_ns)
+
+    def newest_put_ns(self) -> int:
+        """When the newest frame was put [ns]; 0 before the first."""
+        newest = self._ring.newest()
+        return 0 if newest is None else int(_ENTRY.unpack(newest[1])[1])
 
     def read(self, until: int) -> list[RingEntry]:
         """The frames not read yet as luma, up to the first `until` that were ever put."""
