@@ -21,7 +21,7 @@ from tams_app.summary import summarise
 from tams_app.video.core.stages import STAGES
 from tests.session.hardware_station import plugged, station
 
-OWN = "all but the network"
+OWN = "without network"
 
 
 def measured(seconds: float, fps: int, network: str) -> dict[str, dict[str, Any]]:

@@ -112,7 +112,7 @@ def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
     if not rows:
         return None
     view, stage = max(slowest_ms, key=lambda one: slowest_ms[one])
-    names = [*STAGES.values(), "all but the network"]
+    names = [*STAGES.values(), "without network"]
     return StagesTable(names, rows, view, stage_words(stage))
 
 

@@ -17,7 +17,7 @@ STAGES = {
     "camera": "camera",  # exposure and transfer; on the rig the rendering
     "to_encoder": "camera to encoder",
     "encoder": "encoder",
-    "sender": "pacing at the sender",
+    "sender": "pacing",  # at the sender
     NETWORK: "network and repair",  # until the jitter buffer has handed out the last packet
     "decoder": "decoder",
 }
