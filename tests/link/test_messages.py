@@ -91,9 +91,7 @@ session_states = st.builds(
     phase=TEXT,
     primary_view=TEXT,
     tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
-    views=st.dictionaries(
-        TEXT, st.builds(ViewState, *(KNOWN,) * 6, OWN, KNOWN, KNOWN), max_size=3
-    ),
+    views=st.dictionaries(TEXT, st.builds(ViewState, *(KNOWN,) * 6, OWN, KNOWN, KNOWN), max_size=3),
     link_kbps=KNOWN,
     budget_kbps=KNOWN,
     capacity_kbps=KNOWN,
