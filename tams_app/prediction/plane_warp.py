@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.prediction.resampling import resampling_of
+from tams_app.prediction.resampling import RayMap
 from tams_app.records import Image, Lens, Pose, Solid, SolidKind
 
 _LEAST_HEIGHT_M = 0.02  # of the camera above the plane
@@ -158,7 +158,7 @@ class WristWarp:
         scene is taken for, base frame.
         """
         self._lens, self._height_m = lens, height_m
-        self._border, self._resampling = border_rays(lens), resampling_of(lens)
+        self._border, self._resampling = border_rays(lens), RayMap(lens)
         fixed, held = (covered_by(each, lens) * np.uint8(255) for each in (tool, grip))
         self._still = {False: fixed, True: fixed | held}
 

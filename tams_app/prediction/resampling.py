@@ -11,45 +11,21 @@ from numpy.typing import NDArray
 
 from tams_app.records import Image, Lens
 
-_CELL_PX = 8  # of the mesh on which a bent map is computed; between its points it is linear
+_CELL_PX = 8  # of the mesh on which the map is computed; between its points it is linear
 _FAR_PX = 1e4
 _LEAST_DEPTH = 1e-6
 _ONE_MAP = np.empty(0, np.float32)  # the second map, where the first has both coordinates
 
 Resample: TypeAlias = Callable[[Image, int], Image]
 """The picture now, of a picture then and one of OpenCV's ways to interpolate."""
-Resampling: TypeAlias = Callable[[NDArray[np.float64]], Resample]
-"""What does so, of the change from rays now to those then, shape (3, 3)."""
 
 
-def resampling_of(lens: Lens) -> Resampling:
-    """Of a lens's pictures: a homography, or through its distortion where it has one."""
-    return BentMap(lens) if lens.is_distorted else _Straight(lens)
-
-
-class _Straight:
-    def __init__(self, lens: Lens) -> None:
-        self._matrix, self._size = lens.matrix(), (lens.width, lens.height)
-        self._inverse = np.linalg.inv(self._matrix)
-
-    def __call__(self, change: NDArray[np.float64]) -> Resample:
-        homography = self._matrix @ change @ self._inverse
-        homography /= homography[2, 2]
-
-        def resample(image: Image, how: int) -> Image:
-            flags = how | cv2.WARP_INVERSE_MAP
-            return np.asarray(
-                cv2.warpPerspective(image, homography, self._size, flags=flags), np.uint8
-            )
-
-        return resample
-
-
-class BentMap:
+class RayMap:
     """Undistorts each pixel's ray once; each picture costs a coarse mesh and one remapping.
 
     Linear between points 8 pixels apart, the map is off by less than 0.05 px
-    (`tests/prediction/test_bent_lens.py`).
+    (`tests/prediction/test_bent_lens.py`). A lens without distortion has the same map: a
+    homography of the whole picture takes OpenCV twice as long.
     """
 
     def __init__(self, lens: Lens) -> None:
@@ -61,6 +37,7 @@ class BentMap:
         self._shape = len(down), len(across)
 
     def __call__(self, change: NDArray[np.float64]) -> Resample:
+        """What makes a picture now of one then; `change`: from rays now to those then, (3, 3)."""
         places = self.places(change)
 
         def resample(image: Image, how: int) -> Image:

@@ -14,7 +14,7 @@ Image: TypeAlias = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
-class TaskRegion(Record):
+class TaskRegion:
     """The disc of a picture that the gripper and what it handles are in."""
 
     x_px: float

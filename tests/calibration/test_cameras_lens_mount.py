@@ -19,7 +19,7 @@ from tams_app.config import Config, LensConfig, MountConfig, load_config
 from tams_app.console import checks
 from tams_app.errors import SetupError, TamsError
 from tams_app.prediction.plane_warp import border_rays, mounted, plane_change, projected
-from tams_app.prediction.resampling import BentMap
+from tams_app.prediction.resampling import RayMap
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras
@@ -107,7 +107,7 @@ def test_a_view_predicted_through_the_lens_found_is_the_one_predicted_through_th
             border_rays(lens), mounted(then, lens.pose), mounted(now, lens.pose), 0.0
         )
         assert change is not None
-        places.append(BentMap(lens).places(change))
+        places.append(RayMap(lens).places(change))
     inside = ((places[1] > 0) & (places[1] < (639, 479))).all(axis=-1)
     assert inside.mean() > 0.5
     off = np.linalg.norm(places[0] - places[1], axis=-1)[inside]

@@ -17,8 +17,8 @@ from tams_app.prediction.plane_warp import (
     projected,
     silhouette,
 )
-from tams_app.prediction.resampling import BentMap
-from tams_app.records import Lens, Pose, Solid, SolidKind
+from tams_app.prediction.resampling import RayMap
+from tams_app.records import NO_DISTORTION, Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tests.prediction.wrist import MOUNT, STRAIGHT, above, lens_of, picture
 from tests.teleop.motions import within
@@ -105,7 +105,7 @@ def test_a_frame_of_the_plane_becomes_what_the_bent_lens_sees_now(lens):
     assert np.abs(straight.image.astype(int) - true)[both].mean() > 1.5 * apart.mean()
 
 
-@pytest.mark.parametrize("lens", [WIDE, TELE])
+@pytest.mark.parametrize("lens", [WIDE, TELE, replace(WIDE, distortion=NO_DISTORTION)])
 def test_the_mesh_puts_each_pixel_within_a_twentieth_of_where_it_belongs(lens):
     then, now = (mounted(flange, lens.pose) for flange in (THEN, NOW))
     change = plane_change(border_rays(lens), then, now, 0.0)
@@ -114,7 +114,7 @@ def test_the_mesh_puts_each_pixel_within_a_twentieth_of_where_it_belongs(lens):
     rays = np.insert(lens.slopes(pixels), 2, 1.0, axis=1) @ change.T
     exact = lens.pixels(rays[:, :2] / rays[:, 2:]).reshape(480, 640, 2)
     inside = ((exact > 1) & (exact < (638, 478))).all(axis=-1)
-    assert np.abs(BentMap(lens).places(change) - exact)[inside].max() < 0.05
+    assert np.abs(RayMap(lens).places(change) - exact)[inside].max() < 0.05
 
 
 def test_a_bent_edge_is_filled_up_to_where_its_points_are_projected():

@@ -14,8 +14,8 @@ from tams_app.robot.engine import Engine
 from tams_app.robot.listener import Listener
 from tams_app.robot.observers import TRIAL_RATE_HZ
 from tams_app.robot.session_records import SessionRecords
-from tams_app.robot.task_regions import TaskRegions
 from tams_app.runtime.clock import Clock
+from tams_app.session.task_place import task_regions
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.rig import VirtualCameras, VirtualRobot
 from tams_app.session.virtual.video import TrialVideo
@@ -35,16 +35,15 @@ class VirtualRobotSide(Listener):
         operator: VirtualOperator,
         captured: Callable[[Frame], None],
         ended: Callable[[str], None],
-        regions: TaskRegions,
         listeners: Sequence[Listener] = (),
     ) -> None:
         """`captured` gets each frame before it is sent. `ended` gets why the trial is over.
 
-        `regions`: where the task is in the frames. `listeners` of the loops, besides those of a
-        session.
+        `listeners` of the loops, besides those of a session.
         """
         self._events, self._operator = events, operator
         self._rate_hz = config.control.rate_hz
+        regions = task_regions(config)
         with ExitStack() as stack:
             self._robot = robot = VirtualRobot(config, clock, log.note)
             self._video = TrialVideo(config, clock, log, captured, operator.see)

@@ -14,7 +14,6 @@ from tams_app.robot import build
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.predicting import predicted_trial
 from tams_app.session.recorders import virtual_records
-from tams_app.session.task_place import task_regions
 from tams_app.session.virtual.operator import MakeOperator, VirtualOperator
 from tams_app.session.virtual.side import VirtualRobotSide
 from tams_app.session.virtual.video import FrameScores
@@ -76,7 +75,6 @@ class VirtualTrial:
                 self._operator,
                 scores.captured,
                 self._end,
-                task_regions(config),
                 states,
             )
             stack.callback(self._robot.close)

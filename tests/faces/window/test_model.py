@@ -297,7 +297,7 @@ def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
 
 
 def test_a_row_tells_how_similar_the_screen_is_to_the_scene_where_that_is_measured() -> None:
-    view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0, 14.9, 0.874, 0.702)
+    view = ViewState(live_ssim=0.874, task_live_ssim=0.702)
     assert view_row("gt", view, 30)[-1] == "0.87 / 0.70"
     assert view_row("gt", ViewState(live_ssim=0.874), 30)[-1] == "0.87 / –"
 
