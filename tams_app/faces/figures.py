@@ -9,7 +9,7 @@ from tams_app.records import Phase, SessionState, ViewState
 from tams_app.video.core.stages import stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
-NOTABLE_MS = 25  # apart from the network; what less of it is due to helps nobody
+NOTABLE_MS = 25  # apart from the network: below it there is little to gain
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 

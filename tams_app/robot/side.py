@@ -25,7 +25,6 @@ from tams_app.robot.operator import StreamedOperator
 from tams_app.robot.senders import Capture, Senders
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.status import StatusBoard
-from tams_app.robot.task_regions import TaskRegions
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
@@ -56,17 +55,16 @@ class RobotSide:
         log: SessionRecords,
         signals: Signals,
         ending: Ending,
-        regions: TaskRegions,
         arm_at_once: bool = False,
         dry_run: bool = False,
     ) -> None:
-        """`ending`: of the session. `regions`: where the task is in its frames.
+        """`ending`: of the session.
 
         `arm_at_once`: the arming needs no confirmation. `dry_run`: everything but motion, the arm's
         commands go to a model of it.
         """
         self._config, self._clock, self._parts, self._log = config, clock, parts, log
-        self._signals, self._ending, self._regions = signals, ending, regions
+        self._signals, self._ending = signals, ending
         self._arm_at_once, self._dry_run = arm_at_once, dry_run
         self._arm: Arm | None = None
         self._gate: ArmGate | None = None
@@ -153,7 +151,7 @@ class RobotSide:
             log,
             self._signals,
             lambda: self._ending.end("the trial is over"),
-            (self._board, self._rates, self._regions, *filter(None, (self._episodes,)), *listeners),
+            (self._board, self._rates, *filter(None, (self._episodes,)), *listeners),
             self._arm_at_once,
             self._on_placed,
         )
@@ -187,8 +185,7 @@ class RobotSide:
         for camera in self._devices.make_cameras(self._log.note):
             camera.start()
             self._cameras.callback(camera.close)
-            located = self._regions.through(self._video.push)
-            capture = Capture(camera, self._rates.through(located))
+            capture = Capture(camera, self._rates.through(self._video.push))
             parts.run(f"capture-{camera.view}", capture.run)
         if devices.truth is not None:
             parts.run("trial", engine.trial.run)

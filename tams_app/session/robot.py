@@ -13,7 +13,6 @@ from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
 from tams_app.session.session import Session
-from tams_app.session.task_place import task_regions
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
@@ -35,9 +34,7 @@ def robot(
 
     def compose(session: Session) -> RobotSide:
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
-        side = RobotSide(
-            config, clock, parts, log, signals, session, task_regions(config), arm_at_once, dry_run
-        )
+        side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         side.launch()
 
         def gateway(welcome: bytes) -> Gateway:

@@ -31,9 +31,7 @@ def run(
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
-        robot = RobotSide(
-            config, clock, parts, log, signals, session, task_regions(config), arm_at_once, dry_run
-        )
+        robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         station.launch(confirms=not arm_at_once, world_memory=robot.launch())
         quality = LiveQuality(
             config.video, station.screen, parts.logs, log.record, log.note, station.mount
@@ -41,12 +39,15 @@ def run(
         parts.stack.callback(quality.close)
         quality.start()  # takes a moment, of which a capacity trace must lose nothing
         codecs = build.codecs(config, log.note)
-        robot.stream(LocalOperator(station, config, codecs.decoder), codecs, quality.captured)
+        regions = task_regions(config)  # of the frames that are scored
+        captured = regions.through(quality.captured)
+        robot.stream(LocalOperator(station, config, codecs.decoder), codecs, captured)
         session.go_on()
         robot.wait_ready()
         station.wait_ready()
         session.go_on()
-        robot.connect(follow_states(config, clock, parts, log, station.mount))
+        states = follow_states(config, clock, parts, log, station.mount)
+        robot.connect((*states, regions))
         both = BothSides(robot, station, quality)
         session.ready(both)
         robot.begin()

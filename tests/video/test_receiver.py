@@ -211,7 +211,7 @@ def test_packets_of_another_program_of_this_computer_are_not_taken() -> None:
 
 
 def free_pair() -> int:
-    """The first of two ports that are free, below those that the system gives to whoever asks."""
+    """The first of two free ports, below the range of ephemeral ones."""
     for first in range(20_000 + os.getpid() % 5_000, 32_000, 2):
         with ExitStack() as stack:
             try:

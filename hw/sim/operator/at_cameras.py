@@ -47,7 +47,7 @@ class CameraPerson:
     def ask(self, task: Task, view: str, now_ns: int) -> None:
         """Begin to do it for `view`, "" for all."""
         self._task, self._view, self._since_ns = task, view, now_ns
-        if task in BOARD_TASKS:  # for which nobody leaves a camera out of focus
+        if task in BOARD_TASKS:  # a camera has been focused before a board is shown to it
             self._blur_px |= self._sharpest_px
 
     def finished(self, now_ns: int) -> bool:
