@@ -11,7 +11,6 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -22,7 +21,7 @@ from hw.sim.viewpoints import VIEWS
 from tams_app.config import load_config
 from tams_app.prediction.camera_check import CameraCheck
 from tams_app.prediction.present import CorrectedView, MountTrail, WristView
-from tams_app.records import MountPrediction, Pose, ShownFrame
+from tams_app.records import MountPrediction, Pose, ShownFrame, Vector
 from tams_app.runtime.machine_speed import this_machine
 from tams_app.session.predicting import predicted_cameras
 from tams_app.session.viewing import scene_of
@@ -37,29 +36,44 @@ WINDOW = cv2.getGaussianKernel(11, 1.5, cv2.CV_32F)
 
 
 class Driving:
-    """The flange goes sideways over the table at 100 mm/s, to and fro over a fifth of a metre."""
+    """The arm turns to and fro, its flange at 100 mm/s over a fifth of a metre."""
 
     def __init__(self) -> None:
         self._config = load_config(None, {"rig.enabled": True, "view.predict": "all"})
         figure = scene_of(self._config).figure
         assert figure is not None
-        ready = np.radians(self._config.arm.ready_joints_deg)
-        self._flange = figure.place(ready)[figure.flange]
+        self._figure, self._ready = figure, np.radians(self._config.arm.ready_joints_deg)
+        self._reach_m = float(np.linalg.norm(self.flange(self._ready).position[:2]))
         self.trail = MountTrail()
         cameras = predicted_cameras(self._config)
         self.views: dict[str, CorrectedView] = {
             view: cameras[view].view(self.trail) for view in VIEWS
         }
 
-    def at(self, t_ns: int) -> Pose:
+    def flange(self, joints: Vector) -> Pose:
+        return self._figure.place(joints)[self._figure.flange]
+
+    def at(self, t_ns: int) -> Vector:
         along_m = SPEED_M_S * t_ns / NS_PER_S
         aside_m = abs((along_m + 0.1) % 0.4 - 0.2) - 0.1
-        return replace(self._flange, position=self._flange.position + np.array((0, aside_m, 0)))
+        joints = self._ready.copy()
+        joints[0] += aside_m / self._reach_m
+        return joints
 
     def tell(self, now_ns: int) -> None:
         """Where the arm was and is at `now_ns`."""
         then_ns = now_ns - LATE_NS
-        self.trail.add(MountPrediction(then_ns, self.at(then_ns), now_ns, self.at(now_ns)))
+        then, now = self.at(then_ns), self.at(now_ns)
+        self.trail.add(
+            MountPrediction(
+                then_ns,
+                self.flange(then),
+                now_ns,
+                self.flange(now),
+                then_joints=then,
+                now_joints=now,
+            )
+        )
 
 
 def median_ms(call: Callable[[], object]) -> float:

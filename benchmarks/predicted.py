@@ -6,7 +6,7 @@ with the product's encoders, network and predictions: the wrist view as it was r
 is its similarity (SSIM of the luma) to the third, at that moment and, in the command's output, over
 all of them. It begins with the first motion.
 `python -m benchmarks.predicted outline`: docs/outline.jpg, the fixed views of the same trial with
-the outline of the gripper, at the moment when what was received differs most from what is there.
+the outline of the arm, at the moment when what was received differs most from what is there.
 """
 
 from __future__ import annotations
@@ -40,6 +40,7 @@ ONE_WAY_MS, RATE_KBPS = 200.0, 12_000.0
 LENGTH_S, EACH = 7.0, 3  # of the animation; each third of 30 captures a second
 TRIAL_S = 16.0
 SIZE = (320, 240)  # of a column, width and height [px]
+PART = (480, 400)  # of a picture with an outline
 HEAD, GAP = 26, 4  # [px]
 BACKGROUND, INK = (40, 40, 40), (235, 235, 235)
 QUALITY = 45  # of WebP
@@ -208,9 +209,9 @@ def _around_outline(moment: Moment) -> Image:
     rows, columns_ = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
     left, top = (
         int(np.clip((ends[0] + ends[-1] - part) // 2, 0, whole - part))
-        for ends, part, whole in zip((columns_, rows), SIZE, drawn.shape[::-1], strict=True)
+        for ends, part, whole in zip((columns_, rows), PART, drawn.shape[::-1], strict=True)
     )
-    return moment.shown.image[top : top + SIZE[1], left : left + SIZE[0]]
+    return moment.shown.image[top : top + PART[1], left : left + PART[0]]
 
 
 def main() -> None:

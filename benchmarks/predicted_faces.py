@@ -65,7 +65,7 @@ class Instant:
                 trail.add(prediction)
         then = trail.then(wrist.t_ns - ages_ns[WRIST])
         assert then is not None
-        belief = replace(newest, then=then)
+        belief = replace(newest, then=then.mount, then_joints=then.joints)
         return Instant(trial, {view: one.received for view, one in views.items()}, ages_ns, belief)
 
     @property

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calibration.cameras.board import BoardView, Points, board_pose
-from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.plane_warp import inverse, mounted
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 
@@ -123,12 +123,6 @@ def fit_fixed(lens: Lens, places: Sequence[Placed]) -> MountFit:
     error_px = _checked(lens, float(np.sqrt(squares / count)))
     fitted = _fit_placed(lens, places)
     return MountFit(fitted.poses[0], error_px, *fitted.spread, len(places))
-
-
-def inverse(pose: Pose) -> Pose:
-    """The parent frame in the frame itself."""
-    back = pose.rotation.inv()
-    return Pose(-back.apply(pose.position), back)
 
 
 def board_in_camera(lens: Lens, view: BoardView) -> Pose:

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.cameras.board import MODULES, Board, Points
-from calibration.cameras.mount_fit import inverse
 from hw.sim.operator.at_cameras import Task
-from tams_app.prediction.plane_warp import mounted, silhouette
-from tams_app.records import ArmFigure, Image, Lens, Pose, Solid, Vector
+from tams_app.prediction.plane_warp import corners_of, inverse, mounted, silhouette
+from tams_app.records import ArmFigure, Image, Lens, Pose, Vector
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import BASE
 from tams_app.units import NS_PER_S
@@ -167,8 +166,8 @@ class BoardPerson:
             for solid in solids:
                 place = mounted(frame, solid.pose)
                 if 0.0 < float((place.position - camera.position) @ ahead) < board_depth:
-                    before.append(Solid(solid.kind, mounted(inverse(camera), place), solid.extent,
-                                        solid.colour))  # fmt: skip
+                    seen = replace(solid, pose=mounted(inverse(camera), place))
+                    before.append(corners_of(seen))
         straight_ahead = replace(lens, pose=Pose(np.zeros(3), Rotation.identity()))
         return silhouette(before, straight_ahead) > 0
 

@@ -93,7 +93,7 @@ class ViewConfig(Section):
     predict: Literal["off", "eih", "all"] = "off"
     """`eih`: the frames of a camera on the arm, whose pose on it is known, are drawn as they would
     look from where the arm is now; `all`: besides, those of the others get an outline of where the
-    gripper is now; `off`: all frames as received."""
+    arm is now; `off`: all frames as received."""
 
 
 class TrialConfig(Section):

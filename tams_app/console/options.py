@@ -85,7 +85,7 @@ PredictOption = Annotated[
     str | None,
     typer.Option(
         help="Draw late frames as they would look now: eih (of a camera on the arm), all (besides, "
-        "in the other views, an outline of where the gripper is now) or off.",
+        "in the other views, an outline of where the arm is now) or off.",
         autocompletion=lambda: ["eih", "all", "off"],
     ),
 ]

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import msgspec
 import numpy as np
 
-from tams_app.prediction.outline import GripperOutline
+from tams_app.prediction.outline import ArmOutline, Link
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import FixedView, MountTrail, WristView
 from tams_app.records import NO_DISTORTION, Lens, Pose, Solid, SolidKind
@@ -37,12 +37,30 @@ class ToolPart(msgspec.Struct, frozen=True):
         return Solid(SolidKind(self.form), pose7(self.pose), self.extent, ZERO)
 
 
+class ArmLink(msgspec.Struct, frozen=True):
+    """A `Link`, described."""
+
+    place: Numbers7
+    parts: tuple[ToolPart, ...]
+
+    @staticmethod
+    def of(link: Link) -> ArmLink:
+        """The description of `link`."""
+        return ArmLink(numbers7(link.place), ToolPart.all_of(link.solids))
+
+    @property
+    def link(self) -> Link:
+        """What is described."""
+        return Link(pose7(self.place), tuple(part.solid for part in self.parts))
+
+
 class PredictedCamera(msgspec.Struct, frozen=True):
-    """Its pose (position [m], quaternion), its picture, and the tool that it sees.
+    """Its pose (position [m], quaternion), its picture, and the arm that it sees.
 
     intrinsics: fx, fy, cx, cy [px]; distortion: as of a `Lens`.
     on_arm: it moves with the arm's mount, in whose frame its pose is then; else that of the base.
     grip: what closed fingers cover besides. tip: the TCP [m], in the frame of the mount.
+    links: those before the mount, of a camera that stands still.
     """
 
     pose: Numbers7
@@ -54,6 +72,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
     grip: tuple[ToolPart, ...] = ()
     on_arm: bool = True
     tip: Floats3 = ZERO
+    links: tuple[ArmLink, ...] = ()
 
     @staticmethod
     def of(
@@ -62,6 +81,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
         grip: Iterable[Solid] = (),
         on_arm: bool = True,
         tip: Floats3 = ZERO,
+        links: Iterable[Link] = (),
     ) -> PredictedCamera:
         """`tool`, `grip`, `tip`: in the frame of the mount."""
         return PredictedCamera(
@@ -74,6 +94,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
             ToolPart.all_of(grip),
             on_arm,
             tip,
+            tuple(ArmLink.of(link) for link in links),
         )
 
     @property
@@ -89,7 +110,8 @@ class PredictedCamera(msgspec.Struct, frozen=True):
         tool, grip = ([part.solid for part in parts] for parts in (self.tool, self.grip))
         if self.on_arm:
             return WristView(WristWarp(lens, tool, grip), trail)
-        return FixedView(GripperOutline(lens, tool, self.tip), trail)
+        links = (one.link for one in self.links)
+        return FixedView(ArmOutline(lens, tool, self.tip, links), trail)
 
 
 def numbers7(pose: Pose) -> Numbers7:

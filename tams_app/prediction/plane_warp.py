@@ -11,7 +11,7 @@ A lens that distorts stands in K's place: x₁ is undistorted to its ray, and th
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -34,6 +34,12 @@ _EDGE_PX, _MOST_BETWEEN = 16.0, 64  # how far apart are points of an edge that i
 def mounted(pose: Pose, mount: Pose) -> Pose:
     """The pose in the base frame of what is mounted at `mount` on something at `pose`."""
     return Pose(pose.position + pose.rotation.apply(mount.position), pose.rotation * mount.rotation)
+
+
+def inverse(pose: Pose) -> Pose:
+    """The parent frame in the frame itself."""
+    back = pose.rotation.inv()
+    return Pose(-back.apply(pose.position), back)
 
 
 def plane_change(
@@ -71,23 +77,30 @@ def covered_by(solids: Iterable[Solid], lens: Lens) -> NDArray[np.bool_]:
     And a margin of 3 pixels about them.
     """
     size = 2 * _MARGIN_PX + 1
-    return cv2.dilate(silhouette(solids, lens), np.ones((size, size), np.uint8)) > 0
+    shape = silhouette([corners_of(solid) for solid in solids], lens)
+    return cv2.dilate(shape, np.ones((size, size), np.uint8)) > 0
 
 
-def silhouette(solids: Iterable[Solid], lens: Lens) -> Image:
-    """255 where `solids` of the camera's parent frame are in the picture, shape (height, width)."""
+def silhouette(hulls: Sequence[NDArray[np.float64]], lens: Lens) -> Image:
+    """255 where solids are in the picture, shape (height, width).
+
+    `hulls`: points of the camera's parent frame, shape (n, 3), whose hull each of the solids is.
+    """
     covered = np.zeros((lens.height, lens.width), np.uint8)
-    for solid in solids:
-        slopes = _slopes(corners_of(solid), lens)
-        if len(slopes) < 3:
-            continue
-        if lens.is_distorted:  # the hull is of straight lines, which the picture bends
-            hull = cv2.convexHull(slopes.astype(np.float32))[:, 0].astype(float)
-            slopes = _between(hull, _EDGE_PX / lens.fx)
-        pixels = np.rint(_clipped(lens.pixels(slopes))).astype(np.int32)
-        if lens.is_distorted:
-            cv2.fillPoly(covered, [pixels], 255)
-        else:
+    if not hulls:
+        return covered
+    is_seen, slopes = _slopes(np.concatenate(hulls), lens)
+    numbers = np.repeat(np.arange(len(hulls)), [len(hull) for hull in hulls])[is_seen]
+    each = np.searchsorted(numbers, np.arange(1, len(hulls)))
+    if lens.is_distorted:  # the hull is of straight lines, which the picture bends
+        for corners in np.split(slopes, each):
+            if len(corners) > 2:
+                hull = cv2.convexHull(corners.astype(np.float32))[:, 0].astype(float)
+                bent = lens.pixels(_between(hull, _EDGE_PX / lens.fx))
+                cv2.fillPoly(covered, [_whole(bent)], 255)
+        return covered
+    for pixels in np.split(_whole(lens.pixels(slopes)), each):
+        if len(pixels) > 2:
             cv2.fillConvexPoly(covered, cv2.convexHull(pixels), 255)
     return covered
 
@@ -97,14 +110,21 @@ def projected(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
 
     The points are in the camera's parent frame.
     """
-    return _clipped(lens.pixels(_slopes(points, lens)))
+    return _clipped(lens.pixels(_slopes(points, lens)[1]))
 
 
-def _slopes(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
-    """The rays (x, y, 1) to those of `points` that are before the camera, shape (m, 2)."""
+def _slopes(
+    points: NDArray[np.float64], lens: Lens
+) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+    """Which `points` are before the camera, and the rays (x, y, 1) to those, shape (m, 2)."""
     seen = (points - lens.pose.position) @ lens.pose.rotation.as_matrix()  # in the camera's axes
-    seen = seen[seen[:, 2] > _NEAR_M]
-    return np.asarray(seen[:, :2] / seen[:, 2:])
+    is_seen = seen[:, 2] > _NEAR_M
+    seen = seen[is_seen]
+    return is_seen, np.asarray(seen[:, :2] / seen[:, 2:])
+
+
+def _whole(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
+    return np.rint(_clipped(pixels)).astype(np.int32)
 
 
 def _clipped(pixels: NDArray[np.float64]) -> NDArray[np.float64]:

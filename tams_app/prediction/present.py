@@ -10,7 +10,7 @@ from enum import StrEnum
 import numpy as np
 
 from tams_app.prediction.forward_model import ArmHeard, ForwardModel
-from tams_app.prediction.outline import GripperOutline
+from tams_app.prediction.outline import ArmOutline, PlacedArm
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.trail import Trail
 from tams_app.records import ControllerSample, Image, MountPrediction, Pose, Vector
@@ -23,6 +23,7 @@ _KEPT_NS = 5 * NS_PER_S  # quality is measured until so long after a capture
 _EACH_NS = 12 * NS_PER_MS
 _AHEAD_NS = 20 * NS_PER_MS  # until the next belief comes, the last motion goes on
 _BEYOND_NS = 50 * NS_PER_MS  # the newest state: further ahead nothing is believed
+UNKNOWN_JOINTS: Vector = np.full(6, np.nan)
 
 
 class AsReceived(StrEnum):
@@ -58,12 +59,12 @@ class Shown:
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """The mount's pose at a time as it was believed then, and the rest of `MountPrediction`.
+    """Where arm and mount were believed to be at a time, and the rest of `MountPrediction`.
 
-    commanded: `pose` itself where it is not known.
+    commanded: the mount's own pose where it is not known.
     """
 
-    pose: Pose
+    arm: PlacedArm
     commanded: Pose
     trusted: bool
     closed: bool
@@ -81,29 +82,31 @@ class MountTrail:
     def add(self, placed: MountPrediction) -> None:
         """What is known from now on; the same place may be told again."""
         self.offset_ns = placed.offset_ns
-        self._then.add(placed.then_ns, self._numbers(placed.then))
+        then = self._numbers(placed.then)
+        self._then.add(placed.then_ns, np.concatenate((then, _numbers6(placed.then_joints))))
         beside = [float(one) for one in (placed.trusted, placed.closed, placed.camera_fits)]
         now = self._numbers(placed.now)
         commanded = now if placed.commanded is None else self._numbers(placed.commanded)
-        self._now.add(placed.now_ns, np.concatenate((now, commanded, beside)))
+        joints = _numbers6(placed.now_joints)
+        self._now.add(placed.now_ns, np.concatenate((now, joints, commanded, beside)))
 
-    def then(self, t_ns: int, beyond_ns: int = _BEYOND_NS) -> Pose | None:
+    def then(self, t_ns: int, beyond_ns: int = _BEYOND_NS) -> PlacedArm | None:
         """Where it was; None: not known. `beyond_ns`: the newest state may be older by so much."""
         known = self._then.covers(t_ns, beyond_ns)
-        return _pose(self._then.at(t_ns)) if known else None
+        return _placed(self._then.at(t_ns)) if known else None
 
     def now(self, now_ns: int) -> Believed | None:
         """Where it is believed to be, or was, at `now_ns`; None: not known."""
         if not self._now.covers(now_ns, _BEYOND_NS):
             return None
         found = self._now.at(now_ns, _AHEAD_NS)
-        beside = (bool(one > 0.5) for one in found[14:])
-        return Believed(_pose(found[:7]), _pose(found[7:14]), *beside)
+        beside = (bool(one > 0.5) for one in found[20:])
+        return Believed(_placed(found[:13]), _pose(found[13:20]), *beside)
 
     @property
     def closed(self) -> bool:
         """Whether the gripper is, by the newest belief; IndexError before the first."""
-        return bool(self._now.newest[1][15] > 0.5)
+        return bool(self._now.newest[1][21] > 0.5)
 
     def _numbers(self, pose: Pose) -> Vector:
         """Position and quaternion: of the two of a rotation the one that is near the last one."""
@@ -115,6 +118,16 @@ class MountTrail:
 
 def _pose(numbers: Vector) -> Pose:
     return Pose(numbers[:3], Rotation.from_quat(numbers[3:]))
+
+
+def _numbers6(joints: Vector | None) -> Vector:
+    return UNKNOWN_JOINTS if joints is None else joints
+
+
+def _placed(numbers: Vector) -> PlacedArm:
+    """From the mount's pose and the joints."""
+    joints = numbers[7:]
+    return PlacedArm(_pose(numbers[:7]), None if np.isnan(joints).any() else joints)
 
 
 class Present:
@@ -133,7 +146,7 @@ class Present:
         """
         self._model, self._mount, self._tell = model, mount, tell
         self._camera_fits = camera_fits
-        self._then: tuple[int, Pose, int, bool] | None = None
+        self._then: tuple[ArmHeard, Pose, int, bool] | None = None
         self._sent_ns = 0
 
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
@@ -148,11 +161,22 @@ class Present:
         forecast = self._model.at(now_ns)
         if forecast is None or self._then is None:
             return
-        then_ns, then, offset_ns, closed = self._then
-        now = self._mount(forecast.joints)
-        commanded = self._mount(forecast.commanded)
-        believed = forecast.is_trusted, offset_ns, closed, self._camera_fits(), commanded
-        self._tell(MountPrediction(then_ns, then, now_ns, now, *believed))
+        state, then, offset_ns, closed = self._then
+        self._tell(
+            MountPrediction(
+                state.t_ns + offset_ns,
+                then,
+                now_ns,
+                self._mount(forecast.joints),
+                trusted=forecast.is_trusted,
+                offset_ns=offset_ns,
+                closed=closed,
+                camera_fits=self._camera_fits(),
+                commanded=self._mount(forecast.commanded),
+                then_joints=state.joints,
+                now_joints=forecast.joints,
+            )
+        )
 
     def heard(self, state: ArmHeard, way_ns: int, offset_ns: int = 0, closed: bool = False) -> None:
         """A state was received.
@@ -164,7 +188,7 @@ class Present:
             closed: the gripper is.
         """
         if self._model.heard(state, way_ns):
-            self._then = state.t_ns + offset_ns, self._mount(state.joints), offset_ns, closed
+            self._then = state, self._mount(state.joints), offset_ns, closed
 
 
 class CorrectedView(ABC):
@@ -195,8 +219,8 @@ class CorrectedView(ABC):
         return self.show(luma, capture_ns, now_ns).image
 
     @abstractmethod
-    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
-        """`image`, with the mount at `then` when it was captured."""
+    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
+        """`image`, with the arm at `then` when it was captured."""
 
 
 class WristView(CorrectedView):
@@ -211,7 +235,8 @@ class WristView(CorrectedView):
 
         `t_ns`: on the clock of the captures.
         """
-        return self._trail.then(t_ns, beyond_ns=0)
+        then = self._trail.then(t_ns, beyond_ns=0)
+        return None if then is None else then.mount
 
     def between(self, image: Image, then: Pose, now: Pose) -> Image | None:
         """`image`, taken with the mount at `then`, as seen from `now`; None: it cannot be.
@@ -221,22 +246,22 @@ class WristView(CorrectedView):
         warped = self._warp.to_now(image, then, now, self._trail.closed)
         return None if warped is None else warped.image
 
-    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
+    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
         if not now.camera_fits:
             return Shown(image, as_received=AsReceived.MISFIT)
-        warped = self._warp.to_now(image, then, now.pose, now.closed)
+        warped = self._warp.to_now(image, then.mount, now.arm.mount, now.closed)
         if warped is None:
             return Shown(image, as_received=AsReceived.HORIZON)
         return Shown(warped.image, Correction.PREDICTED, unseen=warped.unseen)
 
 
 class FixedView(CorrectedView):
-    """The view of a camera that stands still, with what is now: the gripper and where it is led."""
+    """The view of a camera that stands still, with what is now: the arm and where it is led."""
 
-    def __init__(self, outline: GripperOutline, trail: MountTrail) -> None:
+    def __init__(self, outline: ArmOutline, trail: MountTrail) -> None:
         super().__init__(trail)
         self._outline = outline
 
-    def _correct(self, image: Image, then: Pose, now: Believed) -> Shown:
-        drawn = self._outline.over(image, then, now.pose, now.commanded)
+    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
+        drawn = self._outline.over(image, then, now.arm, now.commanded)
         return Shown(image) if drawn is None else Shown(drawn, Correction.OUTLINE)

@@ -106,3 +106,7 @@ class MountPrediction(Record):
     commanded: Annotated[
         Pose | None, "of the flange where all samples sent so far lead; null: not known"
     ] = None
+    then_joints: Annotated[
+        Vector | None, "joint angles then, base to flange [rad]; null: not known"
+    ] = None
+    now_joints: Annotated[Vector | None, "as they are predicted [rad]; null: not known"] = None

@@ -9,6 +9,7 @@ from tams_app.config import Config
 from tams_app.prediction.camera_check import CameraCheck
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.forward_model import ForwardModel
+from tams_app.prediction.outline import links_of
 from tams_app.prediction.present import (
     PREDICTED_FACT,
     CorrectedView,
@@ -38,12 +39,14 @@ def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
         return {}
     flange = scene.figure.flange
     tool, grip = scene.figure.solids[flange], scene.figure.grip
-    tip = tool_tip(config, scene.figure)
-    return {
-        view: PredictedCamera.of(lens, tool, grip, lens.parent == flange, tip)
-        for view, lens in scene.lenses.items()
-        if lens.parent == flange or config.view.predict == "all"
-    }
+    tip, links = tool_tip(config, scene.figure), links_of(scene.figure)
+    cameras = {}
+    for view, lens in scene.lenses.items():
+        if lens.parent == flange:
+            cameras[view] = PredictedCamera.of(lens, tool, grip)
+        elif config.view.predict == "all":
+            cameras[view] = PredictedCamera.of(lens, tool, (), False, tip, links)
+    return cameras
 
 
 def as_received(config: Config) -> dict[str, str]:

@@ -13,9 +13,10 @@ from functools import partial
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from tams_app.prediction.cameras import PredictedCamera, numbers7, pose7
-from tams_app.prediction.present import MountTrail, Shown, WristView
+from tams_app.prediction.present import UNKNOWN_JOINTS, MountTrail, Shown, WristView
 from tams_app.records import Image, MountPrediction
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -27,7 +28,7 @@ from tams_app.runtime.shared_ring import (
     remove_block,
 )
 
-_RECORD = struct.Struct("<qq7d7d7d?q??")  # of `MountPrediction` the times, the poses, the rest
+_RECORD = struct.Struct("<qq7d7d7d6d6d?q??")  # the times, poses, joints, and the rest
 _SHAPE = RingShape(head_bytes=_RECORD.size, heads=1024)  # eight seconds
 
 
@@ -56,6 +57,8 @@ class MountMemory:
                 *numbers7(placed.then),
                 *numbers7(placed.now),
                 *numbers7(placed.now if placed.commanded is None else placed.commanded),
+                *(UNKNOWN_JOINTS if placed.then_joints is None else placed.then_joints),
+                *(UNKNOWN_JOINTS if placed.now_joints is None else placed.now_joints),
                 placed.trusted,
                 placed.offset_ns,
                 placed.closed,
@@ -129,7 +132,6 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
 def _placed(head: bytes) -> MountPrediction:
     then_ns, now_ns, *numbers = _RECORD.unpack(head)
     then, now, commanded = (pose7(tuple(numbers[at : at + 7])) for at in (0, 7, 14))
-    trusted, offset_ns, closed, camera_fits = numbers[21:]
-    return MountPrediction(
-        then_ns, then, now_ns, now, trusted, offset_ns, closed, camera_fits, commanded
-    )
+    then_joints, now_joints = (np.array(numbers[at : at + 6]) for at in (21, 27))
+    beside = (*numbers[33:], commanded, then_joints, now_joints)
+    return MountPrediction(then_ns, then, now_ns, now, *beside)

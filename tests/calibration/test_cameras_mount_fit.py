@@ -10,10 +10,9 @@ from calibration.cameras.mount_fit import (
     Placed,
     fit_fixed,
     fit_hand_eye,
-    inverse,
     turns_problem,
 )
-from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.plane_warp import inverse, mounted
 from tams_app.records import Pose
 from tams_app.rotation import Rotation
 from tests.calibration.board_views import BOARD, LENS, MOUNT, arm_views, placed_views

@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.prediction.outline import GripperOutline
+from tams_app.prediction.outline import ArmOutline, PlacedArm
 from tams_app.prediction.plane_warp import (
     WristWarp,
     border_rays,
+    corners_of,
     mounted,
     plane_change,
     projected,
@@ -121,7 +122,7 @@ def test_a_bent_edge_is_filled_up_to_where_its_points_are_projected():
     solid = Solid(SolidKind.BOX, Pose(np.array([0.02, 0.03, 0.15]), STRAIGHT),
                   (0.18, 0.12, 0.0001), (0.0, 0.0, 0.0))  # fmt: skip
     lens = replace(WIDE, pose=Pose(np.zeros(3), STRAIGHT))
-    shape = silhouette([solid], lens)
+    shape = silhouette([corners_of(solid)], lens)
     along = np.linspace(-0.09, 0.09, 50)
     for inside, there in ((0.059, 255), (0.061, 0)):
         edge = np.column_stack((along, np.full(50, -inside), np.zeros(50)))
@@ -135,8 +136,11 @@ def test_a_tool_far_beside_the_picture_of_a_bent_lens_draws_nothing():
     tool = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.02,) * 3, (0.0, 0.0, 0.0))
     looks_down = replace(WIDE, parent="base", pose=above(0.0, 0.0, 0.8))
     image = np.full((480, 640), 120, np.uint8)
-    drawn = GripperOutline(looks_down, [tool]).over(
-        image, above(0.0, 0.0, 0.2), above(2.5, 0.0, 0.2), above(2.5, 0.0, 0.2)
+    drawn = ArmOutline(looks_down, [tool]).over(
+        image,
+        PlacedArm(above(0.0, 0.0, 0.2)),
+        PlacedArm(above(2.5, 0.0, 0.2)),
+        above(2.5, 0.0, 0.2),
     )
     assert drawn is not None
     assert (drawn == image).all()

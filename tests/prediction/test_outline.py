@@ -1,11 +1,12 @@
+import cv2
 import numpy as np
 import pytest
 
 from hw.lite6.figure import Lite6Figure
 from tams_app.config import load_config
 from tams_app.prediction.cameras import PredictedCamera
-from tams_app.prediction.outline import GripperOutline
-from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.outline import ArmOutline, PlacedArm, links_of
+from tams_app.prediction.plane_warp import mounted, projected
 from tams_app.prediction.present import AsReceived, Correction, MountTrail
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
@@ -19,6 +20,7 @@ LENS = Lens.ideal("base", Pose(np.array([0.0, 0.0, 0.8]), LOOKS_DOWN), 40.0, 320
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.06, 0.04, 0.02), (0.0,) * 3)
 GREY = np.full((240, 320), 120, np.uint8)
 THEN, NOW = above(0.0, 0.0, 0.2), above(0.06, -0.03, 0.25, Rotation.from_rotvec((0.0, 0.0, 0.4)))
+MOVED, STANDS = (PlacedArm(THEN), PlacedArm(NOW)), (PlacedArm(THEN), PlacedArm(THEN))
 
 
 def pixel(point: np.ndarray) -> np.ndarray:
@@ -27,7 +29,7 @@ def pixel(point: np.ndarray) -> np.ndarray:
 
 
 def test_the_outline_encloses_the_tool_where_it_is_now() -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW, NOW)
+    drawn = ArmOutline(LENS, [BOX]).over(GREY, *MOVED, NOW)
     assert drawn is not None
     rows, columns = np.nonzero(drawn > 200)
     corners = [
@@ -44,7 +46,7 @@ def test_the_outline_encloses_the_tool_where_it_is_now() -> None:
 
 
 def test_a_line_has_a_dark_edge_and_the_picture_is_the_same_elsewhere() -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, NOW, NOW)
+    drawn = ArmOutline(LENS, [BOX]).over(GREY, *MOVED, NOW)
     assert drawn is not None
     assert (GREY == 120).all()
     assert drawn.min() < 60
@@ -52,43 +54,54 @@ def test_a_line_has_a_dark_edge_and_the_picture_is_the_same_elsewhere() -> None:
 
 
 def test_a_picture_in_colour_gets_the_same_line() -> None:
-    outline = GripperOutline(LENS, [BOX])
-    colour = outline.over(np.repeat(GREY[..., None], 3, axis=2), THEN, NOW, NOW)
-    grey = outline.over(GREY, THEN, NOW, NOW)
+    outline = ArmOutline(LENS, [BOX])
+    colour = outline.over(np.repeat(GREY[..., None], 3, axis=2), *MOVED, NOW)
+    grey = outline.over(GREY, *MOVED, NOW)
     assert colour is not None
     assert grey is not None
     assert (colour == grey[..., None]).all()
 
 
 def test_where_the_picture_has_caught_up_nothing_is_drawn() -> None:
-    outline = GripperOutline(LENS, [BOX])
+    outline = ArmOutline(LENS, [BOX])
     px_per_m = LENS.fx / (0.8 - 0.21)  # of the box's upper side
     for moved_px, is_drawn in ((2.9, False), (3.1, True)):
         now = above(moved_px / px_per_m, 0.0, 0.2)
-        assert (outline.over(GREY, THEN, now, now) is not None) == is_drawn
+        assert (outline.over(GREY, PlacedArm(THEN), PlacedArm(now), now) is not None) == is_drawn
 
 
 def test_a_cross_is_where_the_hand_leads_the_tip_unless_the_arm_is_there() -> None:
-    outline = GripperOutline(LENS, [BOX], (0.0, 0.0, 0.05))
+    outline = ArmOutline(LENS, [BOX], (0.0, 0.0, 0.05))
     px_per_m = LENS.fx / (0.8 - 0.15)  # of the tip, which is below the flange
-    assert outline.over(GREY, THEN, THEN, above(5.9 / px_per_m, 0.0, 0.2)) is None
+    assert outline.over(GREY, *STANDS, above(5.9 / px_per_m, 0.0, 0.2)) is None
     led = above(0.06, 0.04, 0.2)
-    drawn = outline.over(GREY, THEN, THEN, led)
+    drawn = outline.over(GREY, *STANDS, led)
     assert drawn is not None
     rows, columns = np.nonzero(drawn > 200)
     tip = pixel(led.position + led.rotation.apply(np.array([0.0, 0.0, 0.05])))
     assert (np.median(columns), np.median(rows)) == pytest.approx(tip, abs=1.0)
     assert (drawn != GREY).sum() < 150, "the picture has caught up: there is no outline"
-    both = outline.over(GREY, THEN, NOW, led)
+    both = outline.over(GREY, *MOVED, led)
     assert both is not None
     assert (both > 200).sum() > (drawn > 200).sum()
+
+
+def test_an_arm_that_leaves_the_picture_does_not_end_at_its_border() -> None:
+    now = above(0.28, 0.0, 0.2)
+    drawn = ArmOutline(LENS, [BOX]).over(GREY, PlacedArm(THEN), PlacedArm(now), now)
+    assert drawn is not None
+    lit = np.nonzero(drawn > 200)
+    assert lit[1].max() == 315, "it goes on up to the border"
+    rows = np.flatnonzero(drawn[:, 315] > 200)
+    assert len(rows) == 2, "with a line above and below"
+    assert (drawn[rows[0] + 4 : rows[1] - 3, 310:] == 120).all()
 
 
 @pytest.mark.parametrize("now", [above(2.0, 0.0, 0.2), above(0.0, 0.0, 0.9)])
 def test_a_tool_that_is_out_of_the_picture_or_behind_the_camera_leaves_it_as_it_is(
     now: Pose,
 ) -> None:
-    drawn = GripperOutline(LENS, [BOX]).over(GREY, THEN, now, now)
+    drawn = ArmOutline(LENS, [BOX]).over(GREY, PlacedArm(THEN), PlacedArm(now), now)
     assert drawn is not None
     assert (drawn == GREY).all()
 
@@ -123,22 +136,81 @@ def test_the_fixed_views_get_an_outline_only_where_all_is_asked_for(
     assert {view: camera.on_arm for view, camera in cameras.items()} == views
 
 
-@pytest.mark.parametrize("view", ["gt", "gs"])
-def test_the_rig_s_cameras_see_the_gripper_within_its_outline(view: str) -> None:
-    """A fingertip's place in the picture, by the arm's kinematics, is inside the line."""
+JOINTS = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
+
+
+def arm_at(joints: np.ndarray) -> PlacedArm:
+    return PlacedArm(Lite6Figure().place(joints)["link6"], joints)
+
+
+def outline_of(view: str) -> tuple[ArmOutline, Lens]:
+    """That of a view of the rig, from its description."""
     camera = predicted_cameras(load_config(None, {"view.predict": "all"}))[view]
-    figure = Lite6Figure()
-    joints = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
-    now = figure.place(joints)[figure.flange]
-    then = Pose(now.position + np.array([0.05, 0.0, 0.0]), now.rotation)
-    lens = camera.lens
-    drawn = GripperOutline(lens, [part.solid for part in camera.tool]).over(
-        np.zeros((camera.height, camera.width), np.uint8), then, now, now
-    )
+    tool, links = [part.solid for part in camera.tool], [one.link for one in camera.links]
+    return ArmOutline(camera.lens, tool, camera.tip, links), camera.lens
+
+
+def black(lens: Lens) -> np.ndarray:
+    return np.zeros((lens.height, lens.width), np.uint8)
+
+
+@pytest.mark.parametrize("view", ["gt", "gs"])
+@pytest.mark.parametrize("turn", [0.05, 0.3, -0.6])
+def test_the_rig_s_cameras_see_the_arm_within_its_outline(view: str, turn: float) -> None:
+    """Places on its upper arm, forearm and wrist, and a fingertip, by the arm's kinematics."""
+    outline, lens = outline_of(view)
+    now = JOINTS + np.array([turn, 0.0, 0.0, 0.0, 0.0, 0.0])
+    drawn = outline.over(black(lens), arm_at(JOINTS), arm_at(now), arm_at(now).mount)
     assert drawn is not None
-    tip = mounted(now, Pose(np.array([0.0, 0.012, 0.075]), STRAIGHT)).position
-    x, y, depth = lens.matrix() @ lens.pose.rotation.inv().apply(tip - lens.pose.position)
-    column, row = round(x / depth), round(y / depth)
-    rows, columns = np.nonzero(drawn > 200)
-    assert rows.min() < row < rows.max() + 1
-    assert columns.min() < column < columns.max()
+    _, part = cv2.connectedComponents((drawn[4:-4, 4:-4] == 0).astype(np.uint8), connectivity=4)
+    background = np.bincount(part[part > 0]).argmax()
+    links, seen = Lite6Figure().place(now), 0
+    for name, place in (
+        ("link2", (0.1, 0.0, 0.088)),
+        ("link4", (0.0, 0.0, -0.1)),
+        ("link5", (0.0, 0.02, 0.0)),
+        ("link6", (0.0, 0.012, 0.075)),
+    ):
+        at = mounted(links[name], Pose(np.array(place), STRAIGHT)).position
+        ((x, y),) = projected(at[None], lens)
+        if 4 <= round(x) < lens.width - 4 and 4 <= round(y) < lens.height - 4:
+            assert part[round(y) - 4, round(x) - 4] != background, name
+            seen += 1
+    assert seen
+
+
+def test_of_an_arm_only_what_has_moved_gets_an_outline() -> None:
+    outline, lens = outline_of("gs")
+    rows = {}
+    for name, joint in (("wrist", 4), ("shoulder", 1)):
+        now = JOINTS.copy()
+        now[joint] += 0.2
+        drawn = outline.over(black(lens), arm_at(JOINTS), arm_at(now), arm_at(now).mount)
+        assert drawn is not None
+        rows[name] = int(np.ptp(np.nonzero(drawn > 200)[0]))
+    assert rows["wrist"] < 0.7 * rows["shoulder"]
+    assert outline.over(black(lens), arm_at(JOINTS), arm_at(JOINTS), arm_at(JOINTS).mount) is None
+
+
+def test_without_the_joints_the_outline_is_the_tool_s() -> None:
+    outline, lens = outline_of("gs")
+    then, now = arm_at(JOINTS), arm_at(JOINTS + 0.2)
+    tool_only = ArmOutline(lens, Lite6Figure.solids["link6"])
+    expected = tool_only.over(black(lens), then, now, now.mount)
+    for known in ((then, PlacedArm(now.mount)), (PlacedArm(then.mount), now)):
+        drawn = outline.over(black(lens), *known, now.mount)
+        assert (drawn == expected).all()
+    whole = outline.over(black(lens), then, now, now.mount)
+    assert (whole != expected).any()
+
+
+def test_an_arm_that_is_no_chain_of_turning_joints_has_no_links() -> None:
+    class Slides(Lite6Figure):
+        def place(self, joints):
+            placed = dict(super().place(joints))
+            third = placed["link3"]
+            placed["link3"] = Pose(third.position + np.array([joints[2], 0.0, 0.0]), third.rotation)
+            return placed
+
+    assert len(links_of(Lite6Figure())) == 5
+    assert links_of(Slides()) == ()

@@ -121,7 +121,7 @@ def test_a_tool_that_points_down_turns_smoothly_between_two_samples():
         pose = Pose(np.zeros(3), Rotation.from_rotvec((angle, 0.0, 0.0)))
         pose = Pose(pose.position, Rotation.from_rotvec(pose.rotation.as_rotvec()))
         trail.add(placed(step * 1000, pose, pose))
-    between = trail.then(500)
+    between = trail.then(500).mount
     assert abs(between.rotation.magnitude()) == pytest.approx(math.pi, abs=1e-3)
     assert between.rotation.apply((0.0, 0.0, 1.0)) == pytest.approx((0.0, 0.0, -1.0), abs=1e-3)
 
@@ -131,8 +131,8 @@ def test_where_the_mount_was_believed_to_be_is_remembered():
     for step in range(100):
         pose = Pose(np.array([step, 0.0, 0.0]), Rotation.identity())
         trail.add(placed(step * PERIOD_NS, pose, pose))
-    assert trail.now(40 * PERIOD_NS).pose.position[0] == pytest.approx(40)
-    assert trail.then(40 * PERIOD_NS).position[0] == pytest.approx(40)
+    assert trail.now(40 * PERIOD_NS).arm.mount.position[0] == pytest.approx(40)
+    assert trail.then(40 * PERIOD_NS).mount.position[0] == pytest.approx(40)
 
 
 def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
@@ -140,7 +140,7 @@ def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
     for step in (0, 1):
         pose = Pose(np.array([0.1 * step, 0.0, 0.0]), Rotation.identity())
         trail.add(placed(step * 16 * NS_PER_MS, pose, pose))
-    ahead = [trail.now((16 + later) * NS_PER_MS).pose.position[0] for later in (0, 8, 40)]
+    ahead = [trail.now((16 + later) * NS_PER_MS).arm.mount.position[0] for later in (0, 8, 40)]
     assert ahead == pytest.approx([0.1, 0.15, 0.225])
 
 
@@ -158,6 +158,8 @@ def test_each_second_sample_tells_where_the_mount_is_then_and_now():
         assert last.then_ns == last.now_ns - 7 * PERIOD_NS  # the state comes after the sample
         true = MODEL.tcp_pose(sides.arm.joints).position
         assert np.linalg.norm(last.now.position - true) < 2e-3
+        assert (MODEL.tcp_pose(last.now_joints).position == last.now.position).all()
+        assert (MODEL.tcp_pose(last.then_joints).position == last.then.position).all()
     assert np.linalg.norm(last.then.position - true) > 4e-3
     assert [one.now_ns for one in told[-3:]] == [
         told[-1].now_ns - number * 2 * PERIOD_NS for number in (2, 1, 0)

@@ -6,11 +6,15 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from hw.lite6.figure import Lite6Figure
+from tams_app.config import load_config
 from tams_app.prediction.plane_warp import covered_by
-from tams_app.prediction.present import AsReceived
+from tams_app.prediction.present import AsReceived, MountTrail
 from tams_app.runtime.shared_ring import map_descriptor, open_block
+from tams_app.session.predicting import predicted_cameras
 from tams_app.station.mount_memory import MountMemory, PresentViews
 from tams_app.units import NS_PER_MS
 from tests.prediction.wrist import GRIP, above, camera_of, lens_of, picture, placed
@@ -47,6 +51,27 @@ def test_a_frame_is_corrected_by_what_was_put(memory: MountMemory) -> None:
     assert (shown.image != FRAME).any()
     luma = views.show("eih", FRAME[..., 0], now_ns - AGE_NS, now_ns).image
     assert (luma == shown.image[..., 0]).all()
+
+
+def test_the_arm_s_joints_are_put_where_they_are_known() -> None:
+    camera = predicted_cameras(load_config(None, {"view.predict": "all"}))["gs"]
+    bent = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
+    figure, frame = Lite6Figure(), np.full((camera.height, camera.width), 120, np.uint8)
+    then, now = (figure.place(joints)[figure.flange] for joints in (bent, bent + 0.2))
+    images = []
+    for known in ({}, {"then_joints": bent, "now_joints": bent + 0.2}):
+        beliefs = [placed(number * PERIOD_NS, then, now, **known) for number in range(1, 61)]
+        trail, memory = MountTrail(), MountMemory({"gs": camera})
+        for belief in beliefs:
+            trail.add(belief)
+            memory.put(belief)
+        views = PresentViews({"gs": camera}, open_block(memory.name))
+        at_ns = 60 * PERIOD_NS - AGE_NS, 60 * PERIOD_NS
+        image = views.show("gs", frame, *at_ns).image
+        assert (image == camera.view(trail).show(frame, *at_ns).image).all()
+        images.append(image)
+        memory.close()
+    assert (images[1] != frame).sum() > 1.5 * (images[0] != frame).sum(), "the arm, not the tool"
 
 
 def test_what_was_overwritten_before_it_was_read_is_missed_and_no_more(
