@@ -198,20 +198,20 @@ def _write(picture: Image, text: str, x: int) -> None:
 
 def outline(views: Mapping[str, Moment], path: Path) -> None:
     """Parts of the fixed views beside each other."""
-    parts = [_around_outline(views[view]) for view in FIXED]
+    parts = [around_drawn(views[view].shown.image, views[view].received) for view in FIXED]
     cv2.imwrite(str(path), np.hstack(parts), [cv2.IMWRITE_JPEG_QUALITY, 85])
     print(f"{path}: " + ", ".join(f"{view} {views[view].age_ms:.0f} ms old" for view in FIXED))
 
 
-def _around_outline(moment: Moment) -> Image:
-    """The part of the picture in whose middle the outline is, one pixel for each pixel received."""
-    drawn = (moment.shown.image != moment.received).any(axis=2)
+def around_drawn(shown: Image, received: Image) -> Image:
+    """The part of a picture in whose middle is what was drawn, a pixel for each received."""
+    drawn = (shown != received).any(axis=2)
     rows, columns_ = (np.flatnonzero(drawn.any(axis=axis)) for axis in (1, 0))
     left, top = (
         int(np.clip((ends[0] + ends[-1] - part) // 2, 0, whole - part))
         for ends, part, whole in zip((columns_, rows), PART, drawn.shape[::-1], strict=True)
     )
-    return moment.shown.image[top : top + PART[1], left : left + PART[0]]
+    return shown[top : top + PART[1], left : left + PART[0]]
 
 
 def main() -> None:

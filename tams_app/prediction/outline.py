@@ -15,13 +15,14 @@ from tams_app.records import ArmFigure, Image, Lens, Pose, Solid, Vector
 from tams_app.rotation import Rotation
 from tams_app.vectors import ZERO, Floats3
 
+Points: TypeAlias = NDArray[np.float64]
+
 _CAUGHT_UP_PX = 3.0  # nearer than this to where the picture shows it there is nothing to tell
 _LED_PX = 6.0  # nearer than this to where it is now, where it is led is not marked
 _CROSS_PX = 13
 _LINE, _EDGE = 250, 20  # grey levels: light, with a dark edge that makes it visible on anything
 _WIDTHS = ((_EDGE, 3), (_LINE, 1))
-_EDGES = (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:])  # of a picture
-Points: TypeAlias = NDArray[np.float64]
+_BORDER = (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:])  # of a picture
 _BASE = Pose(np.zeros(3), Rotation.identity())
 _SAME_M = 1e-6
 _STRAIGHT_PX = 0.5  # from this line
@@ -92,8 +93,8 @@ class ArmOutline:
         drawn = image.copy()
         if moved:
             self._draw(moved, drawn)
-            for edge in _EDGES:  # an arm that leaves the picture does not end there
-                drawn[edge] = image[edge]
+            for side in _BORDER:  # an arm that leaves the picture does not end there
+                drawn[side] = image[side]
         if is_led:
             x, y = np.rint(there[0]).astype(int).tolist()
             for grey, width in _WIDTHS:

@@ -16,7 +16,7 @@ from tams_app.config import Config, load_config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.messages import StateMessage
 from tams_app.recording import SessionLog
-from tams_app.records import Image
+from tams_app.records import Image, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.operate import OperatorSide, operate
 from tams_app.teleop.safety import ArmingState, Reason
@@ -139,11 +139,15 @@ class HandSide:
 
     def received(self, view: str) -> Image | None:
         """The newest frame of that view; None before the first."""
+        shown = self.shown(view)
+        return None if shown is None else shown.image
+
+    def shown(self, view: str) -> ShownFrame | None:
+        """The same with its times."""
         station = self.session.side.station
         assert station is not None
         receivers = station._receivers
-        shown = None if receivers is None else receivers.shown(view)
-        return None if shown is None else shown.image
+        return None if receivers is None else receivers.shown(view)
 
     @property
     def arming(self) -> str:
