@@ -2,7 +2,8 @@
 
 The hand goes to and fro across the workspace and lets go in between, over a relay with the delay,
 jitter and loss of s2, with at most 6 Mbit/s of video. Memory is the anonymous memory of each
-process, each half minute: what is mapped from files comes and goes with what else runs.
+process, each half minute: what is mapped from files comes and goes with what else runs. Late ticks
+are told by third of the session, and by their place among the ticks from one frame to the next.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from typing import Any
 
 import numpy as np
 import psutil
+from numpy.typing import NDArray
 
+from tams_app.config import load_config
 from tams_app.recording import LOG_NAME
 from tams_app.recording.reader import read_log, read_ticks
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faults.two_sides import HOST, HandSide, RobotSide
 from tests.impaired_link import Conditions, ImpairedLink
 
@@ -67,13 +70,18 @@ def soak(folder: Path, seconds: float) -> dict[str, Any]:
         robot.process.send_signal(signal.SIGINT)
         robot.ends(within_s=_SUMMARY_S)
     (recorded,) = (folder / "robot").rglob(LOG_NAME)
+    rate_hz = load_config().control.rate_hz
+    (numbers, late), per_frame = _late(recorded, rate_hz), round(rate_hz / _FPS)
     operator_log = read_log(folder / "operator" / "session" / LOG_NAME)
     return {
         "seconds": seconds,
         "growth_percent_per_h": {name: _growth(rows, seconds) for name, rows in memory.items()},
         "minutes_without_motion": waits,
         "memory_mb": {name: round(rows[-1][1]) for name, rows in memory.items()},
-        "late_fraction_by_third": _late_by_third(recorded),
+        "late_fraction_by_third": [_share(part) for part in np.array_split(late, 3)],
+        "late_fraction_by_tick_of_frame": [
+            _share(late[numbers % per_frame == at]) for at in range(per_frame)
+        ],
         "logs_complete": operator_log.complete,
         "states_received": len(operator_log.states_received),
         "frames_shown": len(operator_log.shown),
@@ -112,7 +120,13 @@ def _growth(rows: list[tuple[float, float]], seconds: float) -> float | None:
     return round(float(slope_mb_s * 3600 / late[0, 1] * 100), 2)
 
 
-def _late_by_third(path: Path) -> list[float]:
-    """Share of ticks that began more than a millisecond late."""
-    late = np.array([tick.started_ns - tick.due_ns > _LATE_NS for tick in read_ticks(path)])
-    return [round(float(np.mean(part)), 5) for part in np.array_split(late, 3)]
+def _late(path: Path, rate_hz: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Each tick's number, skipped ones counted, and whether it began over a millisecond late."""
+    times_ns = np.array([(tick.due_ns, tick.started_ns) for tick in read_ticks(path)])
+    since_s = (times_ns[:, 0] - times_ns[0, 0]) / NS_PER_S
+    late = times_ns[:, 1] - times_ns[:, 0] > _LATE_NS
+    return np.rint(since_s * rate_hz).astype(np.int64), late
+
+
+def _share(late: NDArray[np.bool_]) -> float:
+    return round(float(np.mean(late)), 5)

@@ -19,17 +19,17 @@ Numbers5 = tuple[float, float, float, float, float]
 Numbers7 = tuple[float, float, float, float, float, float, float]
 
 
-class ToolPart(msgspec.Struct, frozen=True):
-    """A part of the tool in the mount's frame: form, pose (position, quaternion), extent [m]."""
+class ArmPart(msgspec.Struct, frozen=True):
+    """A part of the arm in its link's frame: form, pose (position, quaternion), extent [m]."""
 
     form: str
     pose: Numbers7
     extent: Floats3
 
     @staticmethod
-    def all_of(solids: Iterable[Solid]) -> tuple[ToolPart, ...]:
+    def all_of(solids: Iterable[Solid]) -> tuple[ArmPart, ...]:
         """The descriptions of `solids`."""
-        return tuple(ToolPart(one.kind.value, numbers7(one.pose), one.extent) for one in solids)
+        return tuple(ArmPart(one.kind.value, numbers7(one.pose), one.extent) for one in solids)
 
     @property
     def solid(self) -> Solid:
@@ -38,15 +38,15 @@ class ToolPart(msgspec.Struct, frozen=True):
 
 
 class ArmLink(msgspec.Struct, frozen=True):
-    """A `Link`, described."""
+    """A `Link` as it is sent to another process."""
 
     place: Numbers7
-    parts: tuple[ToolPart, ...]
+    parts: tuple[ArmPart, ...]
 
     @staticmethod
     def of(link: Link) -> ArmLink:
         """The description of `link`."""
-        return ArmLink(numbers7(link.place), ToolPart.all_of(link.solids))
+        return ArmLink(numbers7(link.place), ArmPart.all_of(link.solids))
 
     @property
     def link(self) -> Link:
@@ -68,8 +68,8 @@ class PredictedCamera(msgspec.Struct, frozen=True):
     width: int
     height: int
     distortion: Numbers5 = NO_DISTORTION
-    tool: tuple[ToolPart, ...] = ()
-    grip: tuple[ToolPart, ...] = ()
+    tool: tuple[ArmPart, ...] = ()
+    grip: tuple[ArmPart, ...] = ()
     on_arm: bool = True
     tip: Floats3 = ZERO
     links: tuple[ArmLink, ...] = ()
@@ -90,8 +90,8 @@ class PredictedCamera(msgspec.Struct, frozen=True):
             lens.width,
             lens.height,
             lens.distortion,
-            ToolPart.all_of(tool),
-            ToolPart.all_of(grip),
+            ArmPart.all_of(tool),
+            ArmPart.all_of(grip),
             on_arm,
             tip,
             tuple(ArmLink.of(link) for link in links),

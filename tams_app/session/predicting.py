@@ -45,7 +45,7 @@ def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
         if lens.parent == flange:
             cameras[view] = PredictedCamera.of(lens, tool, grip)
         elif config.view.predict == "all":
-            cameras[view] = PredictedCamera.of(lens, tool, (), False, tip, links)
+            cameras[view] = PredictedCamera.of(lens, tool, on_arm=False, tip=tip, links=links)
     return cameras
 
 

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -6,7 +8,7 @@ from hw.lite6.figure import Lite6Figure
 from tams_app.config import load_config
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.outline import ArmOutline, PlacedArm, links_of
-from tams_app.prediction.plane_warp import mounted, projected
+from tams_app.prediction.plane_warp import corners_of, mounted, projected, silhouette
 from tams_app.prediction.present import AsReceived, Correction, MountTrail
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
@@ -177,6 +179,23 @@ def test_the_rig_s_cameras_see_the_arm_within_its_outline(view: str, turn: float
             assert part[round(y) - 4, round(x) - 4] != background, name
             seen += 1
     assert seen
+    solids = [
+        corners_of(replace(solid, pose=mounted(links[name], solid.pose)))
+        for name in links
+        for solid in Lite6Figure.solids[name]
+    ]
+    edge = cv2.morphologyEx(silhouette(solids, lens), cv2.MORPH_GRADIENT, np.ones((5, 5), np.uint8))
+    assert edge[drawn > 200].all(), "the line is at the edge of the links, within two pixels"
+
+
+def test_solids_that_are_apart_are_not_one() -> None:
+    apart = [
+        corners_of(Solid(SolidKind.BOX, above(x, 0.0, 0.2), (0.02,) * 3, (0.0,) * 3))
+        for x in (-0.1, 0.1)
+    ]
+    shape = silhouette(apart, LENS)
+    assert cv2.connectedComponents(shape)[0] == 3, "the background and two boxes"
+    assert (shape == silhouette(apart[:1], LENS) | silhouette(apart[1:], LENS)).all()
 
 
 def test_of_an_arm_only_what_has_moved_gets_an_outline() -> None:
