@@ -78,6 +78,7 @@ _NUMBERS = {"type": "array", "items": {"type": "number"}}
 
 def _form(hint: Any) -> _Form:
     """msgspec reads no null as a number, and its schemas have unions, which viewers do not know."""
+    hint = _unaliased(hint)
     origin, parts = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
         (inner,) = (part for part in parts if part is not type(None))
@@ -100,6 +101,14 @@ def _form(hint: Any) -> _Form:
     if hint not in _SCHEMA_NAMES:
         raise TypeError(f"a {hint} cannot be recorded")
     return _Form({"type": _SCHEMA_NAMES[hint]}, _read_float if hint is float else None)
+
+
+def _unaliased(hint: Any) -> Any:
+    """What a `type` statement names (PEP 695), such as NDArray of numpy 2.5; other hints as are."""
+    while hasattr(hint, "__value__"):
+        parts = typing.get_args(hint)
+        hint = hint.__value__[parts] if parts else hint.__value__
+    return hint
 
 
 def _optional(inner: _Form) -> _Form:
