@@ -257,7 +257,7 @@ def doctor(
 
         raise typer.Exit(run_speed(settings, as_json, config_path=config))
     if devices:
-        from tams_app.console.doctor import show_devices
+        from tams_app.console.devices import show_devices
 
         raise typer.Exit(show_devices(settings, as_json))
     from tams_app.console.checks import CHECKS, marked_keys

@@ -1,35 +1,24 @@
-"""The needs of TAMS on a machine: one small function per need, all listed in `CHECKS`."""
+"""The needs of TAMS on a machine: one small function per need, all listed in `CHECKS`.
+
+Each imports what it looks at itself, so that one that cannot be loaded spoils no other.
+"""
 
 from __future__ import annotations
 
 import errno
-import importlib.metadata
 import os
 import platform
 import shutil
 import socket
-import tomllib
 from collections.abc import Callable, Iterator
 from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
-from packaging.requirements import Requirement
-
-from tams_app import gst
 from tams_app.config import Config
-from tams_app.config.marks import TEMPLATE, unset_keys
 from tams_app.console.device_checks import arm, cameras, controller, headset
-from tams_app.console.doctor import Check, Finding, tried
+from tams_app.console.findings import Check, Finding, tried
+from tams_app.console.library_checks import libraries, loading
 from tams_app.errors import SetupError, TamsError
-from tams_app.faces.window import toolkit
-from tams_app.policy.budget import BUDGETS
-from tams_app.robot.build import starts_at_capacity
-from tams_app.runtime.realtime import use_fifo
-from tams_app.runtime.worker import Worker
-from tams_app.session.lenses import known_cameras
-from tams_app.station.camera_watch import MEASURE
-from tams_app.video.live.codec_choice import choose_codecs
-from tams_app.video.live.udp import requested_ports
 
 SHARED_BYTES = 8_000_000  # frames and world state of the rig
 LOG_MB_PER_MINUTE = "25 to 100"  # docs/LOG.md has what it depends on
@@ -38,20 +27,12 @@ _RENDER = (
     "SceneRenderer(draw_layout(0)).close()"
 )
 _WINDOW = "from tams_app.faces.window.toolkit import load; load()"
-_PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
-
-
-def libraries(config: Config) -> Iterator[Finding]:
-    """The Python packages that TAMS declares, and those of ROS 2 where a session is published."""
-    wanted = _requirements("" if config.recording.ros2 is None else "ros2")
-    missing = [package for requirement in wanted if (package := _missing(requirement))]
-    detail = f"missing: {', '.join(missing)}" if missing else f"{len(wanted)} found"
-    names = " ".join(f"'{requirement}'" for requirement in missing)
-    yield Finding("Python libraries", not missing, detail, f"make setup, or pip install {names}")
 
 
 def gstreamer(_: Config) -> Iterator[Finding]:
     """Each GStreamer element of the video pipelines."""
+    from tams_app import gst
+
     try:
         missing = gst.missing_elements()
     except SetupError as error:
@@ -66,12 +47,9 @@ def gstreamer(_: Config) -> Iterator[Finding]:
 
 def configuration(config: Config) -> Iterator[Finding]:
     """Names and ready pose, which `run` refuses before it makes anything if they cannot be."""
-    try:  # these need the libraries looked at above
-        from tams_app.faces.registry import check_faces
-        from tams_app.robot.build import check_names, check_ready_pose
-    except ImportError as error:
-        yield Finding("Configuration", False, str(error), "install the Python libraries first")
-        return
+    from tams_app.faces.registry import check_faces
+    from tams_app.robot.build import check_names, check_ready_pose
+
     names: dict[str, Callable[[], object]] = {
         "Names": lambda: check_names(config),
         "Faces": lambda: check_faces(config),
@@ -88,6 +66,11 @@ def configuration(config: Config) -> Iterator[Finding]:
 
 def codecs(config: Config) -> Iterator[Finding]:
     """Trial of the configured encoder and decoder; if one fails, software stands in."""
+    from tams_app import gst
+    from tams_app.policy.budget import BUDGETS
+    from tams_app.robot.build import starts_at_capacity
+    from tams_app.video.live.codec_choice import choose_codecs
+
     if gst.missing_elements() or config.policy.budget.mode not in BUDGETS:
         return  # named above
     found = choose_codecs(config.video, starts_at_capacity(config))
@@ -107,6 +90,9 @@ def rendering(config: Config) -> Iterator[Finding]:
 
 def realtime(config: Config) -> Iterator[Finding]:
     """Permission for SCHED_FIFO in the control loop; tried in a thread of its own."""
+    from tams_app.runtime.realtime import use_fifo
+    from tams_app.runtime.worker import Worker
+
     granted: list[str] = []
     priority = config.control.realtime_priority
     trial = Worker("try-fifo", lambda _: granted.append(use_fifo(priority)))
@@ -124,6 +110,8 @@ def realtime(config: Config) -> Iterator[Finding]:
 
 def ports(config: Config) -> Iterator[Finding]:
     """The address of the video flows and their fixed ports; 0 takes any free ones."""
+    from tams_app.video.live.udp import requested_ports
+
     host = config.video.bind_host
     if refusal := _bind_refusal(host, 0):
         fix = "set video.bind_host to an address of this machine, such as 127.0.0.1"
@@ -195,6 +183,8 @@ def shared_memory(_: Config) -> Iterator[Finding]:
 
 def display(config: Config) -> Iterator[Finding]:
     """Somewhere to show windows; without it TAMS runs with --headless, but for a keyboard."""
+    from tams_app.faces.window import toolkit
+
     if config.headless:
         return
     needed = config.controller.device == "keyboard"  # its keys are the window's
@@ -216,6 +206,9 @@ def display(config: Config) -> Iterator[Finding]:
 
 def predictive_display(config: Config) -> Iterator[Finding]:
     """Of each view whether it can be drawn with what is known of now, where that is wanted."""
+    from tams_app.session.lenses import known_cameras
+    from tams_app.station.camera_watch import MEASURE
+
     is_measured = any(camera.lens is not None for camera in config.cameras.values())
     if config.view.predict == "off" and not is_measured:
         return
@@ -250,7 +243,9 @@ def network_emulation(_: Config) -> Iterator[Finding]:
 def marked_keys(path: Path) -> Check:
     """The check of the keys marked SET in a file of one's hardware that are still as in ours."""
 
-    def check(config: Config) -> Iterator[Finding]:
+    def keys_marked_set(config: Config) -> Iterator[Finding]:
+        from tams_app.config.marks import TEMPLATE, unset_keys
+
         if config.rig.enabled:
             return
         left = unset_keys(path)
@@ -261,11 +256,12 @@ def marked_keys(path: Path) -> Check:
         )
         yield Finding("Keys marked SET", not left, "", fix, essential=False)
 
-    return check
+    return keys_marked_set
 
 
 CHECKS: tuple[Check, ...] = (
     libraries,
+    loading,
     gstreamer,
     configuration,
     codecs,
@@ -292,27 +288,6 @@ def kernel_has_netem(root: Path) -> bool:
     modules = root / "lib/modules" / platform.release()
     lists = (modules / "modules.builtin", modules / "modules.dep")
     return any(path.exists() and "sch_netem" in path.read_text() for path in lists)
-
-
-def _requirements(extra: str) -> list[Requirement]:
-    """The project's declared packages: from its own file, or from its installed metadata."""
-    if _PROJECT.is_file():
-        project = tomllib.loads(_PROJECT.read_text(encoding="utf-8"))["project"]
-        lines = [*project["dependencies"], *project["optional-dependencies"].get(extra, [])]
-    else:
-        lines = importlib.metadata.requires("tams") or []
-    requirements = map(Requirement, lines)
-    return [one for one in requirements if not one.marker or one.marker.evaluate({"extra": extra})]
-
-
-def _missing(requirement: Requirement) -> str:
-    """The requirement as pip takes it if it is not met, else ""."""
-    try:
-        installed = importlib.metadata.version(requirement.name)
-    except importlib.metadata.PackageNotFoundError:
-        installed = None
-    met = installed is not None and requirement.specifier.contains(installed, prereleases=True)
-    return "" if met else f"{requirement.name}{requirement.specifier}"
 
 
 def _bind_refusal(host: str, port: int) -> OSError | None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from tams_app.config import CameraConfig, Config
-from tams_app.console.doctor import Finding, tried
+from tams_app.console.findings import Finding, tried
 from tams_app.errors import TamsError
-from tams_app.faces.display import has_display
-from tams_app.faces.headset.session_headset import headset_is_wanted
 
 _TEXTURE = "from tams_app.faces.headset.texture import AtlasTexture; AtlasTexture().close()"
 
@@ -71,6 +69,9 @@ def _device(config: Config) -> Finding:
 
 def headset(config: Config) -> Iterator[Finding]:
     """OpenGL for the views in the headset, where they are wanted."""
+    from tams_app.faces.display import has_display
+    from tams_app.faces.headset.session_headset import headset_is_wanted
+
     if config.headless or not has_display() or not headset_is_wanted(config):
         return
     reason = tried(_TEXTURE)

@@ -3,48 +3,12 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import asdict
 
-from hw.arms import arm_kind
-from hw.openvr.devices import ControllerInfo, list_controllers
-from hw.v4l2.devices import CameraInfo, choose_camera, list_cameras
-from tams_app.config import CameraConfig, Config
-from tams_app.errors import TamsError
+from tams_app.config import Config
+from tams_app.console.findings import Check, Finding, examine, verdict
 from tams_app.printing import Console
-from tams_app.runtime.process import PROJECT_DIRECTORY
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """One thing looked at: whether it is there, if TAMS runs without it, and what mends it."""
-
-    what: str
-    ok: bool
-    detail: str = ""
-    fix: str = ""
-    essential: bool = True
-
-
-Check = Callable[[Config], Iterator[Finding]]
-TRIED_TIMEOUT_S = 60
-
-
-def tried(code: str) -> str:
-    """Run this Python in a child, as a broken driver may abort; its last words, "" if it worked."""
-    command = [sys.executable, "-c", code]
-    try:
-        result = subprocess.run(
-            command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, timeout=TRIED_TIMEOUT_S
-        )
-    except subprocess.TimeoutExpired:
-        return f"no answer within {TRIED_TIMEOUT_S} s"
-    if not result.returncode:
-        return ""
-    last_words = result.stderr.strip().splitlines()[-1:] or [f"ended with {result.returncode}"]
-    return last_words[0].removeprefix("tams_app.errors.SetupError: ")
 
 
 def run_doctor(
@@ -55,102 +19,14 @@ def run_doctor(
     `as_json`: print the findings as one list instead.
     """
     console = console or Console()
-    broken = 0
     found: list[Finding] = []
-    for check in checks:
-        for looked_at in check(config):
-            finding = replace(looked_at, fix="") if looked_at.ok else looked_at
-            found.append(finding)
-            if not as_json:
-                console.print(_line(finding), markup=False, highlight=False, soft_wrap=True)
-            broken += finding.essential and not finding.ok
+    for finding in examine(config, checks):
+        found.append(finding)
+        if not as_json:
+            console.print(str(finding), markup=False, highlight=False, soft_wrap=True)
+    broken = sum(finding.is_broken for finding in found)
     if as_json:
         console.out(json.dumps([asdict(one) for one in found]), highlight=False)
-        return 1 if broken else 0
-    console.print(
-        f"{broken} of these must be mended before TAMS can run."
-        if broken
-        else "All that TAMS needs is here.",
-        highlight=False,
-    )
+    else:
+        console.print(verdict(broken), highlight=False)
     return 1 if broken else 0
-
-
-def _line(finding: Finding) -> str:
-    word = "ok     " if finding.ok else "MISSING" if finding.essential else "absent "
-    detail = f" ({finding.detail})" if finding.detail else ""
-    fix = "" if finding.ok else f": {finding.fix}"
-    return f"{word} {finding.what}{detail}{fix}"
-
-
-def show_devices(config: Config, as_json: bool = False, console: Console | None = None) -> int:
-    """Print every device found, one line each, cameras with their modes; always 0.
-
-    `as_json`: print one object instead. Nothing is moved, enabled or changed by looking. Whether
-    the configuration can use them is what the doctor's checks say.
-    """
-    console = console or Console()
-    arm = arm_kind(config.arm.model).find(config.arm)
-    try:
-        controllers, problem = list_controllers(), ""
-    except TamsError as error:
-        controllers, problem = [], str(error)
-    cameras = list_cameras()
-    if as_json:
-        views = _views(cameras, config.cameras)
-        tree = {
-            "arm": {"host": config.arm.host, **asdict(arm)},
-            "controllers": {"found": [asdict(info) for info in controllers], "problem": problem},
-            "cameras": [{**asdict(info), "view": views.get(info.node)} for info in cameras],
-        }
-        console.out(json.dumps(tree, default=float), highlight=False)  # rates are fractions
-        return 0
-    for title, lines in (
-        ("Arm", [arm.description]),
-        ("Controllers", [problem] if problem else controller_lines(controllers)),
-        ("Cameras", camera_lines(cameras, config.cameras)),
-    ):
-        console.print(title, style="bold")
-        for line in lines:
-            console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
-    return 0
-
-
-def controller_lines(found: list[ControllerInfo]) -> Iterator[str]:
-    """Each controller: hand, kind, battery, whether it is tracked."""
-    if not found:
-        yield "SteamVR knows no controller: switch one on."
-    for info in found:
-        battery = "" if info.battery is None else f", battery {info.battery:.0%}"
-        standing = "tracked" if info.tracked else "not tracked"
-        hand = info.role or "no hand"
-        kind = f"{info.controller_type} {info.serial}".strip()
-        yield f"{hand}: {kind}{battery}, {standing if info.connected else 'switched off'}"
-
-
-def camera_lines(found: list[CameraInfo], cameras: Mapping[str, CameraConfig]) -> Iterator[str]:
-    """Each camera, the view the configuration gives it, its stable paths and its modes."""
-    if not found:
-        yield "no camera is plugged in"
-    views = _views(found, cameras)
-    for info in found:
-        view = views.get(info.node)
-        yield f"{info}{f'  <- {view}' if view else ''}"
-        for path in info.links:
-            yield f"    {path}"
-        for mode in info.modes:
-            yield f"    {mode}"
-
-
-def _views(found: list[CameraInfo], cameras: Mapping[str, CameraConfig]) -> dict[str, str]:
-    """View by node, for the configured cameras that are there."""
-    views = {}
-    for view, camera in cameras.items():
-        if camera.source != "v4l2":
-            continue
-        try:
-            info = choose_camera(found, camera.name, camera.serial, camera.path)
-        except TamsError:  # which of them is missing is the doctor's to say
-            continue
-        views[info.node] = view
-    return views

@@ -20,7 +20,7 @@ from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.config.marks import TEMPLATE, filled, unset_keys
 from tams_app.console.checks import configuration, marked_keys
-from tams_app.console.doctor import Finding
+from tams_app.console.findings import Finding
 from tams_app.errors import ConfigError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.scripted_ui import ScriptedUI

@@ -15,8 +15,8 @@ from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
-from tams_app.console import device_checks, doctor
-from tams_app.console.doctor import camera_lines, controller_lines, show_devices
+from tams_app.console import device_checks, devices
+from tams_app.console.devices import camera_lines, controller_lines, show_devices
 from tams_app.errors import DeviceError
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
@@ -72,9 +72,9 @@ def test_the_list_is_printed_whatever_is_missing() -> None:
 def test_a_program_reads_what_was_found_and_what_is_missing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(doctor, "list_cameras", lambda: [LEFT, RIGHT])
+    monkeypatch.setattr(devices, "list_cameras", lambda: [LEFT, RIGHT])
     tracked = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
-    monkeypatch.setattr(doctor, "list_controllers", lambda: [tracked])
+    monkeypatch.setattr(devices, "list_controllers", lambda: [tracked])
     output, views = io.StringIO(), ("eih", "gt", "gs")
     settings = hardware(
         arm__host="127.0.0.1",
@@ -100,7 +100,7 @@ def test_without_steamvr_a_program_reads_why_there_is_no_controller(
     def refuse() -> list[ControllerInfo]:
         raise DeviceError("SteamVR does not run")
 
-    monkeypatch.setattr(doctor, "list_controllers", refuse)
+    monkeypatch.setattr(devices, "list_controllers", refuse)
     output = io.StringIO()
     settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
     assert show_devices(settings, True, Console(file=output)) == 0

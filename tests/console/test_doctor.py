@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import io
 import json
+import os
 import platform
 import socket
+import subprocess
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -18,9 +20,9 @@ from rich.console import Console
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import checks, device_checks
-from tams_app.console.checks import Finding
+from tams_app.console import checks, device_checks, library_checks
 from tams_app.console.doctor import run_doctor
+from tams_app.console.findings import PROJECT, Finding
 from tams_app.faces.window import toolkit
 from tams_app.video.core.codecs import ENCODERS
 
@@ -99,23 +101,25 @@ def test_a_missing_or_old_library_is_named_as_pip_takes_it(
         f'[project]\ndependencies = ["pydantic", "{lacking}", "none; sys_platform == \'amiga\'"]\n'
         "[project.optional-dependencies]\nsim = []\n"
     )
-    monkeypatch.setattr(checks, "_PROJECT", project)
-    (finding,) = checks.libraries(config())
+    monkeypatch.setattr(library_checks, "_PROJECT", project)
+    (finding,) = library_checks.libraries(config())
     assert not finding.ok
     assert finding.detail == f"missing: {lacking}"
     assert finding.fix.endswith(f"pip install '{lacking}'")
 
 
 def test_the_libraries_are_those_that_the_project_declares() -> None:
-    names = {requirement.name for requirement in checks._requirements("")}
+    names = {requirement.name for requirement in library_checks._requirements("")}
     assert {"numpy", "mcap", "msgspec", "zstandard", "mujoco"} <= names
     assert "cyclonedds" not in names
 
 
 def test_who_publishes_in_ros_2_needs_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "_missing", lambda one: one.name if "dds" in one.name else "")
-    (without,) = checks.libraries(config())
-    (published,) = checks.libraries(config(recording__ros2=0))
+    monkeypatch.setattr(
+        library_checks, "_missing", lambda one: one.name if "dds" in one.name else ""
+    )
+    (without,) = library_checks.libraries(config())
+    (published,) = library_checks.libraries(config(recording__ros2=0))
     assert without.ok
     assert (published.ok, published.detail) == (False, "missing: cyclonedds")
 
@@ -211,12 +215,47 @@ def test_codecs_that_are_asked_for_and_not_here_are_absent_with_what_stands_in(
     assert finding.ok
 
 
-def test_a_library_that_the_configuration_needs_is_a_finding_not_a_crash(
-    monkeypatch: pytest.MonkeyPatch,
+def doctor_where_it_fails_to_load(module: str, tmp_path: Path, how: str) -> tuple[int, str, str]:
+    """Exit code and output of the doctor where importing `module` raises `how`."""
+    folder = tmp_path / module
+    folder.mkdir()
+    (folder / "__init__.py").write_text(f"raise {how}")
+    words = [sys.executable, "run_tams.py", "doctor"]
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(words, cwd=PROJECT, env=environment, capture_output=True, text=True)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.mark.parametrize("how", ["ImportError('broken here')", "RuntimeError('broken here')"])
+@pytest.mark.parametrize(
+    "module", ["typer", "rich", "pydantic", "yaml", "packaging", "numpy", "msgspec", "scipy", "gi"]
+)
+def test_whatever_library_is_broken_the_doctor_says_which(
+    tmp_path: Path, module: str, how: str
 ) -> None:
-    monkeypatch.setitem(sys.modules, "tams_app.robot.build", None)
-    (finding,) = lacks()
-    assert "Python libraries" in finding.fix
+    code, output, errors = doctor_where_it_fails_to_load(module, tmp_path, how)
+    assert code == 1
+    assert "Traceback" not in errors
+    assert "Python libraries" in output
+    named = [line for line in output.splitlines() if line.startswith("MISSING")]
+    assert any("broken here" in line for line in named)
+    assert any(str(tmp_path / module) in line for line in named) or module in ("gi", "packaging")
+    assert output.splitlines()[-1].endswith("must be mended before TAMS can run.")
+
+
+def test_a_check_that_fails_is_a_finding_and_the_others_are_made(tmp_path: Path) -> None:
+    def broken_drive(_: Config) -> Iterator[Finding]:
+        yield Finding("Drive", True)
+        raise TypeError("no such thing")
+
+    output = io.StringIO()
+    looked_at = [broken_drive, checks.home_folder]
+    code = run_doctor(config(), looked_at, console=Console(file=output, width=200))
+    first, second, third, _ = output.getvalue().splitlines()
+    assert code == 1
+    assert first.startswith("ok      Drive")
+    assert second.startswith("MISSING Check of broken drive (TypeError: no such thing): ")
+    assert third.startswith("ok      Home folder")
 
 
 def test_the_home_of_an_unknown_user_is_a_finding_not_a_crash() -> None:
