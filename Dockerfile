@@ -6,7 +6,8 @@ RUN apt-get update --quiet=2 && apt-get install --yes --quiet=2 --no-install-rec
     ca-certificates make
 WORKDIR /tams
 # What is installed changes rarely: what these files name stays as it is when only code has changed.
-COPY Makefile setup.sh apt-packages.txt requirements.lock requirements-build.lock ./
+COPY Makefile setup.sh apt-packages.txt requirements.lock requirements-build.lock \
+    requirements-girepository-2.lock ./
 RUN make setup
 COPY . .
 CMD ["make", "run", "ARGS=--headless"]

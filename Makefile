@@ -1,9 +1,14 @@
-# make run | test | verify | matrix | explore | check | bench | docs | mutate | fuzz | setup | lock
+# make run | test | verify | newest | trixie | matrix | explore | check | bench | docs | mutate | fuzz |
+# setup | lock
 .DEFAULT_GOAL := run
-.PHONY: run test verify matrix explore check bench docs lock mutate fuzz setup installed
+.PHONY: run test verify newest trixie matrix explore check bench docs lock mutate fuzz setup installed
+.PHONY: untimed short-session
 
-READY := .venv/.ready
-PY := .venv/bin/python
+# The virtual environment, and the Python that it is made with: by default the oldest supported one.
+ENV := .venv
+PYTHON :=
+READY := $(ENV)/.ready
+PY := $(ENV)/bin/python
 
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
@@ -12,7 +17,7 @@ check: $(READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
-	.venv/bin/lint-imports --no-logo
+	$(ENV)/bin/lint-imports --no-logo
 	$(PY) -m deptry .
 
 # Beside others no test's library starts threads of its own.
@@ -23,6 +28,9 @@ SIDE_BY_SIDE := --dist loadfile --no-loadscope-reorder
 # A change is judged by the same examples of every law on every machine; `make explore` draws new ones.
 LAWS := --hypothesis-profile=steady
 
+UNTIMED = env $(ALONE) $(PY) -m pytest $(LAWS) --group untimed --ignore=tests/teleop -m "not verify" \
+	-n logical $(SIDE_BY_SIDE)
+
 # What computes runs side by side; what keeps time has the machine to itself (see CONTRIBUTING).
 test: check
 ifdef ARGS
@@ -31,8 +39,7 @@ else
 	@mkdir -p build
 	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting --ignore=tests/teleop -m "not verify" -n 3 $(SIDE_BY_SIDE) \
 		> build/waiting.txt 2>&1 & waiting=$$!; \
-	$(ALONE) $(IDLE) $(PY) -m pytest $(LAWS) --group untimed --ignore=tests/teleop -m "not verify" \
-		-n logical $(SIDE_BY_SIDE); untimed=$$?; \
+	$(IDLE) $(UNTIMED); untimed=$$?; \
 	wait $$waiting; waiting=$$?; cat build/waiting.txt; [ $$untimed -eq 0 ] && [ $$waiting -eq 0 ]
 	$(PY) -m pytest $(LAWS) --group timed --ignore=tests/teleop -m "not verify"
 	$(PY) -m coverage run -m pytest $(LAWS) tests/teleop -m "not verify" -n logical
@@ -44,10 +51,10 @@ endif
 TIMES := 2
 MATRIX := -m matrix --times $(TIMES)
 
-# Long matrices (tests marked `verify`), the benchmarks' own tests, and an installation of the
-# package elsewhere.
+# Long matrices (tests marked `verify`), the benchmarks' own tests, an installation of the package
+# elsewhere, and the newest Python.
 # 5 is pytest's exit code for a group in which no test is marked.
-verify: $(READY) installed
+verify: $(READY) installed newest
 	$(ALONE) $(PY) -m pytest $(LAWS) --group untimed -m verify -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting -m verify -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(PY) -m pytest $(LAWS) --group timed -m "verify and not matrix" || [ $$? -eq 5 ]
@@ -58,12 +65,35 @@ verify: $(READY) installed
 matrix: $(READY)
 	$(PY) -m pytest $(LAWS) $(MATRIX) $(ARGS)
 
-# `pip install .` into an empty environment, and a simulated session from a folder of its own.
+# `pip install .` into an empty environment, and a simulated session from a folder of its own. Where
+# girepository-2.0 is missing (Debian 12), a newer Python needs a PyGObject for the older one.
 installed: $(READY)
-	folder=$$(mktemp -d) && trap 'rm -rf "$$folder" build tams.egg-info' EXIT && rm -rf build && \
-		$(PY) -m venv $$folder/venv && \
-		$$folder/venv/bin/python -m pip install --quiet --disable-pip-version-check . && \
+	folder=$$(mktemp -d) && trap 'rm -rf "$$folder" build/lib build/bdist.* tams.egg-info' EXIT && \
+		rm -rf build/lib build/bdist.* && $(PY) -m venv $$folder/venv && \
+		$$folder/venv/bin/python -m pip install --quiet --disable-pip-version-check . \
+			$$(pkg-config --exists girepository-2.0 || echo 'PyGObject<3.51') && \
 		(cd $$folder && venv/bin/tams run --sim --headless --seconds 20)
+
+# The newest Python of this machine that TAMS was tried with, in an environment of its own.
+newest: $(READY)
+	python=$$(tests/newest_python.sh) && if $(PY) -c "$(SAME_PYTHON)" $$python; then \
+		echo "newest: that is the Python of $(ENV)"; \
+	else \
+		$(MAKE) ENV=.venv/newest PYTHON=$$python check untimed short-session installed; \
+	fi
+
+SAME_PYTHON := import subprocess, sys; \
+	sys.exit(subprocess.check_output([sys.argv[1], '-V'], text=True).split()[1] != sys.version.split()[0])
+
+untimed: $(READY)
+	$(UNTIMED)
+
+short-session: $(READY)
+	$(PY) run_tams.py run --sim --headless --seconds 20
+
+# The two commands of the README in a fresh Debian 13 in build/trixie, as root; half an hour and 4 GB.
+trixie:
+	tests/clean_root.sh trixie build/trixie
 
 # The laws' tests with examples drawn anew: what fails is a defect, and its case becomes an example.
 explore: $(READY)
@@ -114,15 +144,16 @@ $(SITE)/.ready: $(READY) pyproject.toml
 
 setup: $(READY)
 
-$(READY): setup.sh apt-packages.txt requirements.lock requirements-build.lock
-	./setup.sh
+$(READY): setup.sh apt-packages.txt requirements.lock requirements-build.lock requirements-girepository-2.lock
+	./setup.sh $(ENV) $(PYTHON)
 
 # The locks name versions and hashes only; where they come from is the machine's business.
-COMPILE := $(PY) -m uv pip compile --universal --generate-hashes --no-emit-index-url --quiet
+COMPILE := $(PY) -m uv pip compile --universal --fork-strategy fewest --generate-hashes \
+	--no-emit-index-url --quiet
 
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
 	$(COMPILE) --extra study --extra ros2 --extra dask --extra dev -o requirements.lock pyproject.toml
-	for group in build audit; do \
+	for group in build audit girepository-2; do \
 		$(COMPILE) --group pyproject.toml:$$group -o requirements-$$group.lock || exit 1; \
 	done

@@ -1,24 +1,74 @@
 #!/usr/bin/env bash
 # Installs what is missing: Debian packages, a virtual environment, pinned Python packages.
+#   ./setup.sh [ENVIRONMENT [PYTHON]]      .venv, with the oldest supported Python found
 set -euo pipefail
 cd "$(dirname "$0")"
+environment=${1:-.venv}
+python=${2:-}
+log=build/setup.log
+mkdir -p build
+: > "$log"
 
 as_root() {
     if [ "$(id -u)" -eq 0 ]; then "$@"; else sudo "$@"; fi
 }
 
-install_debian_packages() {
-    local wanted missing=()
-    mapfile -t wanted < <(grep -vE '^\s*(#|$)' apt-packages.txt)
-    for package in "${wanted[@]}"; do
-        dpkg-query --show --showformat='${db:Status-Abbrev}' "$package" 2>/dev/null |
-            grep -q '^ii' || missing+=("$package")
+# Runs a command and keeps its output in the log, whose end is shown if the command fails. A
+# terminal shows the latest line that matches a pattern: how many came so far, and its groups.
+stage() {
+    local title=$1 pattern=$2 line count=0
+    shift 2
+    echo "$title"
+    if "$@" 2>&1 | while IFS= read -r line; do
+        printf '%s\n' "$line" >> "$log"
+        if [[ -t 1 && $line =~ $pattern ]]; then
+            count=$((count + 1))
+            line="  $count: ${BASH_REMATCH[*]:1}"
+            printf '\r\033[K%s' "${line:0:100}"
+        fi
+    done; then
+        if [ -t 1 ]; then printf '\r\033[K'; fi
+    else
+        printf '\n%s\n' "$(tail -n 25 "$log")" >&2
+        echo "Set-up failed at \"$title\"; all of its output is in $log." >&2
+        exit 1
+    fi
+}
+
+is_installed() {
+    dpkg-query --show --showformat='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^ii'
+}
+
+# The packages of apt-packages.txt that are missing, a line each: `one | other` where either will do.
+missing_packages() {
+    grep -vE '^\s*(#|$)' apt-packages.txt | while read -r line; do
+        local found=
+        for package in ${line//|/ }; do
+            if is_installed "$package"; then found=$package; fi
+        done
+        [ -n "$found" ] || echo "$line"
     done
-    [ ${#missing[@]} -eq 0 ] && return
-    echo "Debian packages to install: ${missing[*]}"
-    as_root apt-get update --quiet=2
-    as_root env DEBIAN_FRONTEND=noninteractive \
-        apt-get install --yes --quiet=2 --no-install-recommends "${missing[@]}"
+}
+
+# The first package of a line that this system's archive has.
+available() {
+    local package
+    for package in ${1//|/ }; do
+        if [ -n "$(apt-cache show "$package" 2>/dev/null)" ]; then break; fi
+    done
+    echo "$package"
+}
+
+install_debian_packages() {
+    local lines=() packages=()
+    mapfile -t lines < <(missing_packages)
+    [ ${#lines[@]} -eq 0 ] && return
+    stage "Debian packages: reading the archive's lists" '^(Get:.*)' as_root apt-get update
+    for line in "${lines[@]}"; do packages+=("$(available "$line")"); done
+    stage "Debian packages: installing ${packages[*]}, and what they need" \
+        '^[dp][lm]status:[^:]*:([0-9]+)[^:]*:(.*)' \
+        as_root env DEBIAN_FRONTEND=noninteractive apt-get install --yes \
+        --no-install-recommends -o APT::Status-Fd=1 "${packages[@]}"
 }
 
 # PyGObject is built here, so Python's headers are needed as well.
@@ -36,9 +86,24 @@ find_python() {
             return
         fi
     done
-    echo "TAMS needs Python 3.11 or later with venv and headers. Debian 12 and Ubuntu 24.04 have it;" \
-        "elsewhere install python3.11, python3.11-venv and python3.11-dev (or a later version)." >&2
+    echo "TAMS needs Python 3.11 or later with venv and headers. Debian 12, Debian 13 and Ubuntu 24.04" \
+        "have it; elsewhere install python3.11, python3.11-venv and python3.11-dev (or a later version)." >&2
     exit 1
+}
+
+install_pinned() {
+    PATH="$PWD/$environment/bin:$PATH" PYTHONUNBUFFERED=1 \
+        stage "$1" '^ *(Collecting [^ ]*|Installing .*|Building .*)' \
+        "$environment/bin/python" -m pip install \
+        --disable-pip-version-check --progress-bar off --require-hashes "${@:2}"
+}
+
+pinned() {  # the packages of a lock whose names match, with their hashes
+    awk -v name="^($1)==" '/^[^ #]/ { wanted = $0 ~ name } wanted' "$2"
+}
+
+all_others() {  # those whose names do not match
+    awk -v name="^($1)==" '/^[^ #]/ { wanted = $0 !~ name } wanted' "$2"
 }
 
 if command -v apt-get >/dev/null; then
@@ -46,23 +111,22 @@ if command -v apt-get >/dev/null; then
 else
     echo "Not Debian or Ubuntu: install what apt-packages.txt lists by hand, then run this again." >&2
 fi
-python=$(find_python)
-[ -x .venv/bin/python ] || "$python" -m venv .venv
-install_pinned() {
-    PATH="$PWD/.venv/bin:$PATH" .venv/bin/python -m pip install --quiet \
-        --disable-pip-version-check --require-hashes "$@"
-}
+[ -n "$python" ] || python=$(find_python)
+[ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
 
-pinned() {  # one package of requirements.lock, with its hashes
-    awk -v start="$1==" '/^[^ #]/ { wanted = index($0, start) == 1 } wanted' requirements.lock
-}
+# PyGObject up to 3.50 is built with girepository-1.0, which new systems will not have; later ones
+# with girepository-2.0, which Debian 12 does not have.
+bindings=requirements.lock
+if pkg-config --exists girepository-2.0; then bindings=requirements-girepository-2.lock; fi
 
 # Of PyGObject and pycairo there are no wheels: they are built here, with what is pinned as well.
 # Left to itself pip would fetch whatever versions of that are the newest. Nothing else is built.
-echo "Installing the pinned Python packages into .venv"
-install_pinned --only-binary :all: --requirement requirements-build.lock
+install_pinned "Python packages: what PyGObject and pycairo are built with" \
+    --only-binary :all: --requirement requirements-build.lock
 for package in pycairo pygobject; do  # in this order: PyGObject is built with pycairo
-    install_pinned --no-build-isolation --no-deps --requirement <(pinned "$package")
+    install_pinned "Python packages: building $package" \
+        --no-build-isolation --no-deps --requirement <(pinned "$package" "$bindings")
 done
-install_pinned --only-binary :all: --requirement requirements.lock
-touch .venv/.ready
+install_pinned "Python packages: all others, 1.4 GB in $environment" \
+    --only-binary :all: --requirement <(all_others 'pycairo|pygobject' requirements.lock)
+touch "$environment/.ready"
