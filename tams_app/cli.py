@@ -7,6 +7,7 @@ the small tools answer at once.
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -92,6 +93,8 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
         return error.exit_code
     except OSError as error:  # what files do is handled where they are used
         typer.echo(f"tams: standard output cannot be written: {error.strerror}", err=True)
+        with suppress(OSError):  # or Python tries to write the rest at its end, and exits with 120
+            sys.stdout.close()
         return 1
     except TyperException as error:
         _show_error(f"{error.format_message()} (see {called_as} --help)")
