@@ -93,7 +93,7 @@ find_python() {
 
 install_pinned() {
     PATH="$PWD/$environment/bin:$PATH" PYTHONUNBUFFERED=1 \
-        stage "$1" '^ *(Collecting [^ ]*|Installing .*|Building .*)' \
+        stage "$1" '^ *(Collecting [^ ]*|Processing [^ ]*|Installing .*|Building .*)' \
         "$environment/bin/python" -m pip install \
         --disable-pip-version-check --progress-bar off --require-hashes "${@:2}"
 }

@@ -18,6 +18,7 @@ git clone --quiet --no-local . "$root/tams"
 
 commands='
 set -eu
+mount --bind "$1" "$1"  # tests make network namespaces, for which / must be a mount point
 mount --rbind /dev "$1/dev"
 mount -t tmpfs tmpfs "$1/dev/shm"
 mount -t proc proc "$1/proc"
