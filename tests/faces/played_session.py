@@ -76,10 +76,13 @@ class PlayedSession:
     def poll(self) -> None:
         do, self.do = self.do, lambda: None
         do()
-        pending = self.signals.take()
-        self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
+        self._take_in()
         if self.elapsed_s() > 120:
             self.end("nothing happened")
+
+    def _take_in(self) -> None:
+        pending = self.signals.take()
+        self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
 
     def elapsed_s(self) -> float:
         return time.monotonic() - self._began_s
@@ -103,6 +106,7 @@ class PlayedSession:
         self.notes.append(f"{level}: {text}")
 
     def stop_arm(self) -> None:
+        self._take_in()  # what came after the last poll, with the key that ends the session
         self.done.append(f"arm stopped, {'window open' if window_processes() else 'no window'}")
 
     def close(self) -> None:
