@@ -94,10 +94,11 @@ class _Holding:
     def __init__(self) -> None:
         self.hand = Hand(np.random.default_rng(0), 0.5)
         self.button: Button | None = None
-        self.pulses = 0
+        self.pulses = self.steps = 0
         self._last_ns: int | None = None
 
     def step(self, now_ns: int) -> None:
+        self.steps += 1
         elapsed_ns = now_ns - (self._last_ns or now_ns)
         self._last_ns = now_ns
         self.hand.step(HandCommand.still(trigger=True, button=self.button), elapsed_ns / NS_PER_S)
@@ -166,7 +167,9 @@ class RemoteRig(ControllerRig):
 
     def tap(self) -> None:
         self._holding.button = Button.A
-        time.sleep(5 * TICK_NS / NS_PER_S)  # the other process reads it; no sample is taken
+        read = self._holding.steps + 5
+        while self._holding.steps < read:  # the other process reads it; no sample is taken
+            time.sleep(TICK_NS / NS_PER_S)
         self._holding.button = None
 
     def inject(self, fault: SensorFault | None) -> None:
@@ -427,9 +430,9 @@ class OpenVrRig(ControllerRig):
         self.runtime.press("menu")
 
     def tap(self) -> None:
-        self.runtime.press("a")
-        time.sleep(12e-3)  # three readings of the driver
-        self.runtime.press("a", 0.0)
+        for value in (1.0, 0.0):
+            self.runtime.press("a", value)
+            self.runtime.await_reading()
 
     def inject(self, fault: SensorFault | None) -> None:
         hand = self.runtime.devices[RIGHT]

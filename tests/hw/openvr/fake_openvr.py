@@ -9,6 +9,7 @@ from __future__ import annotations
 import ctypes
 import json
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -87,6 +88,7 @@ class FakeRuntime:
         self.quits_acknowledged = 0
         self.manifest: dict[str, Any] | None = None
         self.calls: list[str] = []
+        self.readings = 0  # how often the actions were updated
         self.overlays = FakeOverlays()
         self._flowing = threading.Event()
         self._flowing.set()
@@ -108,6 +110,13 @@ class FakeRuntime:
 
     def press(self, action: str, value: float = 1.0, hand: str = "right") -> None:
         self.actions[hand, action] = value
+
+    def await_reading(self, timeout_s: float = 20.0) -> None:
+        """Until the driver has read all that is so now: the reading under way may be older."""
+        wanted, deadline_s = self.readings + 2, time.monotonic() + timeout_s
+        while self.readings < wanted:
+            assert time.monotonic() < deadline_s, "the driver does not read"
+            time.sleep(1e-3)
 
     def give_hand_to(self, index: int, role: int = openvr.TrackedControllerRole_RightHand) -> None:
         """Let the device `index`, and no other, play the hand."""
@@ -345,6 +354,7 @@ class FakeRuntime:
 
         def update(sets: Any, size: int, count: int) -> int:
             self._active_sets = {self._names.get(sets[n].ulActionSet, "") for n in range(count)}
+            self.readings += 1
             return self.update_error
 
         def read(kind: str, action: int, data: Any, device: int) -> int:
