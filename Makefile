@@ -91,7 +91,7 @@ untimed: $(READY)
 short-session: $(READY)
 	$(PY) run_tams.py run --sim --headless --seconds 20
 
-# The two commands of the README in a fresh Debian 13 in build/trixie, as root; half an hour and 4 GB.
+# The two commands of the README in a fresh Debian 13 in build/trixie, as root; twenty minutes.
 trixie:
 	tests/clean_root.sh trixie build/trixie
 

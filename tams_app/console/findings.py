@@ -6,13 +6,13 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from tams_app.runtime.process import PROJECT_DIRECTORY
 
 if TYPE_CHECKING:
     from tams_app.config import Config
 
-PROJECT = Path(__file__).resolve().parents[2]
 TRIED_TIMEOUT_S = 60
 
 
@@ -65,7 +65,7 @@ def tried(code: str) -> str:
     command = [sys.executable, "-c", code]
     try:
         result = subprocess.run(
-            command, cwd=PROJECT, capture_output=True, text=True, timeout=TRIED_TIMEOUT_S
+            command, cwd=PROJECT_DIRECTORY, capture_output=True, text=True, timeout=TRIED_TIMEOUT_S
         )
     except subprocess.TimeoutExpired:
         return f"no answer within {TRIED_TIMEOUT_S} s"

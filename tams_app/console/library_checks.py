@@ -8,14 +8,15 @@ import traceback
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from tams_app.console.findings import PROJECT, Finding, tried
+from tams_app.console.findings import Finding, tried
+from tams_app.runtime.process import PROJECT_DIRECTORY
 
 if TYPE_CHECKING:
     from packaging.requirements import Requirement
 
     from tams_app.config import Config
 
-_PROJECT = PROJECT / "pyproject.toml"
+_PROJECT = PROJECT_DIRECTORY / "pyproject.toml"
 
 # All that a session loads, in a child; its last line says what failed, and where.
 _LOAD = """

@@ -22,8 +22,9 @@ from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks, device_checks, library_checks
 from tams_app.console.doctor import run_doctor
-from tams_app.console.findings import PROJECT, Finding
+from tams_app.console.findings import Finding
 from tams_app.faces.window import toolkit
+from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.video.core.codecs import ENCODERS
 
 pytestmark = pytest.mark.waiting
@@ -222,7 +223,9 @@ def doctor_where_it_fails_to_load(module: str, tmp_path: Path, how: str) -> tupl
     (folder / "__init__.py").write_text(f"raise {how}")
     words = [sys.executable, "run_tams.py", "doctor"]
     environment = os.environ | {"PYTHONPATH": str(tmp_path)}
-    done = subprocess.run(words, cwd=PROJECT, env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        words, cwd=PROJECT_DIRECTORY, env=environment, capture_output=True, text=True
+    )
     return done.returncode, done.stdout, done.stderr
 
 
@@ -243,7 +246,7 @@ def test_whatever_library_is_broken_the_doctor_says_which(
     assert output.splitlines()[-1].endswith("must be mended before TAMS can run.")
 
 
-def test_a_check_that_fails_is_a_finding_and_the_others_are_made(tmp_path: Path) -> None:
+def test_a_check_that_fails_is_a_finding_and_the_others_are_made() -> None:
     def broken_drive(_: Config) -> Iterator[Finding]:
         yield Finding("Drive", True)
         raise TypeError("no such thing")
