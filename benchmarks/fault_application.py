@@ -124,7 +124,7 @@ class Application(Listener):
     def arm_and_engage(self) -> None:
         """What the operator does; then the hand begins to move."""
         deadline_s = time.monotonic() + PATIENCE_S
-        self.signals.confirm()
+        self.signals.confirm(self.clock.now_ns())
         self._await(ArmingState.READY, deadline_s)
         self.hand.trigger = 1.0
         self._await(ArmingState.ENGAGED, deadline_s)

@@ -285,7 +285,7 @@ def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None
     def act(command: Command, asked_ns: int) -> None:
         now_ns = clock.now_ns()
         if presses[command].counts(now_ns) or command is Command.EMERGENCY_STOP:
-            carry_out(session, actions, command, asked_ns, now_ns)
+            carry_out(session, actions, command, asked_ns)
 
     keys = TerminalKeys()
     stack.callback(keys.close)

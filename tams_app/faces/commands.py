@@ -9,7 +9,6 @@ from types import MappingProxyType
 from typing import Protocol, TypeAlias
 
 from tams_app.records import EpisodeRequest, Phase
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 
 Action: TypeAlias = Callable[[], None]
 PHASE_KEYS: Mapping[str, Phase | None] = MappingProxyType(
@@ -38,7 +37,7 @@ class Command(StrEnum):
 class Signals(Protocol):
     """The operator's signals to arm and log."""
 
-    def confirm(self, asked_ns: int | None = None) -> None: ...
+    def confirm(self, asked_ns: int) -> None: ...
 
     def estop(self) -> None: ...
 
@@ -87,17 +86,13 @@ def carry_out(
     actions: Mapping[Command, Action],
     command: Command,
     asked_ns: int,
-    now_ns: int,
 ) -> None:
     """Carry out a command; what `actions` lacks changes nothing.
 
-    A confirmation counts for a while only: `asked_ns` is when the operator gave it at the earliest,
-    however long it waited for an application that stood still.
+    `asked_ns` is when the operator gave it at the earliest, however long it waited for an
+    application that stood still.
     """
-    if command is not Command.CONFIRM:
-        if action := actions.get(command):
-            action()
-    elif now_ns - asked_ns > CONFIRMED_AGO_NS:
-        session.note("warning", TOO_LONG_AGO)
-    else:
+    if command is Command.CONFIRM:
         session.signals.confirm(asked_ns)
+    elif action := actions.get(command):
+        action()

@@ -22,8 +22,10 @@ from tams_app.records import (
     Twist,
 )
 from tams_app.robot.arm_gate import ArmGate
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
+from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import Reason, Request
 from tams_app.units import NS_PER_MS
@@ -42,6 +44,7 @@ class Pending:
     confirm: bool
     estop: bool
     faults: tuple[Reason, ...]
+    late_confirm: bool = False  # one came that was given too long ago to count
 
 
 class Signals:
@@ -52,7 +55,7 @@ class Signals:
 
     def __init__(self) -> None:
         self._stop_arm: Callable[[], None] = lambda: None  # until there is a control loop
-        self._confirm = False
+        self._confirmed_ns: int | None = None
         self._estop = False
         self._faults: dict[Reason, None] = {}
         self._trips: dict[Reason, None] = {}
@@ -66,9 +69,9 @@ class Signals:
         """All that was asked since the last call."""
         return [self._asked.popleft() for _ in range(len(self._asked))]
 
-    def confirm(self, asked_ns: int | None = None) -> None:
-        """The operator agrees: arm, or clear a fault. Who calls has judged when (`asked_ns`)."""
-        self._confirm = True
+    def confirm(self, asked_ns: int) -> None:
+        """The operator agrees: arm, or clear a fault. They did so at `asked_ns` at the earliest."""
+        self._confirmed_ns = asked_ns
 
     def stop_with(self, stop_arm: Callable[[], None]) -> None:
         """Set the function that stops the arm at once: from any thread, without blocking."""
@@ -92,13 +95,19 @@ class Signals:
         """Something that stopped the arm once; the operator may confirm it away."""
         self._trips[reason] = None
 
-    def take(self) -> Pending:
-        """Everything pending; confirmations and stops are used up by this."""
-        trips = tuple(self._trips)
-        pending = Pending(self._confirm, self._estop, (*self._faults, *trips))
+    def take(self, now_ns: int) -> Pending:
+        """Everything pending; confirmations and stops are used up by this.
+
+        A confirmation is judged here, where it is used: whatever stood still on its way, it counts
+        for `CONFIRMED_AGO_NS` from when the operator gave it.
+        """
+        trips, asked_ns = tuple(self._trips), self._confirmed_ns
+        counts = asked_ns is not None and is_fresh(asked_ns, now_ns, CONFIRMED_AGO_NS)
+        late = asked_ns is not None and not counts
+        pending = Pending(counts, self._estop, (*self._faults, *trips), late)
         # only what was seen is used up: a stop that comes in between is taken by the next tick
-        if pending.confirm:
-            self._confirm = False
+        if self._confirmed_ns == asked_ns:
+            self._confirmed_ns = None
         if pending.estop:
             self._estop = False
         for reason in trips:
@@ -213,7 +222,10 @@ class ControlLoop:
         link: CommandLink,
     ) -> TeleopInput:
         """`ready`, `arm` and `link` as they were before: who stops the arm signals it first."""
-        pending = self._signals.take()
+        pending = self._signals.take(now_ns)
+        if pending.late_confirm:
+            for listener in self._listeners:
+                listener.on_late_confirm()
         view = self._weights.primary_view(self._phases.phase)
         age_ns = self._video.age_ns(view, now_ns)
         if age_ns is not None:

@@ -10,7 +10,7 @@ from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
 from tams_app.recording.journal import Journal
 from tams_app.records import EpisodeRequest, HandHeard, Haptic, Presses, SteeredBy
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.video.core.frame_identity import SentFrames
@@ -141,11 +141,10 @@ class LinkedHand:
             return
         self._confirms = message.confirms
         age_ns = self.controller.clock.age_ns(message.sent_ns, message.echo_ns, heard_ns)
-        ago_ns = (age_ns or 0) + message.sent_ns - message.confirmed_ns
-        if age_ns is not None and 0 <= ago_ns <= CONFIRMED_AGO_NS:
-            self._signals.confirm()
-        else:
+        if age_ns is None or message.confirmed_ns > message.sent_ns:
             self._log.note("warning", TOO_LONG_AGO)
+        else:
+            self._signals.confirm(heard_ns - age_ns - (message.sent_ns - message.confirmed_ns))
 
     @property
     def acknowledged(self) -> tuple[int, int]:

@@ -38,6 +38,9 @@ class Listener:
             now_ns: the time of the tick [ns].
         """
 
+    def on_late_confirm(self) -> None:
+        """A confirmation has come that was given too long ago to count."""
+
     def on_phase(self, change: PhaseChange) -> None:
         """The arm has been sent its command, and a phase has begun.
 

@@ -9,6 +9,7 @@ from hw.arm import Arm
 from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
 from tams_app.robot import build
+from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals, describe, lasting_label
 from tams_app.robot.devices import Note
 from tams_app.robot.listener import Listener
@@ -45,6 +46,9 @@ class ArmingObserver(Listener):
         self._confirmed_ns: int | None = None
         self._arming = ArmingState.DISARMED
 
+    def on_late_confirm(self) -> None:
+        self._note("warning", TOO_LONG_AGO)
+
     def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
         if output.arming is not self._arming:
             self._arming = output.arming
@@ -59,7 +63,7 @@ class ArmingObserver(Listener):
         asked_ns = self._confirmed_ns
         if self._confirms and (asked_ns is None or now_ns - asked_ns > CONFIRM_AGAIN_NS):
             self._confirmed_ns = now_ns
-            self._signals.confirm()
+            self._signals.confirm(now_ns)
 
     def _note_arming(self, output: TeleopOutput) -> None:
         if output.reason is None:

@@ -38,7 +38,7 @@ def operate(
     `notify` shows a sentence at once, while the start waits for the robot's side. `make_hand` makes
     what the operator holds; None: the configured device.
     """
-    requests = Requests(clock)
+    requests = Requests()
 
     def compose(session: Session) -> OperatorSide:
         parts = session.parts

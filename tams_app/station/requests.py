@@ -5,14 +5,12 @@ from __future__ import annotations
 from operator import add
 
 from tams_app.records import EpisodeRequest
-from tams_app.runtime.clock import Clock
 
 
 class Requests:
     """The operator's requests by key or button; from any thread, also from a signal handler."""
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
+    def __init__(self) -> None:
         self.confirms = self.stops = 0
         self.confirmed_ns = 0
         self.has_failed = False
@@ -24,9 +22,9 @@ class Requests:
         first, second, third, fourth, fifth = map(add, self.episodes, added)
         self.episodes = first, second, third, fourth, fifth
 
-    def confirm(self, asked_ns: int | None = None) -> None:
-        """The operator agrees: arm, or clear a fault. `asked_ns`: when they did; None: now."""
-        self.confirmed_ns = self._clock.now_ns() if asked_ns is None else asked_ns
+    def confirm(self, asked_ns: int) -> None:
+        """The operator agrees: arm, or clear a fault. They did so at `asked_ns` at the earliest."""
+        self.confirmed_ns = asked_ns
         self.confirms += 1
 
     def forget_confirmation(self) -> None:

@@ -82,11 +82,16 @@ class Watch:
         return arm is not None and arm.servo is ServoMode.VELOCITY and not arm.activity.is_halted
 
     def video_scale(self, age_ns: int | None) -> float:
-        """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video."""
-        if age_ns is None or age_ns < self._video_slow_ns:
+        """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video.
+
+        0 for one from the future as well: whatever stamped it says nothing about its age.
+        """
+        if age_ns is None:
             return 1.0
-        if age_ns >= self._video_hold_ns:
+        if not is_fresh(-age_ns, 0, self._video_hold_ns - 1):
             return 0.0
+        if age_ns < self._video_slow_ns:
+            return 1.0
         return (self._video_hold_ns - age_ns) / (self._video_hold_ns - self._video_slow_ns)
 
     def _pose_is_frozen(self, tick: TeleopInput) -> bool:

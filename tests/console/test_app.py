@@ -20,7 +20,7 @@ from tams_app.errors import SignalledError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.faces.terminal.line import Words
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS
 from tams_app.robot.control import Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.sentences import Sentences
@@ -234,7 +234,8 @@ class NotedSession:
     """Notes what the keys ask of it."""
 
     def __init__(self):
-        self.confirmed, self.notes = 0, []
+        self.confirmed_ago_ns: list[int] = []
+        self.notes: list[str] = []
         self.ended = threading.Event()
         self.failure = ""
         self.signals = SimpleNamespace(
@@ -242,7 +243,7 @@ class NotedSession:
         )
 
     def _confirm(self, asked_ns):
-        self.confirmed += 1
+        self.confirmed_ago_ns.append(time.monotonic_ns() - asked_ns)
 
     def note(self, level, text):
         self.notes.append(text)
@@ -283,11 +284,13 @@ def test_a_held_enter_confirms_once(monkeypatch):
     finally:
         os.close(operator)
         os.close(program)
-    assert session.confirmed == 1
+    assert len(session.confirmed_ago_ns) == 1
     assert session.failure == ""
 
 
-def test_an_enter_that_was_typed_while_the_session_stood_still_confirms_nothing(monkeypatch):
+def test_an_enter_that_was_typed_while_the_session_stood_still_has_its_age(
+    monkeypatch,
+):
     operator, program = pty.openpty()
     monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
     session = NotedSession()
@@ -303,8 +306,8 @@ def test_an_enter_that_was_typed_while_the_session_stood_still_confirms_nothing(
     finally:
         os.close(operator)
         os.close(program)
-    assert session.confirmed == 0
-    assert session.notes == [TOO_LONG_AGO]
+    (ago_ns,) = session.confirmed_ago_ns
+    assert ago_ns > CONFIRMED_AGO_NS
 
 
 class FailedSession(EndedSession):

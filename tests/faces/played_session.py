@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import SessionState, ViewState
+from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
@@ -81,7 +82,9 @@ class PlayedSession:
             self.end("nothing happened")
 
     def _take_in(self) -> None:
-        pending = self.signals.take()
+        pending = self.signals.take(time.monotonic_ns())
+        if pending.late_confirm:
+            self.note("warning", TOO_LONG_AGO)
         self.done += ["confirm"] * pending.confirm + ["estop"] * pending.estop
 
     def elapsed_s(self) -> float:

@@ -158,7 +158,7 @@ class Bench(Listener, ABC):
     def arm_it(self) -> None:
         """Confirm with the trigger up, until the arm is ready."""
         self.run_ticks(3)
-        self.signals.confirm()
+        self.signals.confirm(self.clock.now_ns())
         self.run_until_state(ArmingState.READY)
 
     def engage(self) -> None:

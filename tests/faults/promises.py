@@ -81,13 +81,13 @@ def recovers_from_fault(bench: Bench, cause_gone: Callable[[], object] = lambda:
     assert reason is not None
     assert "confirm" in reason.lasting
     cause_gone()
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     bench.run_ticks(3)
     assert bench.outputs[-1].arming is ArmingState.FAULT, "not while the trigger is held"
     bench.hand.trigger = 0.0
     bench.run_ticks(3)
     assert bench.outputs[-1].arming is ArmingState.FAULT, "not before a confirmation"
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     bench.run_until_state(ArmingState.DISARMED)
     stands(bench)
     bench.arm_it()

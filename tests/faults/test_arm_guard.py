@@ -84,7 +84,7 @@ def stays(bench: WiredBench) -> None:
     assert "start the session again" in Reason.GUARD_LOST.lasting
     bench.hand.trigger = 0.0
     bench.run_ticks(3)
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     stands(bench, 30)
     assert bench.outputs[-1].arming is ArmingState.FAULT
 
@@ -96,7 +96,7 @@ def tells(bench: WiredBench, in_the_way: Reason | None) -> None:
     """Confirm in each tick, the trigger held, until the operator is told of that; None: of it."""
 
     def told(output: TeleopOutput) -> bool:
-        bench.signals.confirm()
+        bench.signals.confirm(bench.clock.now_ns())
         return output.refusal == Refusal(in_the_way)
 
     bench.run_until(told)

@@ -71,7 +71,7 @@ def test_an_arm_that_moves_while_ready_is_stopped(bench: WiredBench) -> None:
     straighten()
     bench.hand.trigger = 0.0
     bench.run_ticks(3)
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     bench.run_until_state(ArmingState.DISARMED)
     is_logged_as(bench, Reason.ARM_MOVED_UNASKED)
 

@@ -100,7 +100,7 @@ def test_an_arm_that_does_not_get_ready_stays_disarmed_and_stopped_and_says_why(
 
     bench.model.interpose = refuse_ready
     bench.run_ticks(3)
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     bench.run_until(lambda output: bool(bench.notes))
     bench.run_ticks(20)
     assert "refused" in bench.notes[0]

@@ -79,7 +79,7 @@ def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
     bench.hand.distortion = distortion
     bench.run(0.5)
     is_stopped(bench, lost, reason)
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     bench.hand.trigger = 0.0
     bench.run(0.5)
     is_stopped(bench, lost, reason)  # it cannot be confirmed away

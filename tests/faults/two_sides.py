@@ -192,7 +192,7 @@ class HandSide:
             armed = self.arming == ArmingState.READY
             if not armed and now_s - asked_s > _CONFIRM_EACH_S:
                 asked_s = now_s
-                self.session.signals.confirm()
+                self.session.signals.confirm(time.monotonic_ns())
             time.sleep(0.02)
             now_s = time.monotonic()
             if not armed or self.reason:

@@ -114,7 +114,7 @@ class Bench(Listener):
 
     def engage(self):
         self.run(0.2)
-        self.signals.confirm()
+        self.signals.confirm(self.clock.now_ns())
         self.run(0.5)
         self.hand.trigger = 1.0
         return self.run(0.1)
@@ -223,7 +223,7 @@ def test_an_emergency_stop_latches_and_stops_the_controller_itself(bench):
     assert bench.arm.state().activity is Activity.STOPPED
     bench.hand.trigger = 0.0
     bench.run(0.2)
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     assert bench.run(0.5).arming is ArmingState.DISARMED
 
 
@@ -232,7 +232,7 @@ def test_a_lost_guard_is_a_fault_that_cannot_be_confirmed_away(bench):
     bench.signals.fault(Reason.GUARD_LOST)
     assert bench.run(0.1).reason is Reason.GUARD_LOST
     bench.hand.trigger = 0.0
-    bench.signals.confirm()
+    bench.signals.confirm(bench.clock.now_ns())
     assert bench.run(1.0).arming is ArmingState.FAULT
 
 
@@ -276,8 +276,8 @@ def test_a_stop_in_the_middle_of_a_tick_is_no_other_reason(bench):
     bench.hand.velocity = np.array([0.0, 0.0, -0.1])
     take, reasons = bench.signals.take, []
 
-    def estop_after():
-        pending = take()
+    def estop_after(now_ns):
+        pending = take(now_ns)
         if not reasons:
             bench.signals.estop()
             bench.ready = False

@@ -170,7 +170,7 @@ class Bench:
 
     def engage(self):
         self.tick(24)
-        self.signals.confirm()
+        self.signals.confirm(self.clock.now_ns())
         self.tick(60)
         self.hand.trigger = 1.0
         self.tick(12)

@@ -127,7 +127,7 @@ def test_nothing_that_is_asked_about_episodes_confirms_or_stops() -> None:
     for request in EpisodeRequest:
         kept.signals.episode(request)
         kept.ticks()
-    pending = kept.signals.take()
+    pending = kept.signals.take(0)
     assert (pending.confirm, pending.estop, pending.faults) == (False, False, ())
 
 

@@ -76,7 +76,7 @@ def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
     for latched in (False, True, True, False, True):
         guard._link.latched = latched
         guard.before_tick(0)
-        taken.append(signals.take().faults)
+        taken.append(signals.take(0).faults)
     stopped = (Reason.GUARD_STOPPED,)
     assert taken == [(), stopped, (), (), stopped]
     assert len(notes) == 2
@@ -87,10 +87,10 @@ def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
     guard = guarding(tmp_path, signals)
     guard.on_output(0, output(ArmingState.READY), None)
     guard.before_tick(0)
-    assert signals.take().faults == ()
+    assert signals.take(0).faults == ()
     guard.before_tick(SILENCE_NS + 1)
     guard.close()
-    assert signals.take().faults == (Reason.GUARD_SILENT,)
+    assert signals.take(0).faults == (Reason.GUARD_SILENT,)
 
 
 def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(tmp_path):
@@ -101,7 +101,7 @@ def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_n
     for armed, fresh in ((True, False), (True, False), (False, False), (False, True), (True, True)):
         link.armed, link.fresh = armed, fresh
         guard.before_tick(0)
-        taken.append(signals.take().faults)
+        taken.append(signals.take(0).faults)
     silent = (Reason.GUARD_SILENT,)
     assert taken == [silent, silent, silent, (), ()]
 
@@ -112,7 +112,7 @@ def test_silence_while_disarmed_is_none(tmp_path):
     guard._link = link = ScriptedLink()
     link.armed = link.fresh = False
     guard.before_tick(0)
-    assert signals.take().faults == ()
+    assert signals.take(0).faults == ()
 
 
 def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
@@ -123,7 +123,7 @@ def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
     for armed in (True, False):
         link.armed = armed
         guard.before_tick(0)
-        assert signals.take().faults == (Reason.GUARD_LOST,)
+        assert signals.take(0).faults == (Reason.GUARD_LOST,)
 
 
 def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
@@ -134,7 +134,7 @@ def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tm
     for lost in (False, True, True, False):
         guard._link.arm_lost = lost
         guard.before_tick(0)
-        taken.append(signals.take().faults)
+        taken.append(signals.take(0).faults)
     blind = (Reason.GUARD_BLIND,)
     assert taken == [(), blind, blind, ()]
 
@@ -154,7 +154,7 @@ def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(tmp_path, cause, re
     guard._link = ScriptedLink()
     guard._link.latched, guard._link.cause = True, cause
     guard.before_tick(0)
-    assert signals.take().faults == (reason,)
+    assert signals.take(0).faults == (reason,)
     assert notes == [f"the guard process has stopped the arm: {reason.label}"]
 
 

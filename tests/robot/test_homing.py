@@ -250,7 +250,7 @@ def test_any_other_key_is_an_emergency_stop_and_enter_is_none() -> None:
     ):
         signals = Signals()
         EnterKey(signals).feed(keys)
-        assert signals.take().estop is stops
+        assert signals.take(0).estop is stops
 
 
 GONE = replace(LINK, failure="Lost.", fault=LinkFault.LOST)

@@ -12,6 +12,7 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.robot import build
+from tams_app.robot.confirmation import CONFIRMED_AGO_NS
 from tams_app.robot.control import Signals
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.senders import Capture
@@ -22,6 +23,7 @@ from tams_app.session.folder import create_session_folder, furnish_session_folde
 from tams_app.session.recorders import LoadMonitor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 
@@ -75,14 +77,29 @@ def test_a_folder_that_is_there_already_is_furnished_like_one_of_ours(tmp_path):
 
 def test_confirmations_and_stops_are_taken_once_and_faults_stay():
     signals = Signals()
-    signals.confirm()
+    signals.confirm(0)
     signals.estop()
     signals.fault(Reason.GUARD_LOST)
     signals.fault(Reason.GUARD_LOST)
-    first, second = signals.take(), signals.take()
+    first, second = signals.take(0), signals.take(0)
     assert (first.confirm, first.estop) == (True, True)
     assert (second.confirm, second.estop) == (False, False)
     assert first.faults == second.faults == (Reason.GUARD_LOST,)
+
+
+def test_a_confirmation_counts_for_two_seconds_and_never_one_from_the_future() -> None:
+    for ago_ns, counts in (
+        (0, True),
+        (CONFIRMED_AGO_NS, True),
+        (CONFIRMED_AGO_NS + 1, False),
+        (-51 * NS_PER_MS, False),
+    ):
+        signals = Signals()
+        signals.confirm(10 * NS_PER_S)
+        pending = signals.take(10 * NS_PER_S + ago_ns)
+        assert (pending.confirm, pending.late_confirm) == (counts, not counts)
+        again = signals.take(10 * NS_PER_S + ago_ns)
+        assert (again.confirm, again.late_confirm) == (False, False)
 
 
 # --- captures -----------------------------------------------------------------------------------

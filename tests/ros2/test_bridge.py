@@ -72,7 +72,7 @@ class Heard:
 
     @property
     def stopped(self) -> bool:
-        return self.signals.take().estop
+        return self.signals.take(0).estop
 
 
 def pid_of(bridge: Ros2Bridge) -> int:
@@ -253,7 +253,7 @@ def test_the_log_is_whole_whatever_becomes_of_the_bridge(
     kept = read_log(tmp_path / LOG_NAME)
     assert kept.complete
     assert len(kept.ticks) == 900
-    assert not signals.take().estop
+    assert not signals.take(0).estop
     told = [note.text for note in kept.notes]
     assert f"published in ROS 2, domain {domain}: all who reach it see this session" in told
     if signal_number is signal.SIGKILL:
@@ -269,7 +269,7 @@ def test_a_log_tells_of_a_stop_that_ros_asked_for(domain: int, tmp_path: Path) -
         config, MonotonicClock(), tmp_path, lambda *_: None, lambda _: None, signals.estop
     )
     writer = Node(domain).stop_writer(RELIABLE)
-    until(lambda: signals.take().estop, meanwhile=lambda: writer.write(Empty()))
+    until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty()))
     log.close()
     notes = read_log(tmp_path / LOG_NAME).notes
     assert any("emergency stop, asked for in ROS 2" in note.text for note in notes)

@@ -88,7 +88,7 @@ def _serve(requests: Connection, session: Session, runtime: FakeRuntime) -> None
                 notes, ended = session.sentences.take(), session.ended.is_set()
                 requests.send(Look(session.state(), list(notes), ended, session.failure))
             case "confirm":
-                session.signals.confirm()
+                session.signals.confirm(MonotonicClock().now_ns())
             case "press":
                 runtime.press(*arguments)
             case "quit SteamVR":

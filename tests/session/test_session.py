@@ -60,7 +60,7 @@ def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
         session.start()
     given[-1]()
     assert isinstance(session.signals, Signals)
-    pending = session.signals.take()
+    pending = session.signals.take(0)
     assert (pending.estop, pending.confirm, pending.faults) == (True, False, ())
 
 

@@ -32,6 +32,7 @@ from tams_app.records import (
     SteeredBy,
     StopRecord,
 )
+from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals, SteadyVideo
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.robot.status import StatusBoard
@@ -101,7 +102,7 @@ class Sides:
         self.there.other, self.here.other = self.here, self.there
         self.there.delay_ns = self.here.delay_ns = delay_ms * NS_PER_MS
         self.robot_log, self.operator_log = MemoryLog(), MemoryLog()
-        self.signals, self.requests = Signals(), Requests(self.operator_clock)
+        self.signals, self.requests = Signals(), Requests()
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
         weights = WeightMatrix(config.policy.weights.matrix)
@@ -147,8 +148,10 @@ class Sides:
                 continue
             now_ns = self.robot_clock.now_ns()
             self.sample = self.controller.sample(now_ns)
-            pending = self.signals.take()
+            pending = self.signals.take(now_ns)
             self.confirmed += pending.confirm
+            if pending.late_confirm:
+                self.robot_log.note("warning", TOO_LONG_AGO)
             self.stopped += pending.estop
             self.robot.on_tick(replace(tick(0), started_ns=now_ns, due_ns=now_ns))
 
@@ -327,16 +330,26 @@ def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
 def test_a_confirmation_arms_only_while_it_is_fresh():
     sides = Sides()
     sides.run(1.0)
-    sides.requests.confirm()
+    sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(0.5)
     assert sides.confirmed == 1
     sides.cut(True)
-    sides.requests.confirm()
+    sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(2.5)
     sides.cut(False)
     sides.run(1.0)
     assert sides.confirmed == 1
-    assert "not confirmed: the operator did so too long ago" in sides.robot_log.notes
+    assert TOO_LONG_AGO in sides.robot_log.notes
+
+
+def test_a_confirmation_that_waits_for_a_robots_side_that_stands_still_ages_meanwhile() -> None:
+    sides = Sides()
+    sides.run(1.0)
+    sides.requests.confirm(sides.operator_clock.now_ns() - 1_500 * NS_PER_MS)
+    sides.run(0.9, robot=False)  # fresh when it arrives, and 2.4 s old when it is taken in
+    sides.run(0.5)
+    assert sides.confirmed == 0
+    assert sides.robot_log.notes.count(TOO_LONG_AGO) == 1
 
 
 def test_what_a_confirmation_waited_for_at_the_operators_side_counts_towards_its_age():
@@ -570,7 +583,7 @@ def test_the_primary_view_is_the_one_of_the_robot_s_weights():
 def test_a_simulated_operator_moves_no_real_arm():
     rig = CONFIG.rig.model_copy(update={"enabled": False})
     sides = Sides(config=CONFIG.model_copy(update={"rig": rig}))
-    sides.requests.confirm()
+    sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(1.0)
     assert sides.sample.status is ControllerStatus.LINK_LOST
     assert sides.confirmed == 0
@@ -595,7 +608,7 @@ def test_what_was_sent_before_the_robots_computer_slept_counts_for_nothing():
     """It lies in the socket, and is heard in the first instant after: our clock stood still."""
     sides = Sides()
     sides.run(1.0)
-    sides.requests.confirm()
+    sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(2 / 120, robot=False)  # on their way
     heard = len(sides.robot_log.of(HandHeard))
     sides.robot.on_wake(sides.robot_clock.now_ns())
@@ -614,7 +627,7 @@ def test_an_operators_computer_that_slept_sends_nothing_of_before():
     sides.hand.trigger = 1.0
     sides.run(0.1)
     assert sides.sample.trigger == 1.0
-    sides.requests.confirm()
+    sides.requests.confirm(sides.operator_clock.now_ns())
     sides.operator_clock.suspend_ns(3600 * NS_PER_S)
     statuses = []
     for _ in range(24):

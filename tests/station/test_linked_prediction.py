@@ -53,7 +53,7 @@ class Link:
         self.robot = LinkedRobot(
             self.clock,
             self,  # type: ignore[arg-type]
-            Requests(self.clock),
+            Requests(),
             SimpleNamespace(record=lambda _: None, note=lambda *_: None),  # type: ignore[arg-type]
             lambda: (),
             1,

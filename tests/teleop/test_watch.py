@@ -81,6 +81,7 @@ FAR_POSE = Pose(np.array([0, 0, -100.1]), Rotation.identity())  # 1e300 would ov
         (with_link(acknowledged_ns=NOW - 101 * MS), Reason.ARM_REPLY_LATE),
         (with_link(round_trip_ns=101 * MS), Reason.ARM_REPLY_LATE),
         (replace(FINE, video_age_ns=1000 * MS), Reason.STALE_VIDEO),
+        (replace(FINE, video_age_ns=-51 * MS), Reason.STALE_VIDEO),  # from the future
         (replace(FINE, video_age_ns=1000 * MS, video_damaged=True), Reason.VIDEO_DAMAGED),
         (replace(FINE, arm_ready=False), Reason.ARM_NOT_READY),
         (replace(FINE, faults=(Reason.STALE_VIDEO,)), Reason.STALE_VIDEO),
@@ -101,6 +102,7 @@ def test_what_is_stale_holds(tick: TeleopInput, holds: Reason) -> None:
         with_arm(received_ns=NOW - 100 * MS),
         with_link(acknowledged_ns=NOW - 100 * MS, round_trip_ns=100 * MS),
         replace(FINE, video_age_ns=999 * MS),
+        replace(FINE, video_age_ns=-50 * MS),
         replace(FINE, video_age_ns=None),
     ],
 )

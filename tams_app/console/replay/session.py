@@ -45,7 +45,7 @@ class Requests:
     def ask(self, action: Callable[[], None]) -> None:
         self._asked.put(action)
 
-    def confirm(self, asked_ns: int | None = None) -> None:
+    def confirm(self, asked_ns: int) -> None:
         self.ask(self._playback.toggle)
 
     def estop(self) -> None:

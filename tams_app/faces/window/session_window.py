@@ -70,9 +70,8 @@ class SessionWindow(SessionFace):
 
     def _on_event(self, event: Event) -> None:
         if isinstance(event, CommandRequest):
-            now_ns = self._clock.now_ns()
             self._is_closed |= event.command is Command.CLOSE
-            carry_out(self._session, self._actions, event.command, event.t_ns, now_ns)
+            carry_out(self._session, self._actions, event.command, event.t_ns)
         elif isinstance(event, Seek):
             if self._replay is not None:
                 self._replay.seek(event.t_s)

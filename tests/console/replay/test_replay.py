@@ -7,6 +7,7 @@ from collections import Counter
 from contextlib import closing
 from dataclasses import replace
 from itertools import count, pairwise
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -154,11 +155,11 @@ def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> No
     replayed = Replayed(log_path, tmp_path, speed=2.0)
     replayed.passes(0.5)
     assert replayed.session.elapsed_s() == pytest.approx(1.0)
-    replayed.session.signals.confirm()
+    replayed.session.signals.confirm(0)
     replayed.passes(5.0)
     assert replayed.session.elapsed_s() == pytest.approx(1.0)
     replayed.press("Up")
-    replayed.session.signals.confirm()
+    replayed.session.signals.confirm(0)
     replayed.passes(0.25)
     assert replayed.session.elapsed_s() == pytest.approx(2.0)
     told = [note for note in replayed.session.sentences.take() if note.startswith("replay")]
@@ -174,7 +175,8 @@ def test_a_confirmation_pauses_and_goes_on_and_an_emergency_stop_pauses(
 ) -> None:
     session = (replayed := Replayed(log_path, tmp_path)).session
     paused = []
-    for ask in (session.signals.confirm, session.signals.confirm, *2 * [session.signals.estop]):
+    confirm = partial(session.signals.confirm, 0)
+    for ask in (confirm, confirm, session.signals.estop, session.signals.estop):
         ask()
         replayed.passes(0.05)
         paused.append(session.facts().paused)
