@@ -11,7 +11,6 @@ import platform
 import shutil
 import socket
 from collections.abc import Callable, Iterator
-from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
 
 from tams_app.config import Config
@@ -20,7 +19,6 @@ from tams_app.console.findings import Check, Finding, tried
 from tams_app.console.library_checks import libraries, loading
 from tams_app.errors import SetupError, TamsError
 
-SHARED_BYTES = 8_000_000  # frames and world state of the rig
 LOG_MB_PER_MINUTE = "25 to 100"  # docs/LOG.md has what it depends on
 _RENDER = (
     "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
@@ -168,17 +166,18 @@ def home_folder(_: Config) -> Iterator[Finding]:
     )
 
 
-def shared_memory(_: Config) -> Iterator[Finding]:
-    """Shared memory between the session and its helpers."""
+def shared_memory(config: Config) -> Iterator[Finding]:
+    """Shared memory between the session and its helpers: as much as this configuration takes."""
+    from tams_app.runtime.shared_ring import require_room
+    from tams_app.session.shared_memory import session_bytes
+
+    wanted = session_bytes(config)
     try:
-        block = SharedMemory(create=True, size=SHARED_BYTES)
-    except OSError as error:
-        fix = "make /dev/shm larger; in a container: --shm-size=64m"
-        yield Finding("Shared memory", False, error.strerror or str(error), fix)
+        require_room(wanted)
+    except SetupError as error:
+        yield Finding("Shared memory", False, "", str(error))
         return
-    block.close()
-    block.unlink()
-    yield Finding("Shared memory", True, f"{SHARED_BYTES // 1_000_000} MB")
+    yield Finding("Shared memory", True, f"{wanted / 1e6:.0f} MB wanted")
 
 
 def display(config: Config) -> Iterator[Finding]:

@@ -9,6 +9,7 @@ being overwritten, or that a killed writer left half done, is never delivered.
 
 from __future__ import annotations
 
+import errno
 import mmap
 import os
 import secrets
@@ -19,6 +20,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
+
+from tams_app.errors import SetupError
 
 if TYPE_CHECKING:  # numpy is loaded where it is used: the guard starts without it
     import numpy as np
@@ -162,15 +165,40 @@ def new_block_name() -> str:
 
 
 def create_block(name: str, size: int) -> mmap.mmap:
-    """The block `name` of `size` bytes for writing, zeroed unless it is there already."""
+    """The block `name` of `size` bytes for writing, zeroed unless it is there already.
+
+    Raises SetupError if it does not fit: memory that was only promised would end the process by
+    SIGBUS at the first write beyond what there is.
+    """
     flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | getattr(os, "O_NOFOLLOW", 0)
     descriptor = os.open(_path(name), flags, 0o600)
     try:
         if os.fstat(descriptor).st_size != size:
             os.ftruncate(descriptor, size)
+            os.posix_fallocate(descriptor, 0, size)
         return mmap.mmap(descriptor, size)
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        remove_block(name)
+        raise SetupError(too_small(size)) from error
     finally:
         os.close(descriptor)
+
+
+def require_room(size: int) -> None:
+    """SetupError if blocks of `size` bytes, all together, have no room."""
+    found = os.statvfs(_folder())
+    if found.f_bavail * found.f_frsize < size:
+        raise SetupError(too_small(size))
+
+
+def too_small(size: int) -> str:
+    """The sentence for shared memory that has no room for `size` bytes more."""
+    return (
+        f"{_folder()} has no room for {-(-size // 1_000_000)} MB of shared memory: make it larger "
+        f"(mount -o remount,size=256m {_folder()}; in a container: --shm-size=256m)"
+    )
 
 
 def open_block(name: str) -> mmap.mmap:
@@ -197,5 +225,9 @@ def remove_block(name: str) -> None:
 
 
 def _path(name: str) -> Path:
+    return _folder() / name
+
+
+def _folder() -> Path:
     memory = Path("/dev/shm")
-    return (memory if memory.is_dir() else Path(tempfile.gettempdir())) / name
+    return memory if memory.is_dir() else Path(tempfile.gettempdir())
