@@ -159,3 +159,23 @@ def test_numbers_are_read_as_before(tmp_path: Path) -> None:
         "f": float("-inf"),
         "g": 2**63 - 1,
     }
+
+
+@pytest.mark.parametrize("word", ["on", "off", "yes", "no", "On", "OFF", "y", "N"])
+def test_a_word_that_old_yaml_takes_for_a_truth_value_is_a_word(word: str, tmp_path: Path) -> None:
+    path = tmp_path / "words.yaml"
+    path.write_text(f"a: {word}\n{word}: 1\nb: [true, False]\n")
+    assert read_yaml(path) == {"a": word, word: 1, "b": [True, False]}
+
+
+def test_documented_words_and_truth_values_work_without_quotes(tmp_path: Path) -> None:
+    path = tmp_path / "words.yaml"
+    path.write_text(
+        f"version: 1\ninclude: [{DEFAULT_CONFIG}]\n"
+        "view: {predict: off}\n"
+        "video: {repair: {rtx: off, parity: on}, quality: {enabled: no}}\n"
+    )
+    config = load_config(path)
+    assert (config.view.predict, config.video.repair.rtx) == ("off", "off")
+    assert config.video.repair.parity == "on"
+    assert config.video.quality.enabled is False

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 from typing import Any
@@ -102,6 +103,15 @@ class _BoundedLoader(yaml.SafeLoader):
             raise _RefusedError(node, "an integer has more than 64 bits")
         return number
 
+
+# As YAML 1.2 has it: `on`, `off`, `yes` and `no` are words, which several keys take. A key that
+# wants a truth value takes these words as well.
+_BOOL = "tag:yaml.org,2002:bool"
+_BoundedLoader.yaml_implicit_resolvers = {
+    first: [one for one in resolvers if one[0] != _BOOL]
+    for first, resolvers in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_BoundedLoader.add_implicit_resolver(_BOOL, re.compile(r"(?:true|false)\Z", re.I), list("tTfF"))
 
 for _tag in ("int", "float"):
     _BoundedLoader.add_constructor(f"tag:yaml.org,2002:{_tag}", _BoundedLoader.construct_number)
