@@ -6,8 +6,8 @@ import shutil
 from collections import Counter
 from contextlib import closing
 from dataclasses import replace
-from itertools import count, pairwise
 from functools import partial
+from itertools import count, pairwise
 from pathlib import Path
 
 import numpy as np
