@@ -20,6 +20,7 @@ _BASE = "gstreamer1.0-plugins-base"
 _GOOD = "gstreamer1.0-plugins-good"
 _BAD = "gstreamer1.0-plugins-bad"
 _UGLY = "gstreamer1.0-plugins-ugly"
+_LIBAV = "gstreamer1.0-libav"
 _STREAMING = {
     "appsrc": _BASE,
     "appsink": _BASE,
@@ -36,12 +37,13 @@ _STREAMING = {
     "rtpjitterbuffer": _GOOD,
     "udpsrc": _GOOD,
     "udpsink": _GOOD,
-    "avdec_h264": "gstreamer1.0-libav",
+    "avdec_h264": _LIBAV,
 }
 ELEMENT_PACKAGES = _STREAMING | {
     "v4l2src": _GOOD,
     "jpegdec": _GOOD,
     "videoscale": _BASE,
+    "videoflip": _GOOD,
     "videotestsrc": _BASE,
     "audiotestsrc": _BASE,
     "audioconvert": _BASE,
@@ -53,6 +55,13 @@ ELEMENT_PACKAGES = _STREAMING | {
     "mp4mux": _GOOD,
     "qtdemux": _GOOD,
 }
+# By media type, the Debian package that demuxes or decodes it, where that is not libav's.
+_FORMATS = (
+    dict.fromkeys(("application/ogg", "video/x-theora"), _BASE)
+    | dict.fromkeys(("video/quicktime", "video/webm", "video/x-matroska", "video/x-msvideo"), _GOOD)
+    | dict.fromkeys(("image/jpeg", "video/x-flv", "video/x-vp8", "video/x-vp9"), _GOOD)
+    | dict.fromkeys(("video/mpegts", "video/x-av1"), _BAD)
+)
 STREAMING_ELEMENTS = tuple(_STREAMING)
 
 
@@ -146,6 +155,16 @@ def poll_bus(pipeline: Any) -> str:
         return ""
     error, _ = message.parse_error()
     return f"{message.src.get_name()}: {error.message}"
+
+
+def missing_plugin(message: Any) -> str:
+    """What to install for a stream, by an element message of the bus that misses it, else ""."""
+    missing = message.get_structure()
+    if missing.get_name() != "missing-plugin" or missing.get_string("type") != "decoder":
+        return ""
+    kind = missing.get_value("detail").get_structure(0).get_name()
+    package = _FORMATS.get(kind, _LIBAV)
+    return f"GStreamer cannot decode {kind} ({missing.get_string('name')}); install {package}"
 
 
 def shut_down(pipeline: Any) -> None:

@@ -53,6 +53,7 @@ VIEW_KEYS: dict[str, Any] = {
     "tracking_error": 0.0,
     "fps": {"asked": 30, "given": 30.0},
     "frame_interval_ms": {"p50": 0.0, "p95": 0.0},
+    "frames_damaged_at_camera": 0,
     "frames_captured": 0,
     "frames_sent": 0,
     "frames_left_out": 0,

@@ -94,6 +94,17 @@ def test_cameras_that_give_too_few_are_told_from_an_application_that_takes_too_f
     assert "the machine drew no more" in shortfall_of(thinned(2, config={"rig": {"enabled": True}}))
 
 
+def test_damaged_frames_are_counted_by_view_and_are_the_reason_where_too_few_came() -> None:
+    log = thinned(2, config={"rig": {"enabled": False}})
+    log.rates = [
+        CameraRates(START_NS + second * NS_PER_S, 30.0, "", {}, {}, {"eih": 0, "gs": 15})
+        for second in range(3)
+    ]
+    views = summarise(log)["views"]
+    assert [views[view]["frames_damaged_at_camera"] for view in ("eih", "gs")] == [0, 45]
+    assert "frames arrived damaged (45 of gs) and were left out; check the" in shortfall_of(log)
+
+
 def test_what_to_ask_for_instead_is_a_rate_that_run_takes() -> None:
     assert "--fps 14" in shortfall(30, {"eih": 14.9, "gt": 20.0}, {}, simulated=False)
     assert shortfall(30, {"eih": 0.0}, {}, simulated=False).endswith("--fps 5.")

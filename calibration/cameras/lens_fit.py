@@ -19,6 +19,7 @@ _WORST_PX = 1.0
 _WORST_FOCAL = 0.005  # standard error of the focal length, of itself
 _LEAST_TILT_DEG = 10.0  # rms: seen straight, a near board and a long lens look like a far one
 _CLEARLY = 0.97  # by so much a lens with more parameters has to be nearer
+_NEARLY = 0.1  # beyond the outermost corner: it was seen up to where the distortion turns back
 _FREE_OF_A_POSE = 6
 _ALL_FIXED = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
 # From straight to the full model: what is fixed of the distortion.
@@ -70,8 +71,12 @@ def fit_lens(views: Sequence[BoardView], width: int, height: int) -> LensFit:
             f"known to {found.focal_error:.1%}): tilt the board, to all sides and by some 30°"
         )
     if not found.lens.is_invertible:
+        corners = np.concatenate([view.pixels for view in views])
         raise NoLensError(
-            "the distortion turns back within the picture: a fisheye lens, or edges without corners"
+            "it bends as a fisheye lens does, which the model cannot describe: take another lens"
+            if found.lens.turns_back_at(corners, _NEARLY)
+            else "the picture's outermost parts are not known, for no corner of the board was seen "
+            "there: show the board farther out, into the corners of the picture"
         )
     return LensFit(found.lens, error_px, found.focal_error, len(views))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
 from typing import Protocol
 
@@ -17,6 +18,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 REOPEN_NS = NS_PER_S
 _FIRST_FRAME_TIMEOUT_NS = 5 * NS_PER_S
 _LOOK_NS = 50 * NS_PER_MS
+_WHOLE_AGAIN_NS = 10 * NS_PER_S  # without a damaged frame: the next is reported again
 
 Note = Callable[[str, str], None]
 """Writes into the log: level (info, warning or error) and sentence."""
@@ -28,7 +30,7 @@ class FrameSource(Protocol):
     noisy: bool
     """It is a real sensor, of which two equal frames are one frame delivered twice."""
     endless: bool
-    """Its end is a failure; else it is opened anew at once."""
+    """Its end or silence is a failure; else it has pauses, and is opened anew at once."""
 
     @property
     def label(self) -> str:
@@ -58,8 +60,8 @@ class GstCamera(Camera):
 
     A source that fails, falls silent or repeats itself is opened again about once a second, with
     the same settings; meanwhile next_frame gives None, and the stale video holds the arm. A frame
-    that a sensor delivers again is left out at once. Each change is reported once to `note`. The
-    time grid goes on over it all, so no index comes twice.
+    that a sensor delivers again is left out at once, as is each that arrives damaged. Each change
+    is reported once to `note`. The time grid goes on over it all, so no index comes twice.
     """
 
     def __init__(
@@ -88,6 +90,8 @@ class GstCamera(Camera):
         self.trouble = ""  # what keeps the frames away now
         self._trouble_ns = 0
         self._complained: set[str] = set()
+        self._damaged = self._gate_damaged = 0  # since the frame given last, since the opening
+        self._quiet_until_ns = 0  # about damage
 
     def start(self) -> None:
         """Open the source and wait for its first frame.
@@ -109,8 +113,9 @@ class GstCamera(Camera):
         while True:
             capture = self._capture or self._reopen(deadline_ns)
             if capture is not None:
-                until_ns = min(deadline_ns, self._watch.silent_from_ns())
+                until_ns = min(deadline_ns, self._silent_from_ns())
                 raw = capture.pull(until_ns - self._clock.now_ns())
+                self._count_damaged(capture)
                 frame = self._look_at(raw) if raw else None
                 if frame is not None:
                     return frame
@@ -129,6 +134,7 @@ class GstCamera(Camera):
         self._reopen_ns = self._clock.now_ns() + REOPEN_NS
         self._capture = self._source.open()
         self._delivered = False
+        self._gate_damaged = 0
         self._watch.opened(self._clock.now_ns())
         return self._capture
 
@@ -137,6 +143,10 @@ class GstCamera(Camera):
         while (raw := capture.pull(_LOOK_NS)) is None:  # a failure does not end the waiting
             if capture.ended or self._clock.now_ns() >= deadline_ns:
                 reason = capture.failure or f"none within {_FIRST_FRAME_TIMEOUT_NS // NS_PER_S} s"
+                if not (capture.failure or self._source.endless):  # decodebin may keep an error
+                    reason = f"it is damaged ({reason}); {self._remedy}"
+                if capture.gate.damaged:
+                    reason = f"all are damaged: {capture.gate.cause}; {self._remedy}"
                 raise DeviceError(f"{self._source.label} gives no frame: {reason}")
         self._look_at(raw)
 
@@ -171,7 +181,8 @@ class GstCamera(Camera):
         if index is None:
             return None
         pixels = raw.pixels.reshape(self._shape)
-        return Frame(self.view, index, raw.capture_ns, pixels, ready_ns=now_ns)
+        damaged, self._damaged = self._damaged, 0
+        return Frame(self.view, index, raw.capture_ns, pixels, ready_ns=now_ns, damaged=damaged)
 
     def _look_after(self, capture: GstCapture) -> None:
         """No frame came: find out whether the source is to be opened again."""
@@ -182,9 +193,27 @@ class GstCamera(Camera):
                 self._report("failed", failure or "its frames ended")
             else:
                 self._reopen_ns = 0
-        elif self._clock.now_ns() >= self._watch.silent_from_ns():
+        elif self._clock.now_ns() >= self._silent_from_ns():
             self._shut()
             self._report(FrameStatus.SILENT, "it is opened again until they come")
+
+    def _silent_from_ns(self) -> int:
+        return self._watch.silent_from_ns() if self._source.endless else sys.maxsize
+
+    def _count_damaged(self, capture: GstCapture) -> None:
+        """Count the frames that were left out since the last look; report when that begins."""
+        gate, now_ns = capture.gate, self._clock.now_ns()
+        new, self._gate_damaged = gate.damaged - self._gate_damaged, gate.damaged
+        self._damaged += new
+        if new and now_ns > self._quiet_until_ns:
+            self._warn(f"gives damaged frames, which are left out: {gate.cause}; {self._remedy}")
+        if new:
+            self._quiet_until_ns = now_ns + _WHOLE_AGAIN_NS
+
+    @property
+    def _remedy(self) -> str:
+        on_a_bus = "check its cable, or give it a USB port and bus of its own"
+        return on_a_bus if self._source.endless else "choose another file"
 
     # --- reporting ----------------------------------------------------------------------------
 

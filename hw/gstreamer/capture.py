@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hw.gstreamer.damage import DamageGate
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, SetupError
@@ -56,8 +58,12 @@ class GstCapture:
         gst.require_elements(_ELEMENTS)
         Gst = gst.load().Gst
         self._pipeline = gst.parse_pipeline(_description(source, video, paced))
-        self._failure = ""
+        self._failure = self._lacks = ""
+        bus = self._pipeline.get_bus()
+        bus.enable_sync_message_emission()
+        bus.connect("sync-message::element", self._on_element_message)
         self._sink = self._pipeline.get_by_name("frames")
+        self.gate = DamageGate(self._pipeline, self._sink, self._fail)
         for element, values in (properties or {}).items():
             for name, value in values.items():
                 self._pipeline.get_by_name(element).set_property(name, value)
@@ -69,7 +75,7 @@ class GstCapture:
             raise DeviceError(str(error)) from error
 
     def pull(self, timeout_ns: int) -> RawFrame | None:
-        """Wait for the newest frame not pulled yet.
+        """Wait for the newest whole frame not pulled yet.
 
         Args:
             timeout_ns: how long at most [ns].
@@ -97,8 +103,22 @@ class GstCapture:
     @property
     def failure(self) -> str:
         """The cause for which there will be no more frames; "" if nothing went wrong."""
-        self._failure = self._failure or gst.poll_bus(self._pipeline)
+        if not self._failure and (reason := gst.poll_bus(self._pipeline)):
+            decoder = self._pipeline.get_by_name("decoder")  # of a file
+            if decoder and decoder.srcpads and not self._sink.sinkpads[0].get_current_caps():
+                reason = "it has no video stream; choose another file"
+            elif decoder:
+                reason = f"it is damaged or not a video ({reason}); choose another file"
+            self._failure = self._lacks or reason
         return self._failure
+
+    def _fail(self, reason: str) -> None:
+        self._failure = reason
+
+    def _on_element_message(self, _bus: Any, message: Any) -> None:
+        lacks = gst.missing_plugin(message)
+        if lacks and "audio/" not in lacks:
+            self._lacks = lacks
 
     def close(self) -> None:
         """Let go of the source; may be called twice."""
@@ -118,9 +138,9 @@ def _description(source: str, video: VideoConfig, paced: bool) -> str:
 class FileSource:
     """A video file of any size and rate that GStreamer can play; its sound is left out.
 
-    It is fitted into the view's frame with black borders. Played at its own speed: one of
-    less than the view's frame rate leaves places on the time grid empty, of one with more some
-    frames are left out.
+    It is turned as it says, and fitted into the view's frame with black borders. Played at the
+    times of its frames, pauses included: where they are farther apart than the view's, places on
+    the time grid stay empty; where they are closer, some frames are left out.
     """
 
     noisy = False
@@ -138,9 +158,12 @@ class FileSource:
         """Play from the start; DeviceError if there is no such file."""
         if not self._path.is_file():
             raise DeviceError(f"there is no video file {self._path}; set the camera's file")
-        gst.require_elements(("decodebin",))
+        if not os.access(self._path, os.R_OK):
+            raise DeviceError(f"you may not read the video file {self._path}; change its rights")
+        gst.require_elements(("decodebin", "videoflip"))
         return GstCapture(
-            'filesrc name=file ! decodebin caps="video/x-raw" expose-all-streams=false',
+            "filesrc name=file ! decodebin name=decoder expose-all-streams=false "
+            "! videoconvert n-threads=1 ! videoflip video-direction=auto",
             self._video,
             paced=True,
             properties={"file": {"location": str(self._path)}},

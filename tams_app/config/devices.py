@@ -192,7 +192,7 @@ class CameraConfig(Section):
     path: str = ""
     """/dev/videoN or, better, a link of /dev/v4l/by-path."""
     file: str = ""
-    """A video that is played again and again, for source `file`."""
+    """A video that is played again and again at its own times, for source `file`."""
     pixel_format: Literal["mjpeg", "raw"] = "mjpeg"
     """What the camera sends: `mjpeg` fits three cameras on one USB 2 bus."""
     exposure_us: Positive | None = None

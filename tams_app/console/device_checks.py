@@ -10,6 +10,8 @@ from tams_app.errors import TamsError
 
 _TEXTURE = "from tams_app.faces.headset.texture import AtlasTexture; AtlasTexture().close()"
 
+_LOOK_FRAMES, _FRAME_S = 30, 0.1  # at most, of a camera, for damaged ones
+
 
 def arm(config: Config) -> Iterator[Finding]:
     """The arm at the configured address."""
@@ -100,8 +102,15 @@ def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
         device = make_camera(view, camera, config.video, MonotonicClock(), note)
         try:
             device.start()
+            damaged = sum(
+                frame.damaged
+                for _ in range(_LOOK_FRAMES)
+                if (frame := device.next_frame(_FRAME_S)) is not None
+            )
         finally:
             device.close()
     except TamsError as error:
         return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
+    if damaged:
+        return Finding(what, False, f"{damaged} of its frames arrived damaged", "; ".join(warnings))
     return Finding(what, True, "; ".join(warnings))

@@ -100,6 +100,15 @@ class Lens:
         """Whether each pixel belongs to one ray: the distortion turns back nowhere in it."""
         return math.isfinite(self._reach)
 
+    def turns_back_at(self, pixels: NDArray[np.float64], margin: float = 0.0) -> bool:
+        """Whether the distortion turns back before the outermost of `pixels`, or soon after it.
+
+        `margin`: how far beyond, as a share of its distance from the axis. Shape (n, 2).
+        """
+        seen = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
+        outermost = float(np.linalg.norm(seen, axis=1).max())
+        return math.isinf(_reach_of(self.distortion, (1.0 + margin) * outermost))
+
     def matrix(self) -> NDArray[np.float64]:
         """Camera matrix, shape (3, 3), whose pixels have whole numbers in their middle."""
         return np.array([(self.fx, 0.0, self.cx), (0.0, self.fy, self.cy), (0.0, 0.0, 1.0)])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, TypeAlias
 
 import numpy as np
@@ -27,6 +27,7 @@ class Frame(Record):
     """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view.
 
     task: where the task is in it; None: not known, or out of sight.
+    damaged: frames of its view that arrived damaged since the one before, and were left out.
     """
 
     view: str
@@ -35,6 +36,7 @@ class Frame(Record):
     image: Image
     ready_ns: int = 0  # the camera, or the rig's renderer, had made the picture; 0: not known
     task: TaskRegion | None = None
+    damaged: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +71,9 @@ class CameraRates(Record):
     overrun_fps: Annotated[
         dict[str, float], "by view, frames that came besides and were not taken [1/s]"
     ]
+    damaged: Annotated[
+        dict[str, int], "by view, frames that arrived damaged in the last second; left out"
+    ] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,10 +27,12 @@ class _Count:
     due: int = 0
     taken: int = 0
     overrun: int = 0  # the camera had them, the session did not take them
+    damaged: int = 0  # they arrived so, and were left out
     last_index: int | None = None
     free_ns: int = 0  # when the thread began to wait for the next frame
 
     def add(self, frame: Frame) -> None:
+        self.damaged += frame.damaged
         if self.last_index is not None:
             left_out = frame.index - self.last_index - 1
             self.due += left_out + 1
@@ -48,6 +50,7 @@ class _Totals:
     due: Mapping[str, int]
     taken: Mapping[str, int]
     overrun: Mapping[str, int]
+    damaged: Mapping[str, int]
     ticks: int  # skipped ones among them
     late: int
 
@@ -126,6 +129,7 @@ class FrameRates(Listener):
             {view: count.due for view, count in self._counts.items()},
             {view: count.taken for view, count in self._counts.items()},
             {view: count.overrun for view, count in self._counts.items()},
+            {view: count.damaged for view, count in self._counts.items()},
             self._ticks + skipped,
             self._late + skipped,
         )
@@ -142,16 +146,19 @@ class FrameRates(Listener):
         )
         passed_s = (after.t_ns - before.t_ns) / NS_PER_S
         overrun = {view: after.overrun[view] - before.overrun[view] for view in self._counts}
+        damaged = {view: after.damaged[view] - before.damaged[view] for view in self._counts}
         self.given_fps = {view: count / passed_s for view, count in taken.items()}
         overrun_fps = {view: count / passed_s for view, count in overrun.items()}
         self._before, self._least_behind_ns = after, None
         reason = ""
         if self._ladder is None:
-            self._notify(overrun_fps)
+            self._notify(overrun_fps, damaged)
         elif flowing:
             reason = self._climb(self._ladder, after.t_ns, seen)
         self._record(
-            CameraRates(after.t_ns, self._asked_fps, reason, dict(self.given_fps), overrun_fps)
+            CameraRates(
+                after.t_ns, self._asked_fps, reason, dict(self.given_fps), overrun_fps, damaged
+            )
         )
 
     def _climb(self, ladder: RateLadder, now_ns: int, seen: Observation) -> str:
@@ -167,11 +174,12 @@ class FrameRates(Listener):
             )
         return reason
 
-    def _notify(self, overrun_fps: Mapping[str, float]) -> None:
+    def _notify(self, overrun_fps: Mapping[str, float], damaged: Mapping[str, int]) -> None:
         """Report once each time in which too few frames come."""
         short = min(self.given_fps.values()) < ENOUGH * self._fps
         self._short_periods = self._short_periods + 1 if short else 0
         if self._short_periods == REPORTED_AFTER:
             self._note(
-                "warning", shortfall(self._fps, self.given_fps, overrun_fps, self._simulated)
+                "warning",
+                shortfall(self._fps, self.given_fps, overrun_fps, self._simulated, damaged=damaged),
             )

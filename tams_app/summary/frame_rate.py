@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ ENOUGH = 0.9  # of what was asked
 _LEAST_FPS = 5  # that can be asked for
 
 
-def view_rate(log: SessionLog, frames: FrameTable, span: Span | None) -> dict[str, Any]:
+def view_rate(log: SessionLog, view: str, frames: FrameTable, span: Span | None) -> dict[str, Any]:
     """Frames a second of one view over the span, and the times between them."""
     given: float | None = None
     if span is not None:
@@ -25,6 +26,7 @@ def view_rate(log: SessionLog, frames: FrameTable, span: Span | None) -> dict[st
     intervals_ms = np.diff(frames.capture_ns) / NS_PER_MS
     return {
         "fps": {"asked": log.header.fps, "given": given},
+        "frames_damaged_at_camera": sum(one.damaged.get(view, 0) for one in log.rates),
         "frame_interval_ms": percentiles(intervals_ms, ("p50", "p95")),
     }
 
@@ -41,6 +43,7 @@ def rates(log: SessionLog, views: Mapping[str, Mapping[str, Any]]) -> dict[str, 
         view: mean(np.array([one.overrun_fps.get(view, 0.0) for one in log.rates])) or 0.0
         for view in views
     }
+    damaged = {view: entry["frames_damaged_at_camera"] for view, entry in views.items()}
     simulated = log.header.config.get("rig", {}).get("enabled", True)
     short = log.captured and min(given_fps.values()) < ENOUGH * asked_fps
     return {
@@ -52,7 +55,7 @@ def rates(log: SessionLog, views: Mapping[str, Mapping[str, Any]]) -> dict[str, 
             }
             for one in steps
         ],
-        "shortfall": shortfall(asked_fps, given_fps, overrun_fps, simulated, steps)
+        "shortfall": shortfall(asked_fps, given_fps, overrun_fps, simulated, steps, damaged)
         if short
         else None,
     }
@@ -64,6 +67,7 @@ def shortfall(
     overrun_fps: Mapping[str, float],
     simulated: bool,
     steps: Sequence[CameraRates] = (),
+    damaged: Mapping[str, int] = MappingProxyType({}),
 ) -> str:
     """The cause of too few frames, and the remedy, in one sentence.
 
@@ -73,6 +77,7 @@ def shortfall(
         overrun_fps: by view, what the camera had besides, which the session did not take.
         simulated: the cameras are the rig's.
         steps: where the rate of the rig's cameras was changed.
+        damaged: by view, how many came damaged and were left out.
     """
     given = ", ".join(f"{view} {fps:.1f}" for view, fps in given_fps.items())
     what = f"Too few frames came, {given} of {asked_fps:g} a second"
@@ -91,6 +96,11 @@ def shortfall(
         return f"{what}: the application missed the others; close other programs{less}."
     if simulated:
         return f"{what}: the machine drew no more; close other programs{less}."
+    if bad := [f"{count} of {view}" for view, count in damaged.items() if view in short and count]:
+        return (
+            f"{what}: frames arrived damaged ({', '.join(bad)}) and were left out; check the "
+            f"cables, or give each camera a USB port and bus of its own{less}."
+        )
     return (
         f"{what}: the cameras gave no more, as many do in dim light; add light or shorten their "
         f"exposure{less}."

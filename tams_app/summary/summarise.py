@@ -121,7 +121,7 @@ def _view(
         and step_mean(targets.t_ns, targets.kbps[view], span.start_ns, span.end_ns),
         "sent_kbps_mean": rate_kbps(packets, mine, packets.entered_ns, span),
         "tracking_error": tracking_error(found, steps(targets, view)),
-        **view_rate(log, frames, span),
+        **view_rate(log, view, frames, span),
         "frames_captured": len(frames.index),
         "frames_sent": sum(frame.view == view for frame in log.sent),
         "frames_left_out": sum(one.view == view and one.under_way for one in log.dropped),

@@ -73,3 +73,25 @@ def test_too_few_views_too_similar_ones_and_a_board_that_is_not_flat_are_refused
              for number, view in enumerate(shown(LENS, 27, 0, 1.0))]  # fmt: skip
     with pytest.raises(NoLensError, match="is the board flat"):
         fit_lens(noisy, 640, 480)
+
+
+@pytest.mark.parametrize(
+    ("seen_px", "cause"),
+    [
+        (285.0, "it bends as a fisheye lens does, which the model cannot describe: take another"),
+        (265.0, "no corner of the board was seen there: show the board farther out"),
+    ],
+)
+def test_a_distortion_that_turns_back_is_refused_with_its_one_cause(seen_px, cause):
+    """This lens turns back 305 px from its axis, and the picture's corners are 400 px from it."""
+    lens = replace(
+        LENS, fx=420.0, fy=420.0, cx=319.5, cy=239.5, distortion=(-0.28, 0.0, 0.0, 0.0, 0.0)
+    )
+    views = [
+        replace(view, ids=view.ids[near], points=view.points[near], pixels=view.pixels[near])
+        for view in shown(lens, 60, 3)
+        for near in [np.linalg.norm(view.pixels - (lens.cx, lens.cy), axis=1) < seen_px]
+        if near.sum() >= 8
+    ]
+    with pytest.raises(NoLensError, match=cause):
+        fit_lens(views, 640, 480)

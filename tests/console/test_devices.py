@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from rich.console import Console
@@ -18,6 +19,7 @@ from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks, devices
 from tams_app.console.devices import camera_lines, controller_lines, show_devices
 from tams_app.errors import DeviceError
+from tests.hw.gstreamer.damaged_videos import cut, mjpeg
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
 
@@ -138,6 +140,16 @@ def test_a_test_pattern_is_a_camera_like_any_other() -> None:
     pattern = {"source": "pattern"}
     settings = hardware(cameras={"eih": pattern, "gt": pattern, "gs": pattern})
     assert all(finding.ok for finding in device_checks.cameras(settings))
+
+
+def test_a_camera_whose_frames_arrive_damaged_fails_with_their_number(tmp_path: Path) -> None:
+    mjpeg(tmp_path / "bad.mkv", 30, cut, range(1, 30, 2))
+    bad, pattern = {"source": "file", "file": str(tmp_path / "bad.mkv")}, {"source": "pattern"}
+    settings = hardware(cameras={"eih": pattern, "gt": bad, "gs": pattern})
+    eih, gt, gs = device_checks.cameras(settings)
+    assert (eih.ok, gt.ok, gs.ok) == (True, False, True)
+    assert gt.detail.endswith("of its frames arrived damaged")
+    assert "JPEG pictures lack their end" in gt.fix
 
 
 def test_what_a_camera_did_not_take_is_told_though_it_works(

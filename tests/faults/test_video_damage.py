@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tams_app.config import load_config
+from hw.gstreamer.camera import GstCamera
+from tams_app.config import VideoConfig, load_config
+from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, ShownFrame
 from tams_app.robot.session_records import SessionRecords
-from tams_app.runtime.clock import VirtualClock
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.video import TrialVideo
 from tams_app.teleop.safety import ArmingState, Reason
@@ -20,9 +22,12 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faults.bench import ACROSS, PERIOD_NS
 from tests.faults.braking import TICKS_TO_REST, comes_to_rest
 from tests.faults.chain import HEIGHT, VIEWS, WIDTH, NoLog
+from tests.faults.frames import PICTURE_DELAY_NS
 from tests.faults.promises import is_logged
 from tests.faults.test_video_freeze import HOLD_NS, expected_scale
 from tests.faults.virtual_bench import VirtualBench
+from tests.hw.gstreamer.damaged_videos import cut, mjpeg
+from tests.hw.gstreamer.test_camera import PlayedSource
 
 pytestmark = [pytest.mark.untimed, pytest.mark.timeout(300)]
 
@@ -167,3 +172,63 @@ def test_with_keyframe_requests_the_chain_is_whole_again_before_the_arm_is_held(
     assert {output.arming for output in bench.outputs[back:]} == {ArmingState.ENGAGED}
     assert not video.is_damaged(PRIMARY)
     assert (video.age_ns(PRIMARY, 0) or HOLD_NS) < 200 * NS_PER_MS
+
+
+class CameraSight:
+    """A `Sight`: the primary view's frames as a real camera chain let them pass, once it began."""
+
+    def __init__(self, passed_ns: list[int]) -> None:
+        """`passed_ns`: when each was taken, from the first one on."""
+        self._passed_ns = passed_ns
+        self.began_ns: int | None = None
+
+    def age_ns(self, view: str, now_ns: int) -> int | None:
+        if view != PRIMARY or self.began_ns is None:
+            return PICTURE_DELAY_NS
+        since_ns = now_ns - self.began_ns
+        shown_ns = [one for one in self._passed_ns if one + PICTURE_DELAY_NS <= since_ns]
+        return since_ns - max(shown_ns, default=-PICTURE_DELAY_NS)
+
+    def is_damaged(self, view: str) -> bool:
+        return False
+
+
+def passed_by_a_camera(folder: Path, frames: int, whole: int) -> list[int]:
+    """When frames were taken, from the first on; from number `whole` on their JPEGs are cut off."""
+    mjpeg(folder / "camera.mkv", frames, cut, range(whole, frames))
+    source = PlayedSource(
+        f"filesrc location={folder / 'camera.mkv'} ! matroskademux ! image/jpeg ! jpegdec "
+        "! identity sync=true",
+        DeviceError("over"),
+    )
+    small = VideoConfig(width=160, height=120)
+    camera = GstCamera(PRIMARY, source, small, MonotonicClock(), lambda *_: None)
+    camera.start()
+    found = []
+    while not camera.trouble:
+        frame = camera.next_frame(0.1)
+        if frame is not None:
+            found.append(frame.capture_ns)
+    camera.close()
+    return [one - found[0] for one in found]
+
+
+def test_a_camera_whose_frames_arrive_damaged_holds_the_arm_like_one_that_gives_none(
+    tmp_path: Path, stack: ExitStack
+) -> None:
+    passed_ns = passed_by_a_camera(tmp_path, frames=60, whole=15)
+    assert passed_ns[-1] < 15 * FRAME_NS
+    sight = CameraSight(passed_ns)
+    bench = VirtualBench(folder=tmp_path, sight=sight)
+    stack.callback(bench.close)
+    bench.engage_and_move(0.05 * ACROSS, seconds=0.2)
+    sight.began_ns = bench.ticks[-1].started_ns
+    within = (passed_ns[-1] + HOLD_NS) // PERIOD_NS + 2
+    bench.run_until(lambda output: output.arming is not ArmingState.ENGAGED, within=within)
+    held = bench.next - 1
+    assert bench.outputs[held].arming is ArmingState.HOLDING
+    assert bench.outputs[held].reason is Reason.STALE_VIDEO
+    assert bench.ticks[held].started_ns - sight.began_ns > passed_ns[-1] + HOLD_NS - 2 * PERIOD_NS
+    bench.run(0.5)
+    assert comes_to_rest(bench, held) <= TICKS_TO_REST
+    is_logged(bench, Reason.STALE_VIDEO)

@@ -46,6 +46,7 @@ class Bench:
             self.records.append,
             lambda level, text: self.notes.append((level, text)),
         )
+        self.damaged: dict[str, int] = {}  # by view, before each of its frames
         self.push_ns = 0
         self.take = self.rates.through(lambda _: self.clock.advance_ns(self.push_ns))
         self.ticks = 0
@@ -55,7 +56,7 @@ class Bench:
         return self.behind_ns if self.polls % self.drained_every else 0
 
     def frame(self, view: str, index: int, capture_ns: int) -> None:
-        self.take(Frame(view, index, capture_ns, IMAGE))
+        self.take(Frame(view, index, capture_ns, IMAGE, damaged=self.damaged.get(view, 0)))
 
     def tick(self, late_ns: int = 0, skipped: int = 0) -> None:
         due_ns = self.clock.now_ns()
@@ -95,6 +96,16 @@ def test_a_real_camera_at_half_its_rate_is_told_of_once_and_never_slowed() -> No
     bench.seconds(5)
     bench.seconds(10, step=2)
     assert len(bench.notes) == 2
+
+
+def test_damaged_frames_are_counted_by_view_and_told_as_what_is_short() -> None:
+    bench = Bench(None, **HARDWARE)
+    bench.damaged = {"gs": 1}
+    bench.seconds(8, step=2)
+    assert bench.records[-1].damaged["eih"] == 0
+    assert bench.records[-1].damaged["gs"] == pytest.approx(15, abs=1)
+    ((_, sentence),) = bench.notes
+    assert "of gs) and were left out; check the cables" in sentence
 
 
 HARDWARE = {"rig.enabled": False, "cameras": {view: {"source": "pattern"} for view in VIEWS}}

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
 from hw.gstreamer.camera import GstCamera
 from hw.gstreamer.capture import GstCapture
+from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
@@ -36,6 +38,7 @@ class PlayedSource:
         self.opened: list[str] = []
         self.capture: GstCapture | None = None
         self.says: list[str] = []
+        self.probe: tuple[str, Callable[[Any, Any], Any]] | None = None  # an element, what sees it
 
     def open(self) -> GstCapture:
         chain = self._chains.pop(0) if len(self._chains) > 1 else self._chains[0]
@@ -43,6 +46,10 @@ class PlayedSource:
         if isinstance(chain, Exception):
             raise chain
         self.capture = GstCapture(chain, SMALL)
+        if self.probe is not None:
+            name, see = self.probe
+            pad = self.capture._pipeline.get_by_name(name).get_static_pad("src")
+            pad.add_probe(gst.load().Gst.PadProbeType.BUFFER, see)
         return self.capture
 
     def complaints(self) -> list[str]:

@@ -57,6 +57,7 @@ class Behaviour(IntEnum):
     REPEATS = 2
     SKIPS = 3  # every fifth frame
     CORRUPTS = 4  # all but the beginning of every second frame
+    MARKS = 5  # every second frame as one of which something was lost
 
 
 class FakeControl(ctypes.Structure):

@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 enum { MAX_OPEN = 32, MAX_BUFFERS = 16, MAX_CONTROLS = 8, OFFSET_STEP = 1 << 22 };
-enum behaviour { RUNS, SILENT, REPEATS, SKIPS, CORRUPTS };
+enum behaviour { RUNS, SILENT, REPEATS, SKIPS, CORRUPTS, MARKS };
 
 struct control {
     uint32_t id, type;
@@ -104,6 +104,7 @@ static void fill(struct opened *o, int index, const struct timespec *due) {
     state->sequence = o->sequence;
     state->bytesused = bytes;
     state->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_DONE;
+    if (c->behaviour == MARKS && number % 2) state->flags |= V4L2_BUF_FLAG_ERROR;
 }
 
 static void *film(void *argument) {

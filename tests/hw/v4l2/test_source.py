@@ -32,6 +32,7 @@ from tests.hw.v4l2.fake_cameras import (
     Machine,
     RemoteCamera,
     camera_process,
+    jpegs,
 )
 
 pytestmark = pytest.mark.waiting
@@ -201,14 +202,40 @@ def test_frames_the_camera_leaves_out_leave_gaps(machine: Machine, open_camera: 
     assert indices[-1] - indices[0] >= len(indices) - 1 + 4 - 1
 
 
-def test_corrupt_frames_do_not_end_the_stream(machine: Machine, open_camera: Open) -> None:
+def test_damaged_frames_are_left_out_and_do_not_end_the_stream(
+    machine: Machine, open_camera: Open
+) -> None:
     webcam = machine.plug()
     webcam.behaviour = Behaviour.CORRUPTS
     camera = open_camera()
-    for _ in range(15):
-        next_of(camera)
+    frames = [next_of(camera) for _ in range(15)]
     assert webcam.streams_started == 1
-    assert camera.notes() == []
+    assert {frame_number(frame) % 2 for frame in frames} == {0}
+    assert sum(frame.damaged for frame in frames) >= 14
+    ((level, said),) = camera.notes()
+    assert level == "warning"
+    assert "gives damaged frames, which are left out: JPEG pictures lack their end" in said
+
+
+@pytest.mark.parametrize("raw", [False, True], ids=["mjpeg", "raw"])
+def test_what_the_kernel_marks_as_incomplete_is_left_out(
+    machine: Machine, open_camera: Open, raw: bool
+) -> None:
+    webcam = machine.plug(raw=raw)
+    webcam.behaviour = Behaviour.MARKS
+    camera = open_camera(name="Webcam", pixel_format="raw" if raw else "mjpeg")
+    frames = [next_of(camera) for _ in range(10)]
+    assert sum(frame.damaged for frame in frames) >= 9
+    assert all(frame.damaged for frame in frames[1:])
+    assert "marks them as incomplete" in camera.notes()[0][1]
+
+
+def test_a_camera_that_gives_damaged_frames_only_is_refused_at_the_start(
+    machine: Machine, open_camera: Open
+) -> None:
+    machine.plug(images=[jpeg[: len(jpeg) // 2] for jpeg in jpegs(SMALL)])
+    with pytest.raises(DeviceError, match="gives no frame: all are damaged: JPEG pictures lack"):
+        open_camera()
 
 
 # --- controls -----------------------------------------------------------------------------------

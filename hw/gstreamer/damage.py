@@ -1,0 +1,76 @@
+"""Damaged frames in a capture chain: found before and behind its decoder, and left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from tams_app import gst
+
+_END, _SCAN = b"\xff\xd9", b"\xff\xda"  # JPEG markers: never within the data of a scan
+
+
+class DamageGate:
+    """Lets whole frames pass: damaged ones, and what is predicted from them, are left out.
+
+    Damaged is what a driver, network or decoder marks as corrupted, what is predicted across a gap,
+    and a JPEG without its end or of which no picture is made; then all up to the next keyframe.
+    Decoders do not tell what they fill in: jpegdec and avdec_h264 (1.22) mark and report nothing,
+    and avdec_mjpeg, which logs it, ends the process for one wrong byte of a picture's header.
+    """
+
+    def __init__(self, pipeline: Any, sink: Any, fail: Callable[[str], None]) -> None:
+        """Of a pipeline that ends in `sink`, before it plays; `fail` receives errors in here."""
+        self.damaged = 0  # frames left out so far
+        self.cause = ""  # of the newest of them
+        self._broken = False
+        self._is_undecoded = False  # the newest JPEG, so far
+        self._fail = fail
+        Gst = gst.load().Gst
+        pipeline.connect("deep-element-added", lambda *added: self._watch(added[-1]))
+        elements = pipeline.iterate_recurse()
+        while (found := elements.next())[0] == Gst.IteratorResult.OK:
+            self._watch(found[1])
+        pad = sink.get_static_pad("sink")
+        gst.add_probe(pad, Gst.PadProbeType.BUFFER, self._on_frame, fail)
+
+    def _watch(self, element: Any) -> None:
+        klass = element.get_metadata("klass")
+        if "Decoder" in klass and ("Video" in klass or "Image" in klass):
+            pad = element.get_static_pad("sink")
+            gst.add_probe(pad, gst.load().Gst.PadProbeType.BUFFER, self._on_coded, self._fail)
+
+    def _on_coded(self, pad: Any, probe: Any) -> Any:
+        Gst = gst.load().Gst
+        flags, buffer = Gst.BufferFlags, probe.get_buffer()
+        if buffer.pts == Gst.CLOCK_TIME_NONE:  # not one frame, perhaps; the capture refuses it
+            return Gst.PadProbeReturn.OK
+        is_jpeg = pad.get_current_caps().get_structure(0).get_name() == "image/jpeg"
+        if self._is_undecoded:
+            self._leave_out("JPEG pictures cannot be decoded")
+        was_broken, self._broken, self._is_undecoded = self._broken, True, False
+        if buffer.has_flags(flags.CORRUPTED):
+            return self._leave_out("the driver or the network marks them as incomplete")
+        if is_jpeg and not _has_end(buffer.extract_dup(0, buffer.get_size())):
+            return self._leave_out("JPEG pictures lack their end")
+        if buffer.has_flags(flags.DELTA_UNIT) and (was_broken or buffer.has_flags(flags.DISCONT)):
+            return self._leave_out(self.cause if was_broken else "frames before them are missing")
+        self._broken, self._is_undecoded = False, is_jpeg
+        return Gst.PadProbeReturn.OK
+
+    def _on_frame(self, _pad: Any, probe: Any) -> Any:
+        Gst = gst.load().Gst
+        self._is_undecoded = False
+        if probe.get_buffer().has_flags(Gst.BufferFlags.CORRUPTED):
+            return self._leave_out("the driver or the decoder marks them as incomplete")
+        return Gst.PadProbeReturn.OK
+
+    def _leave_out(self, cause: str) -> Any:
+        self.damaged += 1
+        self.cause = cause
+        return gst.load().Gst.PadProbeReturn.DROP
+
+
+def _has_end(jpeg: bytes) -> bool:
+    """Whether the last scan of the picture ends in the end marker, whatever follows that."""
+    return jpeg.rfind(_END) > jpeg.rfind(_SCAN)

@@ -1,0 +1,128 @@
+"""Frames that arrive damaged, over real GStreamer chains: they are no frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hw.gstreamer.camera import GstCamera
+from hw.gstreamer.capture import FileSource
+from tams_app import gst
+from tams_app.config import VideoConfig
+from tams_app.errors import DeviceError
+from tams_app.records import Frame
+from tams_app.runtime.clock import MonotonicClock
+from tests.hw.gstreamer.damaged_videos import (
+    cut,
+    h264_units,
+    mjpeg,
+    not_a_picture,
+    number_of,
+    write,
+)
+from tests.hw.gstreamer.test_camera import PlayedSource
+
+SMALL = VideoConfig(width=160, height=120)
+TIMEOUT_S = 10.0  # generous: the machine may be busy
+FRAMES = 30
+
+pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
+
+
+class Film:
+    """What a camera gave until its frames ended or failed."""
+
+    def __init__(self, source: PlayedSource | FileSource, frames: int) -> None:
+        notes: list[str] = []
+        camera = GstCamera(
+            "gt", source, SMALL, MonotonicClock(), lambda _, text: notes.append(text)
+        )
+        camera.start()
+        self.frames: list[Frame] = []
+        while not camera.trouble and len(self.frames) < frames:
+            frame = camera.next_frame(0.1)
+            if frame is not None:
+                self.frames.append(frame)
+        camera.close()
+        self.damage = [text for text in notes if "damaged" in text]
+        self.numbers = {number_of(frame.image, FRAMES) for frame in self.frames}
+        self.damaged = sum(frame.damaged for frame in self.frames)
+
+
+def played(path: Path) -> PlayedSource:
+    """A camera with these frames, each when it is due; its end is a failure."""
+    return PlayedSource(
+        f"filesrc location={path} ! matroskademux ! image/jpeg ! jpegdec ! identity sync=true",
+        DeviceError("over"),
+    )
+
+
+ODD = range(1, FRAMES, 2)
+
+
+@pytest.mark.parametrize(
+    ("damage", "cause"),
+    [(cut, "JPEG pictures lack their end"), (not_a_picture, "JPEG pictures cannot be decoded")],
+)
+def test_damaged_jpegs_are_left_out_counted_and_reported_once(
+    tmp_path: Path, damage: Callable[[bytes], bytes], cause: str
+) -> None:
+    mjpeg(tmp_path / "bad.mkv", FRAMES, damage, ODD)
+    film = Film(played(tmp_path / "bad.mkv"), FRAMES)
+    assert film.numbers <= set(range(0, FRAMES, 2))
+    assert 10 <= film.damaged <= len(ODD)
+    assert film.damage == [
+        f"camera gt (played camera) gives damaged frames, which are left out: {cause}; "
+        "check its cable, or give it a USB port and bus of its own"
+    ]
+
+
+def test_what_follows_the_end_of_a_jpeg_is_no_damage(tmp_path: Path) -> None:
+    mjpeg(tmp_path / "padded.mkv", FRAMES, lambda data: data + bytes(99) + b"left over", ODD)
+    film = Film(played(tmp_path / "padded.mkv"), FRAMES)
+    assert (film.damage, film.damaged) == ([], 0)
+    assert None not in film.numbers
+
+
+def test_a_camera_with_damaged_frames_only_gives_none_and_says_why(tmp_path: Path) -> None:
+    mjpeg(tmp_path / "bad.mkv", 8, cut, range(8))
+    with pytest.raises(DeviceError, match="gives no frame: all are damaged: JPEG pictures lack"):
+        Film(played(tmp_path / "bad.mkv"), 1)
+
+
+def test_a_file_of_damaged_pictures_is_called_that(tmp_path: Path) -> None:
+    mjpeg(tmp_path / "bad.mkv", 8, cut, range(8))
+    with pytest.raises(
+        DeviceError, match=r"all are damaged: .* lack their end; choose another file"
+    ):
+        Film(FileSource(str(tmp_path / "bad.mkv"), SMALL), 1)
+
+
+@pytest.mark.parametrize("flag", ["CORRUPTED", "DISCONT"])
+def test_what_is_corrupted_or_follows_a_gap_is_left_out_up_to_the_next_keyframe(
+    tmp_path: Path, flag: str
+) -> None:
+    caps, units = h264_units(FRAMES, keyframe_every=10)
+    write(tmp_path / "good.mkv", caps, units)
+    Gst: Any = gst.load().Gst
+    source = PlayedSource(
+        f"filesrc location={tmp_path / 'good.mkv'} ! matroskademux ! identity sync=true name=link "
+        "! h264parse ! avdec_h264",
+        DeviceError("over"),
+    )
+    passed: list[int] = []
+
+    def mark(_pad: Any, probe: Any) -> Any:
+        if len(passed) == 13:
+            probe.get_buffer().set_flags(getattr(Gst.BufferFlags, flag))
+        passed.append(len(passed))
+        return Gst.PadProbeReturn.OK
+
+    source.probe = ("link", mark)
+    film = Film(source, FRAMES)
+    assert film.numbers <= {*range(13), *range(20, FRAMES)}
+    assert film.damaged == 7
+    assert len(film.damage) == 1
