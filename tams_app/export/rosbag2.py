@@ -1,12 +1,11 @@
 """A log as a bag of ROS 2: the messages that the bridge publishes, at the times of the log.
 
-SQLite storage and metadata version 8: what has been in ROS 2 longest.
+MCAP storage, what ROS 2 writes by default since Iron, with the definitions of its messages.
 """
 
 from __future__ import annotations
 
 import shutil
-import sqlite3
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -47,9 +46,9 @@ def write_bag(
     """
     refuse_existing(bag)
     try:
-        with Writer(bag, version=8, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
             return _fill(writer, log, scene_of)
-    except (OSError, sqlite3.Error) as error:
+    except OSError as error:
         _remove(bag)
         raise LogError(f"{bag}: cannot be written: {error}") from error
     except BaseException:

@@ -9,6 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
@@ -90,6 +92,24 @@ def test_a_bag_has_every_record_of_the_log(session: Path, bag: Path) -> None:
     at_least = SECONDS * DIAGNOSTICS_HZ + len(log.notes)
     assert at_least <= counts["/diagnostics"] <= at_least + 1
     assert 89 <= counts["/tf"] - len(log.scene) <= 91
+
+
+def test_a_bag_is_mcap_with_the_definitions_of_its_messages(bag: Path) -> None:
+    about = yaml.safe_load((bag / "metadata.yaml").read_text())["rosbag2_bagfile_information"]
+    assert (about["version"], about["storage_identifier"]) == (8, "mcap")
+    (name,) = about["relative_file_paths"]
+    with (bag / name).open("rb") as file:
+        reader = make_reader(file)
+        header, summary = reader.get_header(), reader.get_summary()
+        counted = Counter(channel.topic for _, channel, _ in reader.iter_messages())
+    assert summary is not None
+    assert header.profile == "ros2"
+    assert {one.topic for one in summary.channels.values()} == {
+        one.name for one in published(VIEWS)
+    }
+    assert {one.message_encoding for one in summary.channels.values()} == {"cdr"}
+    assert all(one.encoding == "ros2msg" and one.data for one in summary.schemas.values())
+    assert sum(counted.values()) == about["message_count"]
 
 
 @pytest.mark.parametrize("name", ["live-0.1", "virtual-0.1"])
