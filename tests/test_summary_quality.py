@@ -10,7 +10,15 @@ import pytest
 
 from tams_app.recording import Recorder, SessionLog, read_log
 from tams_app.recording.topics import FrameCaptured
-from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord, Phase, PhaseChange
+from tams_app.records import (
+    FrameQuality,
+    PacketFate,
+    PacketKind,
+    PacketRecord,
+    Phase,
+    PhaseChange,
+    PinnedView,
+)
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
@@ -92,6 +100,22 @@ def test_the_primary_view_is_that_of_the_phase_at_capture() -> None:
     assert primary["by_phase"]["ALIGN"]["n"]["received_ssim"] == 1
     assert primary["n"] == {**NONE, "received_ssim": 2}
     assert primary["missing_phases"] == ["GRASP", "TRANSPORT", "PRE_RELEASE", "RELEASE"]
+
+
+def test_the_primary_view_is_the_one_that_was_pinned_at_capture() -> None:
+    views = {"gt": 0.8, "eih": 0.6, "gs": 0.4}
+    log = log_of(
+        *(quality(view, index, score) for index in range(6) for view, score in views.items())
+    )
+    log.captured = [
+        FrameCaptured(view, index, capture_ns(index)) for index in range(6) for view in views
+    ]
+    log.pins = [PinnedView(capture_ns(2), "eih"), PinnedView(capture_ns(4), "")]
+    primary = summarise(log)["primary_view"]
+    assert primary["by_phase"]["REACH"]["received_ssim"] == pytest.approx(
+        (4 * 0.8 + 2 * 0.6) / 6, abs=1e-4
+    )
+    assert primary["sampled_fraction"] == 1.0
 
 
 def test_overall_is_the_unweighted_mean_of_the_phases_with_the_time_weighted_beside_it() -> None:

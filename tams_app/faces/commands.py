@@ -37,6 +37,9 @@ class Command(StrEnum):
 class Signals(Protocol):
     """The operator's signals to arm and log."""
 
+    pinned: str
+    """The view that they have pinned; "": none."""
+
     def confirm(self, asked_ns: int) -> None: ...
 
     def estop(self) -> None: ...

@@ -147,13 +147,16 @@ def view_title(
     is_primary: bool,
     opening: Opening,
     pinned: bool | None = None,
+    by_operator: bool = False,
 ) -> str:
     """The text in a view's picture: its name, and if its frame is old, that.
 
     pinned: whether it is, in a window, which has room for what the name means; else None.
+    by_operator: the primary view is primary because the operator has pinned it.
     """
-    title = f"{name.upper()} · primary" if is_primary else name.upper()
-    title += " · pinned" if pinned else ""
+    why = "pinned by the operator" if by_operator else "primary"
+    title = f"{name.upper()} · {why}" if is_primary else name.upper()
+    title += " · pinned" if pinned and not (is_primary and by_operator) else ""
     age_ms = None if view is None else view.age_ms
     if view is None or (age_ms is None and not opening.blind):
         return f"{title} · no frame yet"

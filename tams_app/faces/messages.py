@@ -145,6 +145,13 @@ class Seek(msgspec.Struct, frozen=True, tag="sought"):
     t_s: float
 
 
+class Pin(msgspec.Struct, frozen=True, tag="pin"):
+    """The operator pinned this view, whose place is the large one; "": they let it go."""
+
+    t_ns: int
+    view: str
+
+
 class Keys(msgspec.Struct, frozen=True, tag="keys"):
     """The keys that are down: sent with every press, release and change of focus, and as a beat.
 
@@ -176,4 +183,4 @@ class FaceClosed(msgspec.Struct, frozen=True, tag="gone"):
     why: str
 
 
-Event: TypeAlias = CommandRequest | Seek | Keys | Beat | FaceClosed
+Event: TypeAlias = CommandRequest | Seek | Pin | Keys | Beat | FaceClosed

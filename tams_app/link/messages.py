@@ -16,7 +16,7 @@ from tams_app.vectors import Floats3
 
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
-PROTOCOL = 4
+PROTOCOL = 5
 
 
 class MessageError(TamsError):
@@ -72,6 +72,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
     hand: what the operator drives with, of `teleop.hands.HANDS`.
     episodes: how often each `EpisodeRequest` was made, in their order.
+    pinned: place of the view that the operator has pinned, in the order of the views.
     """
 
     operator: Whole
@@ -97,6 +98,7 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     hand: str = ""
     damaged: tuple[bool, ...] = ()
     episodes: tuple[Whole, Whole, Whole, Whole, Whole] = (0, 0, 0, 0, 0)
+    pinned: Whole | None = None
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):

@@ -22,7 +22,7 @@ class Strategy(Protocol):
         """Share the budget; called about 20 times a second and at each new phase.
 
         Args:
-            phase: the phase that was inferred last.
+            phase: the phase that was inferred last; while a view is pinned, one whose view it is.
             budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
 
         Returns:
@@ -52,7 +52,7 @@ class Weighted(ABC):
         """The shares in `phase`: W_{p,v} of the paper's section III-C.
 
         Args:
-            phase: the phase that was inferred last.
+            phase: the phase that was inferred last; while a view is pinned, one whose view it is.
 
         Returns:
             One non-negative share for each configured view; they sum to 1 (paper, equation 2).
@@ -62,7 +62,7 @@ class Weighted(ABC):
         """Share the budget by `weights` and the floor of each view (paper, equations 4 and 5).
 
         Args:
-            phase: the phase that was inferred last.
+            phase: the phase that was inferred last; while a view is pinned, one whose view it is.
             budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
 
         Returns:

@@ -33,6 +33,7 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    PinnedView,
     PolicyInputs,
     Record,
     SceneTruth,
@@ -251,6 +252,7 @@ class SessionLog:
     outcome: Outcome | None = None
     ticks: list[Tick] = records("/tick", Tick, lambda one: one.started_ns)
     phases: list[PhaseChange] = records("/phase", PhaseChange, lambda one: one.t_ns)
+    pins: list[PinnedView] = records("/pinned", PinnedView, lambda one: one.t_ns)
     allocations: list[Allocation] = records("/allocation", Allocation, lambda one: one.t_ns)
     capacities: list[LinkCapacity] = records("/capacity", LinkCapacity, lambda one: one.t_ns)
     uplink: list[UplinkSummary] = records("/uplink", UplinkSummary, lambda one: one.t_ns)

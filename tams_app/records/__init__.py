@@ -63,6 +63,7 @@ from tams_app.records.policy import (
     Allocation,
     Phase,
     PhaseChange,
+    PinnedView,
 )
 from tams_app.records.record import CaptureNs, FrameIndex, Record, TimeNs, ViewName
 from tams_app.records.state import (
@@ -135,6 +136,7 @@ __all__ = [
     "PacketRecord",
     "Phase",
     "PhaseChange",
+    "PinnedView",
     "PolicyInputs",
     "Pose",
     "Presses",

@@ -30,11 +30,23 @@ class PhaseChange(Record):
 
 
 @dataclass(frozen=True, slots=True)
+class PinnedView(Record):
+    """The operator pinned a view: it is the primary one from now on, whatever the phase."""
+
+    t_ns: TimeNs
+    view: Annotated[str, 'the view; "": none is pinned any more']
+
+
+@dataclass(frozen=True, slots=True)
 class Allocation(Record):
     """What the policy asked of the encoders at one instant."""
 
     t_ns: TimeNs
-    phase: Annotated[Phase, "phase of the task"]
+    phase: Annotated[
+        Phase,
+        "phase whose row of W applied: the task's, or while a view is pinned one in which that is "
+        "primary",
+    ]
     capacity_kbps: Annotated[float, "what the uplink is believed to carry [kbit/s of IP datagrams]"]
     budget_kbps: Annotated[
         float, "B: the capacity after the safety factor [kbit/s of IP datagrams]"

@@ -85,7 +85,8 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     holds it, as it is logged. lasting: label of what of it is still there, "" if its cause is gone.
     last_stop: label of the last stop of the recorded list, "" before the first. hand: what drives
     the arm, of `HANDS`. pressed: buttons other than the trigger. tcp_mm: in the arm's base frame.
-    primary_view: the one that matters in `phase`. link_kbps, queue_ms, loss: of the last second,
+    primary_view: the one that matters in `phase`, or that the operator has pinned (is_pinned).
+    link_kbps, queue_ms, loss: of the last second,
     all views (`UplinkFigures`). budget_kbps: what the views share. capacity_kbps: what the emulated
     network carries; None where it is without limit, or real. estimate_kbps: of the capacity, as the
     budget believes. asked_fps: of each camera. now_ns: the moment, on the clock of the side that
@@ -124,6 +125,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     joints_urad: tuple[Whole, ...] = ()
     joints_ns: Whole = 0
     speed_scale: float = 1.0
+    is_pinned: bool = False
 
 
 def without_figures(state: SessionState) -> SessionState:

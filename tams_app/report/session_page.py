@@ -13,7 +13,6 @@ import numpy as np
 
 from tams_app import __version__
 from tams_app.outputs import write_file
-from tams_app.policy.weights import WeightMatrix
 from tams_app.printing import known
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import ShownPicture
@@ -21,6 +20,7 @@ from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
 from tams_app.report.plots import Stretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
+from tams_app.summary.tables import primary_at
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS
@@ -133,7 +133,6 @@ def stop_rows(log: SessionLog) -> list[Stop]:
 
 def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseStills]:
     """For each phase the first picture of each view that was shown in it and is not blank."""
-    weights = WeightMatrix(log.header.weights) if log.header.weights else None
     phases = phase_stretches(log)
     found: list[dict[str, Still]] = [{} for _ in phases]
     for picture in pictures:
@@ -144,14 +143,16 @@ def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseSt
                 coded = base64.b64encode(picture.data).decode("ascii")
                 source = f"data:image/jpeg;base64,{coded}"
                 of_phase[picture.view] = Still(picture.view, t_s, source)
+    began_ns = np.array([change.t_ns for change in log.phases], dtype=np.int64)
+    names = (*log.header.views, "")  # the last one: none
     return [
         PhaseStills(
             phase,
-            "" if weights is None else weights.primary_view(change.phase),
+            names[primary],
             tuple(of_phase[view] for view in log.header.views if view in of_phase),
             tuple(view for view in log.header.views if view not in of_phase),
         )
-        for phase, change, of_phase in zip(phases, log.phases, found, strict=True)
+        for phase, primary, of_phase in zip(phases, primary_at(log, began_ns), found, strict=True)
     ]
 
 

@@ -17,6 +17,7 @@ from tams_app.records import (
     CommandLink,
     ControllerSample,
     EpisodeRequest,
+    PinnedView,
     Tick,
     TickInputs,
     Twist,
@@ -54,6 +55,7 @@ class Signals:
     """
 
     def __init__(self) -> None:
+        self.pinned = ""  # view that the operator has pinned; "": none
         self._stop_arm: Callable[[], None] = lambda: None  # until there is a control loop
         self._confirmed_ns: int | None = None
         self._estop = False
@@ -173,6 +175,7 @@ class ControlLoop:
         signals.stop_with(gate.stop)
         self._teleop, self._phases = teleop, inference
         self._weights = WeightMatrix(config.policy.weights.matrix)
+        self._pinned = ""
         # from the light to the capture time stamp, as calibrated; the rig's own cameras have none
         cameras = {} if config.rig.enabled else config.cameras
         self._camera_delays_ns = {
@@ -198,6 +201,10 @@ class ControlLoop:
         for listener in self._listeners:
             listener.before_tick(now_ns)
         sample = self._controller.sample(now_ns)
+        if self._signals.pinned != self._pinned:
+            self._pinned = self._signals.pinned
+            for listener in self._listeners:
+                listener.on_pinned(PinnedView(now_ns, self._pinned))
         ready, arm, link = self._gate.ready, self._arm.state(), self._arm.link()
         told = self._input(now_ns, sample, ready, arm, link)
         output = self._teleop.step(told)
@@ -226,7 +233,7 @@ class ControlLoop:
         if pending.late_confirm:
             for listener in self._listeners:
                 listener.on_late_confirm()
-        view = self._weights.primary_view(self._phases.phase)
+        view = self._weights.primary_view(self._phases.phase, self._pinned)
         age_ns = self._video.age_ns(view, now_ns)
         if age_ns is not None:
             age_ns += self._camera_delays_ns.get(view, 0)

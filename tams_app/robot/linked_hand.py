@@ -97,6 +97,7 @@ class LinkedHand:
     def _begin(self, session: int, key: str) -> None:
         self._session = session
         self.controller.let_go()
+        self._signals.pinned = ""
         self._shown = dict.fromkeys(self._views)
         self._damaged = dict.fromkeys(self._views, False)
         whose = f", with the key of {key}" if key else ""
@@ -124,6 +125,8 @@ class LinkedHand:
 
     def _obey(self, message: HandMessage, heard_ns: int) -> None:
         """Stops count however old they are; a confirmation only while it is fresh."""
+        pinned = -1 if message.pinned is None else message.pinned
+        self._signals.pinned = dict(enumerate(self._views)).get(pinned, "")
         if message.stops > self._stops:
             self._stops = message.stops
             self._signals.estop()

@@ -9,6 +9,7 @@ from tams_app.records import (
     ArmState,
     PacketRecord,
     PhaseChange,
+    PinnedView,
     StopRecord,
     Tick,
     UplinkSummary,
@@ -40,6 +41,13 @@ class Listener:
 
     def on_late_confirm(self) -> None:
         """A confirmation has come that was given too long ago to count."""
+
+    def on_pinned(self, pin: PinnedView) -> None:
+        """The operator has pinned a view, or let it go; the tick has not begun to judge the video.
+
+        Args:
+            pin: the view, and the time of the tick [ns].
+        """
 
     def on_phase(self, change: PhaseChange) -> None:
         """The arm has been sent its command, and a phase has begun.

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
-from tams_app.records import Phase, PhaseChange, PolicyInputs
+from tams_app.policy.weights import WeightMatrix
+from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs
 from tams_app.robot.listener import Listener
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.uplink_meter import summary_of
@@ -47,13 +48,19 @@ class PolicyLoop(Listener):
         self._log = log
         self._listeners = tuple(listeners)
         self._reported = ReportedPackets()
-        self._phase = Phase.REACH
+        self._phase, self._pinned = Phase.REACH, ""
+        self._weights = WeightMatrix(config.policy.weights.matrix)
         self._woken = threading.Event()
 
     @property
     def due_ns(self) -> int:
         """The time [ns] of the next step or padding, unless a phase begins before."""
         return min(self._step_ns, self._pad_ns)
+
+    def on_pinned(self, pin: PinnedView) -> None:
+        """Step at once by the row of the pinned view."""
+        self._pinned = pin.view
+        self._woken.set()
 
     def on_phase(self, change: PhaseChange) -> None:
         """Step at once for the phase that begins."""
@@ -90,7 +97,7 @@ class PolicyLoop(Listener):
                 listener.on_uplink(reported, summary)
         if self._keeps_inputs:
             self._log.record(PolicyInputs.of(report))
-        allocation = self._policy.step(self._phase, report)
+        allocation = self._policy.step(self._weights.row_phase(self._phase, self._pinned), report)
         self._video.protect(report, allocation.target_kbps)
         limit_bytes = self._policy.flight_limit_bytes(now_ns)
         self._video.bound_flight(limit_bytes, allocation.target_kbps, allocation.capacity_kbps)

@@ -13,6 +13,7 @@ from tams_app.records import (
     LinkCapacity,
     PacketRecord,
     PhaseChange,
+    PinnedView,
     StopRecord,
     Tick,
     UplinkSummary,
@@ -54,6 +55,9 @@ class SessionRecords(Journal, Listener):
         if kbps != self._last_capacity_kbps:
             self._last_capacity_kbps = kbps
             self._log.record(LinkCapacity(now_ns, kbps))
+
+    def on_pinned(self, pin: PinnedView) -> None:
+        self._log.record(pin)
 
     def on_phase(self, change: PhaseChange) -> None:
         self._log.record(change)

@@ -18,6 +18,7 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    PinnedView,
     SessionState,
     StopRecord,
     Tick,
@@ -39,7 +40,7 @@ class StatusBoard(Listener):
     def __init__(self, views: tuple[str, ...], weights: WeightMatrix, asked_fps: float) -> None:
         """`asked_fps`: of each camera."""
         self._views, self._weights, self._asked_fps = views, weights, asked_fps
-        self._phase = Phase.REACH
+        self._phase, self._pinned = Phase.REACH, ""
         self._allocation: Allocation | None = None
         self._output: TeleopOutput | None = None
         self._arm: ArmState | None = None
@@ -49,6 +50,9 @@ class StatusBoard(Listener):
         self.placed = False  # the block, as the judge saw it
         self._uplink = UplinkMeter(views)
         self._figures = uplink_figures((), views, WINDOW_NS)
+
+    def on_pinned(self, pin: PinnedView) -> None:
+        self._pinned = pin.view
 
     def on_phase(self, change: PhaseChange) -> None:
         self._phase = change.phase
@@ -91,6 +95,7 @@ class StatusBoard(Listener):
         """
         figures, allocation, output, arm = self._figures, self._allocation, self._output, self._arm
         targets = {} if allocation is None else allocation.target_kbps
+        primary = self._weights.primary_view(self._phase, self._pinned)
         ages = {view: video.age_ns(view, now_ns) for view in self._views}
         return SessionState(
             t_s=elapsed_s,
@@ -104,7 +109,8 @@ class StatusBoard(Listener):
             hand=hand,
             pressed=() if self._sample is None else self._sample.pressed,
             phase=self._phase.value,
-            primary_view=self._weights.primary_view(self._phase),
+            primary_view=primary,
+            is_pinned=primary == self._pinned,
             tcp_mm=None if arm is None else _mm(arm.tcp.position),
             views={
                 view: ViewState(

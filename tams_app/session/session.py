@@ -30,6 +30,8 @@ from tams_app.video.live.frame_ring import FrameBlock
 class RequestedSignals(Protocol):
     """The operator's signals to arm and log, and that the arm must not move any more."""
 
+    pinned: str
+
     def confirm(self, asked_ns: int) -> None: ...
 
     def estop(self) -> None: ...

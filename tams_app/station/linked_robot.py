@@ -99,6 +99,7 @@ class LinkedRobot:
         self._sleep = SleepWatch(clock)
         self._asleep_until_ns = 0  # no sample is sent that may be from before we were suspended
         self._gateway = gateway
+        self._places: dict[str, int] = {}  # of the views, in the order of messages
 
     @property
     def event(self) -> LinkEvent:
@@ -122,7 +123,8 @@ class LinkedRobot:
         `capture_ns` is on the robot's clock, from what that side says of its first frame: None
         until it has.
         """
-        return {view: partial(self._identify, place) for place, view in enumerate(views)}
+        self._places = {view: place for place, view in enumerate(views)}
+        return {view: partial(self._identify, place) for view, place in self._places.items()}
 
     @property
     def offset(self) -> ClockOffset | None:
@@ -271,6 +273,7 @@ class LinkedRobot:
             hand=self._driven_with,
             damaged=tuple(view.is_damaged for view in views),
             episodes=requests.episodes,
+            pinned=self._places.get(requests.pinned),
         )
 
     def _health(self, now_ns: int) -> LinkHealth:

@@ -14,6 +14,7 @@ class Requests:
         self.confirms = self.stops = 0
         self.confirmed_ns = 0
         self.has_failed = False
+        self.pinned = ""  # view that the operator has pinned; "": none
         self.episodes = (0, 0, 0, 0, 0)  # by `EpisodeRequest`
 
     def episode(self, request: EpisodeRequest) -> None:

@@ -3,7 +3,7 @@
 From the log alone. A view's figures are means over the frames that were scored (`ssim_n` of them:
 the machine may not have had time for all; the sampled fraction is the share of the captured frames
 that have a score). The primary view of a frame is the one with the largest weight in the phase at
-its capture, whatever the strategy; before the first phase there is none.
+its capture, whatever the strategy, or that was pinned then; before the first phase there is none.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import FrameQuality, PacketKind, Phase
 from tams_app.summary.tables import (
@@ -25,6 +24,7 @@ from tams_app.summary.tables import (
     capture_indices,
     mean,
     phase_at,
+    primary_at,
     ratio,
 )
 from tams_app.video.core.concealment import concealed_frames
@@ -44,11 +44,13 @@ class QualityTable:
     not shown or the log does not show it; `concealed_frames` are the indices by view, None where
     the log has no packets of the view.
     `packets` are those that carried the frame, resends apart; NaN without a log of them.
-    `captured` are view and phase of all frames that were captured, shape (n, 2).
+    `is_primary`: whether its view was the primary one when it was captured. `captured` are view,
+    phase and that of all frames that were captured, shape (n, 3).
     """
 
     view: Integers
     phase: Integers
+    is_primary: Flags
     scores: dict[str, Floats]
     concealed: Floats
     concealed_frames: dict[str, set[int] | None]
@@ -61,17 +63,20 @@ class QualityTable:
         frames = [one for one in log.quality if one.view in places]
         rows = np.array([_scores(one) for one in frames], dtype=np.float64)
         captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
-        captured = np.array(captures, dtype=np.int64).reshape(len(captures), 2)
-        captured[:, 1] = phase_at(log, captured[:, 1])
+        view, capture_ns = np.array(captures, dtype=np.int64).reshape(len(captures), 2).T
+        captured = [view, phase_at(log, capture_ns), primary_at(log, capture_ns) == view]
         concealed = {view: _concealed_and_shown(log, view) for view in places}
+        frame_view = np.array([places[one.view] for one in frames], dtype=np.int64)
+        frame_ns = np.array([one.capture_ns for one in frames], dtype=np.int64)
         return QualityTable(
-            np.array([places[one.view] for one in frames], dtype=np.int64),
-            phase_at(log, np.array([one.capture_ns for one in frames], dtype=np.int64)),
+            frame_view,
+            phase_at(log, frame_ns),
+            primary_at(log, frame_ns) == frame_view,
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
             np.array([_is_concealed(one, concealed[one.view]) for one in frames], dtype=np.float64),
             concealed,
             _packets_of(frames, log),
-            captured,
+            np.stack(captured, axis=1).astype(np.int64),
         )
 
     def means(self, chosen: Flags) -> dict[str, Number]:
@@ -99,10 +104,13 @@ class QualityTable:
         known = ~np.isnan(np.array(list(self.scores.values())))
         return int(np.sum(np.any(known, axis=0) & chosen))
 
-    def captures(self, view: int, phase: int | None = None) -> int:
-        """The number of captured frames of a view, in one phase or altogether."""
-        mine = self.captured[self.captured[:, 0] == view, 1]
-        return len(mine) if phase is None else int(np.sum(mine == phase))
+    def captures(self, view: int) -> int:
+        """The number of captured frames of a view."""
+        return int(np.sum(self.captured[:, 0] == view))
+
+    def primary_captures(self, phase: int) -> int:
+        """The number of captured frames of whatever view was primary, in one phase."""
+        return int(np.sum((self.captured[:, 1] == phase) & (self.captured[:, 2] == 1)))
 
 
 def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, Any]:
@@ -118,21 +126,19 @@ def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, A
     }
 
 
-def primary_quality(log: SessionLog, table: QualityTable) -> dict[str, Any]:
+def primary_quality(table: QualityTable) -> dict[str, Any]:
     """SSIM of the primary view: the mean of the phases' means, and by phase.
 
     `missing_phases` have no scored frame and no part in the mean; `time_weighted` counts each
     phase for as long as it lasted (by its frames).
     """
-    weights = WeightMatrix(log.header.weights)
     by_phase: dict[str, dict[str, Any]] = {}
     frames: dict[str, int] = {}
     scored = captured = 0
     for number, phase in enumerate(Phase):
-        primary = log.header.views.index(weights.primary_view(phase))
-        chosen = (table.phase == number) & (table.view == primary)
+        chosen = (table.phase == number) & table.is_primary
         counts = table.counts(chosen)
-        sampled = table.scored(chosen), table.captures(primary, number)
+        sampled = table.scored(chosen), table.primary_captures(number)
         scored, captured = scored + sampled[0], captured + sampled[1]
         if any(counts.values()):
             by_phase[phase.value] = {

@@ -74,7 +74,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "uplink": uplink(log, packets, targets, span),
         "views": views,
         "rates": rates(log, views),
-        "primary_view": primary_quality(log, quality),
+        "primary_view": primary_quality(quality),
         "prediction": prediction_errors(log),
         "operator": operator(log),
         "system": _system(log),

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
@@ -148,6 +149,21 @@ def phase_at(log: SessionLog, t_ns: Integers) -> Integers:
     numbers = {phase: number for number, phase in enumerate(Phase)}
     phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
     return phase[np.searchsorted(began_ns, t_ns, side="right")]
+
+
+def primary_at(log: SessionLog, t_ns: Integers) -> Integers:
+    """The primary view at each time, its place in `header.views`; −1 where none is known."""
+    weights, phases = WeightMatrix(log.header.weights), tuple(Phase)
+    pins = sorted(log.pins, key=lambda pin: pin.t_ns)
+    began = np.searchsorted(np.array([pin.t_ns for pin in pins], dtype=np.int64), t_ns, "right")
+    pinned = ["", *(pin.view for pin in pins)]
+    places = [
+        -1
+        if number < 0 or not log.header.weights
+        else log.header.views.index(weights.primary_view(phases[number], pinned[pin]))
+        for number, pin in zip(phase_at(log, t_ns), began, strict=True)
+    ]
+    return np.array(places, dtype=np.int64)
 
 
 def capture_indices(log: SessionLog, view: str) -> dict[int, int]:

@@ -144,3 +144,63 @@ def test_nothing_engages_before_the_first_frame(bench: VirtualBench) -> None:
     bench.frames.thaw()
     bench.run(0.5)
     assert bench.outputs[-1].arming is ArmingState.READY, "a trigger that was held engages nothing"
+
+
+@pytest.mark.parametrize("phase", PRIMARY, ids=str)
+@pytest.mark.parametrize("pinned", VIEWS)
+def test_a_frozen_view_that_is_pinned_slows_and_holds_the_arm_in_any_phase_as_the_primary_one(
+    bench: VirtualBench, pinned: str, phase: Phase
+) -> None:
+    move_in(bench, phase)
+    bench.signals.pinned = pinned
+    bench.run(0.1)
+    frozen = bench.next
+    bench.frames.freeze(pinned)
+    bench.run(1.3)
+    for after, output in enumerate(bench.outputs[frozen : frozen + HOLD_TICKS], start=1):
+        assert output.arming is ArmingState.ENGAGED
+        scale = expected_scale(PICTURE_DELAY_NS + after * PERIOD_NS)
+        assert output.speed_scale == pytest.approx(scale, abs=1e-9)
+    assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST
+    stands(bench)
+    bench.hand.velocity = np.zeros(3)
+    bench.frames.thaw()
+    recovers_from_hold(bench, Reason.STALE_VIDEO)
+    is_logged(bench, Reason.STALE_VIDEO)
+
+
+def test_pinning_a_view_that_is_minutes_old_holds_a_moving_arm_in_the_next_tick(
+    bench: VirtualBench,
+) -> None:
+    move_in(bench, Phase.REACH)
+    bench.frames.freeze("eih")
+    bench.run(2.0)
+    assert bench.outputs[-1].arming is ArmingState.ENGAGED
+    bench.signals.pinned = "eih"
+    pinned = bench.next
+    bench.run(0.5)
+    assert holds(bench, pinned, Reason.STALE_VIDEO) <= TICKS_TO_REST
+
+
+def test_no_pin_and_no_end_of_one_moves_an_arm_that_old_video_holds(bench: VirtualBench) -> None:
+    move_in(bench, Phase.REACH)
+    bench.frames.freeze("gt")
+    bench.run(1.3)
+    assert bench.outputs[-1].arming is ArmingState.HOLDING
+    for pinned in ("eih", "", "gs"):
+        bench.signals.pinned = pinned
+        first = bench.next
+        bench.run(0.5)
+        assert bench.outputs[-1].arming is ArmingState.HOLDING
+        assert not bench.velocities(first).any()
+    bench.hand.velocity = np.zeros(3)
+    recovers_from_hold(bench, Reason.STALE_VIDEO)  # by gs, which is fresh
+
+
+def test_a_name_that_is_no_view_pins_nothing(bench: VirtualBench) -> None:
+    move_in(bench, Phase.REACH)
+    bench.signals.pinned = "none of them"
+    frozen = bench.next
+    bench.frames.freeze("gt")
+    bench.run(1.3)
+    assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST

@@ -73,6 +73,7 @@ hands = st.builds(
     presses=st.tuples(COUNT, COUNT, COUNT, COUNT),
     hand=TEXT,
     episodes=st.tuples(*[COUNT] * 5),
+    pinned=st.none() | COUNT,
 )
 KNOWN = st.none() | NUMBER
 OWN = st.none() | st.builds(LatencyState, COUNT, TEXT, COUNT)
@@ -302,12 +303,12 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
-    short = decode(msgspec.msgpack.encode(fields(HAND)[:-8]), HandMessage)
+    short = decode(msgspec.msgpack.encode(fields(HAND)[:-9]), HandMessage)
     asked = short.confirms, short.confirmed_ns, short.stops, short.noted, short.presses
     assert asked == (0, 0, 0, 0, (0, 0, 0, 0))
     assert (short.hand, short.damaged, short.episodes) == ("", (), (0, 0, 0, 0, 0))
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(fields(HAND)[:-9]), HandMessage)
+        decode(msgspec.msgpack.encode(fields(HAND)[:-10]), HandMessage)
 
 
 @pytest.mark.parametrize("depth", [100, 10_000])

@@ -99,3 +99,56 @@ def test_what_a_caller_does_to_the_targets_changes_no_later_ones():
     expected = dict(first)
     first["EIH"] = 0
     assert allocate({"EIH": 0.6, "GT": 0.4}, 5000.0, 400.0) == expected
+
+
+def test_a_pinned_view_is_primary_and_has_the_row_in_which_it_is_or_its_largest_share() -> None:
+    matrix = WeightMatrix(POLICY.weights.matrix)
+    assert [matrix.primary_view(phase, "eih") for phase in Phase] == ["eih"] * len(Phase)
+    assert matrix.row_phase(Phase.REACH, "eih") is Phase.ALIGN
+    assert matrix.row_phase(Phase.PRE_RELEASE, "eih") is Phase.PRE_RELEASE  # primary already
+    assert matrix.row_phase(Phase.ALIGN, "gs") is Phase.TRANSPORT
+    for unpinned in ("", "none of them"):
+        assert [matrix.primary_view(phase, unpinned) for phase in Phase] == [
+            matrix.primary_view(phase) for phase in Phase
+        ]
+        assert [matrix.row_phase(phase, unpinned) for phase in Phase] == [*Phase]
+    never = {phase: {"a": 0.7, "b": 0.3} for phase in Phase}
+    never[Phase.GRASP] = {"a": 0.55, "b": 0.45}
+    assert WeightMatrix(never).row_phase(Phase.REACH, "b") is Phase.GRASP
+
+
+@st.composite
+def matrices(draw: st.DrawFn) -> WeightMatrix:
+    views = draw(st.integers(1, 4))
+    row = st.lists(st.integers(0, 100), min_size=views, max_size=views).filter(any)
+    parts = {phase: draw(row) for phase in Phase}
+    return WeightMatrix(
+        {
+            phase: {f"v{i}": part / sum(row) for i, part in enumerate(row)}
+            for phase, row in parts.items()
+        }
+    )
+
+
+@given(
+    matrices(),
+    st.sampled_from(Phase),
+    st.sampled_from(["", "v0", "v1", "v2", "v3", "nonsense"]),
+    budgets,
+    floors,
+)
+def test_budget_and_floors_hold_whatever_is_pinned_and_its_row_is_one_of_the_matrix(
+    matrix: WeightMatrix, phase: Phase, pinned: str, budget: float, floor: float
+) -> None:
+    row = matrix.row(matrix.row_phase(phase, pinned))
+    primary = matrix.primary_view(phase, pinned)
+    assert row in [matrix.row(one) for one in Phase]
+    assert primary == (pinned if pinned in row else matrix.primary_view(phase))
+    if any(matrix.primary_view(one) == primary for one in Phase):
+        assert row[primary] == max(row.values())
+    else:
+        assert row[primary] == max(matrix.row(one)[primary] for one in Phase)
+    targets = allocate(row, budget, floor)
+    assert sum(targets.values()) <= budget
+    if budget >= len(row) * floor:
+        assert min(targets.values()) >= int(floor)

@@ -16,6 +16,7 @@ from tams_app.records import (
     PacketRecord,
     Phase,
     PhaseChange,
+    PinnedView,
     PolicyInputs,
     Reception,
     UplinkReport,
@@ -256,3 +257,15 @@ def test_a_budget_that_sends_no_padding_is_not_asked_for_any(clock, loop, encode
     clock.sleep_until_ns(loop.due_ns)
     loop.step_if_due()
     assert encoders.padded == []
+
+
+def test_a_pinned_view_gets_the_bits_of_its_row_at_once_until_it_is_let_go(
+    loop: PolicyLoop, clock: VirtualClock, applied: list[Allocation]
+) -> None:
+    step_at(loop, clock, 0)
+    for view in ("eih", ""):
+        clock.advance_ns(NS_PER_MS)
+        loop.on_pinned(PinnedView(clock.now_ns(), view))
+        loop.step_if_due()
+    assert [one.phase for one in applied] == [Phase.REACH, Phase.ALIGN, Phase.REACH]
+    assert [one.target_kbps["eih"] for one in applied] == [1316, 3192, 1316]

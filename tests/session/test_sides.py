@@ -27,6 +27,7 @@ from tams_app.records import (
     PacketKind,
     PacketRecord,
     Phase,
+    PinnedView,
     Pose,
     StateHeard,
     SteeredBy,
@@ -640,3 +641,53 @@ def test_an_operators_computer_that_slept_sends_nothing_of_before():
     assert sides.sample.status is ControllerStatus.OK
     assert sides.confirmed == 0
     assert any("suspended" in text for text in sides.operator_log.notes)
+
+
+def test_a_pin_goes_to_the_robots_side_and_ends_when_it_is_let_go_or_another_operator_comes():
+    sides = Sides()
+    sides.operator.identify(VIEWS)
+    sides.run(0.2)
+    assert sides.signals.pinned == ""
+    sides.requests.pinned = VIEWS[2]
+    sides.run(0.2)
+    assert sides.signals.pinned == VIEWS[2]
+    sides.cut(True)
+    sides.requests.pinned = ""
+    sides.run(0.2)
+    assert sides.signals.pinned == VIEWS[2]
+    sides.cut(False)
+    sides.run(0.2)
+    assert sides.signals.pinned == ""
+    sides.requests.pinned = VIEWS[0]
+    sides.run(0.2)
+    sides.signals.pinned = VIEWS[1]  # of whom was there before
+    sides.requests.pinned = ""
+    sides.reconnect()
+    sides.run(0.2)
+    assert sides.signals.pinned == ""
+
+
+@pytest.mark.parametrize("place", [-1, 3, 2**61])
+def test_a_place_where_no_view_is_pins_nothing(place: int):
+    sides = Sides()
+    sides.operator._places = {"strange": place}
+    sides.requests.pinned = "strange"
+    sides.signals.pinned = VIEWS[1]
+    sides.run(0.2)
+    assert sides.sample.status is ControllerStatus.OK
+    assert sides.signals.pinned == ""
+
+
+def test_the_state_tells_the_operators_side_which_view_is_primary_since_it_is_pinned():
+    sides = Sides()
+    sides.run(0.2)
+    assert (sides.operator.state.state.primary_view, sides.operator.state.state.is_pinned) == (
+        "gt",
+        False,
+    )
+    sides.board.on_pinned(PinnedView(0, "eih"))
+    sides.run(0.2)
+    assert (sides.operator.state.state.primary_view, sides.operator.state.state.is_pinned) == (
+        "eih",
+        True,
+    )

@@ -32,6 +32,7 @@ class LogIndex:
         self._tick_ns = _times([tick.started_ns for tick in log.ticks])
         self._allocation_ns = _times([one.t_ns for one in log.allocations])
         self._phase_ns = _times([change.t_ns for change in log.phases])
+        self._pinned_ns = _times([pin.t_ns for pin in log.pins])
         self._capacity_ns = _times([one.t_ns for one in log.capacities])
         self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
         self._rates_ns = _times([one.t_ns for one in log.rates])
@@ -48,6 +49,8 @@ class LogIndex:
         tick = _last(log.ticks, self._tick_ns, t_ns)
         allocation = _last(log.allocations, self._allocation_ns, t_ns)
         change = _last(log.phases, self._phase_ns, t_ns)
+        pin = _last(log.pins, self._pinned_ns, t_ns)
+        pinned = "" if pin is None else pin.view
         capacity = _last(log.capacities, self._capacity_ns, t_ns)
         rates = _last(log.rates, self._rates_ns, t_ns)
         stop = _last(self._stops, self._stop_ns, t_ns)
@@ -55,7 +58,7 @@ class LogIndex:
         since, until = np.searchsorted(self._entered_ns, (t_ns - WINDOW_NS, t_ns))
         figures = uplink_figures(self._packets[since:until], self._views, WINDOW_NS)
         targets = {} if allocation is None else allocation.target_kbps
-        primary = self._weights and change and self._weights.primary_view(change.phase)
+        primary = self._weights and change and self._weights.primary_view(change.phase, pinned)
         x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
         return SessionState(
             t_s=(t_ns - log.header.started_ns) / NS_PER_S,
@@ -78,6 +81,7 @@ class LogIndex:
             queue_ms=figures.queue_ms,
             asked_fps=log.header.fps if rates is None else rates.asked_fps,
             primary_view=primary or "",
+            is_pinned=primary == pinned,
             budget_kbps=None if allocation is None else allocation.budget_kbps,
             estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
             loss=figures.loss,

@@ -39,6 +39,7 @@ class Requests:
     """Requests to a playback, by any thread or signal; `carry_out` does it, in one thread."""
 
     def __init__(self, playback: Playback) -> None:
+        self.pinned = ""  # for those who look on: the log says what was pinned
         self._playback = playback
         self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
 

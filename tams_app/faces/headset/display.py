@@ -106,7 +106,9 @@ class HeadsetDisplay:
         opening = self._opening
         for view, cell in self._cells.items():
             view_facts = facts.state.views.get(view)
-            title = view_title(view, view_facts, view == facts.state.primary_view, opening)
+            state = facts.state
+            is_primary, is_pinned = view == state.primary_view, state.is_pinned
+            title = view_title(view, view_facts, is_primary, opening, by_operator=is_pinned)
             title += self._corrected.words(view)
             silent = facts.silent_s is not None
             if cell.set_title(title, silent or is_old(view_facts, opening.old_ms), silent):

@@ -37,8 +37,8 @@ _WINDOW_HELP = (
 )
 _CORRECTED_HELP = (("F2", "show all views as received, or predicted again"),)
 _VIEWS_HELP = (
-    ("1, 2, 3 …", "keep this view large, whatever is primary; again: the primary one is large"),
-    ("Tab", "exchange the large view with the first small one, and keep it large"),
+    ("1, 2, 3 …", "pin this view: large, and in a session the primary one; again: let it go"),
+    ("Tab", "exchange the large view with the first small one, and pin that"),
 )
 _TRIAL_HELP = (
     ("P", "the block is placed: end the trial"),

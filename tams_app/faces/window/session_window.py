@@ -7,7 +7,7 @@ from msgspec.structs import replace
 from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys
 from tams_app.faces.client import WINDOW
 from tams_app.faces.commands import Command, actions_of, carry_out
-from tams_app.faces.messages import CommandRequest, Ended, Event, Keys, Seek
+from tams_app.faces.messages import CommandRequest, Ended, Event, Keys, Pin, Seek
 from tams_app.faces.session_face import (
     FacedSession,
     SessionFace,
@@ -75,6 +75,9 @@ class SessionWindow(SessionFace):
         elif isinstance(event, Seek):
             if self._replay is not None:
                 self._replay.seek(event.t_s)
+        elif isinstance(event, Pin):
+            if self._trial is None:  # what a study compares is decided by the strategy alone
+                self._session.signals.pinned = event.view
         elif isinstance(event, Keys):
             if self._replay is not None:
                 self._replay.on_keys(event)

@@ -14,7 +14,7 @@ from tams_app.faces.corrected import Corrected
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
-from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Seek
+from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Pin, Seek
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import as_known
@@ -246,6 +246,7 @@ class OperatorWindow:
             self._places.pin(views[int(name) - 1])
         else:
             return
+        self._report(Pin(self._clock.now_ns(), self._places.pinned))
         self._show_textures(self._places.views)
         self._show_places()
 
@@ -400,7 +401,8 @@ class OperatorWindow:
             view_state = None if state is None else state.views.get(view)
             is_primary = state is not None and view == state.primary_view
             pinned = view == self._places.pinned
-            title = view_title(view, view_state, is_primary, self._opening, pinned)
+            by_operator = state is not None and state.is_pinned
+            title = view_title(view, view_state, is_primary, self._opening, pinned, by_operator)
             title += self._corrected.words(view)
             picture.set_title(title, view_class(self._opening.views.index(view)))
 

@@ -379,6 +379,10 @@ def test_a_view_s_title_in_the_window_says_what_its_letters_mean() -> None:
     assert view_title("gt", view, False, OPENING, True) == "GT, global top · pinned"
     assert view_title("gs", view, False, OPENING, False) == "GS, global side"
     assert view_title("left", view, False, OPENING, False) == "LEFT"
+    by_operator = "EIH, eye-in-hand · pinned by the operator"
+    for here in (True, False):  # or by a key of another window
+        assert view_title("eih", view, True, OPENING, here, by_operator=True) == by_operator
+    assert view_title("gs", view, False, OPENING, by_operator=True) == "GS"
     assert view_title("eih", view, True, OPENING) == "EIH · primary"  # no room in the headset
     old = replace(view, age_ms=1234.0)
     assert view_title("eih", old, False, OPENING, True) == "EIH · pinned · OLD: 1.2 s"

@@ -17,9 +17,10 @@ from tams_app.config import ClutchConfig
 from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import Ended, TrialFacts
+from tams_app.faces.messages import Ended, Pin, TrialFacts
 from tams_app.faces.registry import Shown, ShowsEnd
 from tams_app.faces.session_face import SILENT_NS, facts_of
+from tams_app.faces.window.session_window import SessionWindow
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.robot.confirmation import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.teleop.clutch import Clutch
@@ -135,6 +136,17 @@ class CountedTrial:
 
     def facts_of(self, _state: object) -> TrialFacts:
         return TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
+
+
+@pytest.mark.parametrize("in_trial", [False, True])
+def test_what_is_pinned_in_the_window_counts_but_in_no_trial_of_a_study(
+    in_trial: bool, tmp_path: Path
+) -> None:
+    session = PlayedSession(tmp_path)
+    window = SessionWindow(session, CountedTrial(session) if in_trial else None)
+    for view in ("eih", ""):
+        window._on_event(Pin(0, view))
+        assert session.signals.pinned == ("" if in_trial else view)
 
 
 def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_keys_do_nothing(

@@ -11,7 +11,7 @@ import pytest
 
 from tams_app.faces.banner import LOOKS
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import Ended, Keys
+from tams_app.faces.messages import Ended, Keys, Pin
 from tams_app.records import EpisodesState, EpisodeState, Image
 from tests.faces.window.conftest import ShownWindow
 from tests.faces.window.facts import FACTS, changed
@@ -90,6 +90,8 @@ def test_a_pinned_view_is_large_whatever_is_primary_until_its_key_comes_again(
     assert wait_for(lambda: width_of(window.screen.photograph(), "gt") > 600)
     window.screen.xdotool("key", "2")
     assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
+    pins = [event.view for event in window.events if isinstance(event, Pin)]
+    assert pins == ["gt", "eih", "gt", ""]
 
 
 def test_that_the_block_is_placed_is_written_over_the_primary_view(
