@@ -35,6 +35,7 @@ from tams_app.console.options import (
     OperatorOption,
     OutOption,
     PredictOption,
+    PresetOption,
     ReferenceOption,
     Ros2Option,
     SecondsOption,
@@ -137,6 +138,7 @@ def run(
     config: ConfigOption = None,
     sim: SimOption = False,
     strategy: StrategyOption = None,
+    preset: PresetOption = None,
     network: NetworkOption = None,
     budget: BudgetOption = None,
     seconds: SecondsOption = None,
@@ -159,6 +161,7 @@ def run(
     overrides = arm_overrides(
         sim=sim,
         strategy=strategy,
+        preset=preset,
         network=network,
         budget=budget,
         seconds=seconds,

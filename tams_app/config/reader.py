@@ -22,13 +22,16 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
     `include:` at the top of a file lists files whose keys it takes over and may replace; they are
     looked for beside it, then in CONFIG_DIRECTORY, so that a copy works anywhere. What was
     calibrated for the set that `calibration:` names is laid over the file; a configuration that
-    says by what it was calibrated (a session's own) is taken as it stands.
+    says by what it was calibrated (a session's own) is taken as it stands. A `preset` is laid over
+    both.
     Raises ConfigError with file, key and reason.
     """
     path = path or DEFAULT_CONFIG
     content = _read_with_includes(path, ())
     calibrated = [] if content.get("calibrated_by") else _lay_calibration_over(content, path)
     overrides = {key: value for key, value in (overrides or {}).items() if value is not None}
+    if overrides.get("preset", content.get("preset")) == "reference":  # else the model refuses it
+        _lay_over(content, read_yaml(CONFIG_DIRECTORY / "reference.yaml"))
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
     try:

@@ -16,7 +16,8 @@ class PhasesConfig(Section):
     """Thresholds and dwell times of Algorithm 1 (paper, section III-B)."""
 
     inference: Word = "motion"
-    """What infers the phase: `motion` is Algorithm 1."""
+    """What infers the phase: `motion` is Algorithm 1; `reference`, too, but to it a gripper that is
+    closed in the first report has just closed: the phase is GRASP, not REACH."""
     v_eps_mm_s: NonNegative = 5.0
     """v_ε: at this smoothed speed of the TCP or less, the phase is held."""
     vz_min_mm_s: NonNegative = 15.0
@@ -25,8 +26,8 @@ class PhasesConfig(Section):
     """T_align: a descent with the gripper open lasts this long before it is Align."""
     pre_release_dwell_s: NonNegative = 0.3
     """T_pre: a descent with the gripper closed lasts this long before it is Pre-release."""
-    smoothing_ms: Positive = 100.0
-    """Time constant of the speeds' exponential moving average."""
+    smoothing_ms: NonNegative = 100.0
+    """Time constant of the speeds' exponential moving average; 0: they are not smoothed."""
 
 
 class WeightsConfig(Section):

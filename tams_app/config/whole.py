@@ -192,6 +192,9 @@ class Config(Section):
     faces: tuple[Word, ...] = ("window", "headset")
     """What shows a session to the operator, each where it can: `window`, `headset`, or an
     installed one; `sounds` plays a tone on hold, fault and ready again, also with --headless."""
+    preset: Literal["reference"] | None = None
+    """Constants that are laid over this file and the calibration: those of `reference.yaml`, of the
+    nodes that the paper's authors published."""
     calibration: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$")] | None = None
     """The set of measured files, `calibration/NAME/` beside this file, that is laid over it."""
     calibrated_by: tuple[str, ...] = ()

@@ -45,6 +45,10 @@ SimOption = Annotated[
 StrategyOption = Annotated[
     str | None, typer.Option(help=STRATEGY_HELP, autocompletion=lambda: list(STRATEGIES))
 ]
+PresetOption = Annotated[
+    str | None,
+    typer.Option(help="reference: the constants of the authors' nodes, over file and calibration."),
+]
 BudgetOption = Annotated[
     str | None,
     typer.Option(help="feedback, sender or oracle.", autocompletion=lambda: list(BUDGETS)),
@@ -129,6 +133,7 @@ def arm_overrides(
     *,
     sim: bool,
     strategy: str | None,
+    preset: str | None,
     network: str | None,
     budget: str | None,
     seconds: float | None,
@@ -145,6 +150,7 @@ def arm_overrides(
     return {
         "rig.enabled": True if sim else None,
         "strategy": strategy,
+        "preset": preset,
         "network": network,
         "policy.budget.mode": budget,
         "seconds": seconds,

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from tams_app.config import load_config
-from tams_app.console.options import JsonOption, StrategyOption, network_names
+from tams_app.console.options import JsonOption, PresetOption, StrategyOption, network_names
 from tams_app.errors import ConfigError
 from tams_app.outputs import write_file
 from tams_app.policy.allocation import make_strategy
@@ -81,6 +81,7 @@ def phases(
     vz_min_mm_s: Annotated[float | None, typer.Option()] = None,
     align_dwell_s: Annotated[float | None, typer.Option()] = None,
     pre_release_dwell_s: Annotated[float | None, typer.Option()] = None,
+    preset: PresetOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Algorithm 1 over a table: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed)."""
@@ -90,6 +91,7 @@ def phases(
     settings = load_config(
         config,
         {
+            "preset": preset,
             "policy.phases.v_eps_mm_s": v_eps_mm_s,
             "policy.phases.vz_min_mm_s": vz_min_mm_s,
             "policy.phases.align_dwell_s": align_dwell_s,
@@ -98,7 +100,7 @@ def phases(
     ).policy.phases
     if out is not None and out.exists() and file.exists() and out.samefile(file):
         raise ConfigError(f"--out: {out} is the table that is read: give another file")
-    smoothing_s = None if no_smoothing else settings.smoothing_ms / 1000
+    smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
     labelled = label_phases(_read(file), str(file), PhaseParameters.of(settings), smoothing_s)
     if out is None:
         typer.echo(labelled, nl=False)
@@ -129,13 +131,14 @@ def allocate(
         typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
     ] = None,
     strategy: StrategyOption = None,
+    preset: PresetOption = None,
     as_json: JsonOption = False,
     config: ConfigOption = None,
 ) -> None:
     """The targets that a strategy gives each view while a phase begins."""
     from tams_app.records import Phase
 
-    settings = load_config(config, {"policy.allocation.floor_kbps": floor_kbps})
+    settings = load_config(config, {"preset": preset, "policy.allocation.floor_kbps": floor_kbps})
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
         raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")

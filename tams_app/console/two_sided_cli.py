@@ -22,6 +22,7 @@ from tams_app.console.options import (
     MetricsOption,
     OutOption,
     PredictOption,
+    PresetOption,
     ReferenceOption,
     Ros2Option,
     SecondsOption,
@@ -50,6 +51,7 @@ def robot(
     config: ConfigOption = None,
     sim: SimOption = False,
     strategy: StrategyOption = None,
+    preset: PresetOption = None,
     network: Annotated[
         str,
         typer.Option(
@@ -74,6 +76,7 @@ def robot(
     overrides = arm_overrides(
         sim=sim,
         strategy=strategy,
+        preset=preset,
         network=network,
         budget=budget,
         seconds=seconds,

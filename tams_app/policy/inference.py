@@ -41,7 +41,9 @@ class Inference(Protocol):
 
 
 INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(
-    "policy.phases.inference", "tams.inference", {"motion": "tams_app.policy.phases:PhaseInference"}
+    "policy.phases.inference",
+    "tams.inference",
+    dict.fromkeys(("motion", "reference"), "tams_app.policy.phases:PhaseInference"),
 )
 """Makers of an inference by their word for `policy.phases.inference`; entry points of
 `tams.inference`.

@@ -23,12 +23,10 @@ class _Row:
     closed: bool
 
 
-def label_phases(
-    text: str, name: str, parameters: PhaseParameters, smoothing_s: float | None
-) -> str:
+def label_phases(text: str, name: str, parameters: PhaseParameters, smoothing_s: float) -> str:
     """The CSV `text` with the columns phase and reason added.
 
-    `smoothing_s` is the EMA's time constant; None takes the speeds exactly as they are.
+    `smoothing_s` is the EMA's time constant; 0 takes the speeds exactly as they are.
     Raises ConfigError naming `name`, line and reason.
     """
     header, records = _read(text, name)
@@ -66,14 +64,14 @@ def _check_header(header: Sequence[str], name: str) -> None:
 
 
 def _label(
-    rows: Iterable[_Row], parameters: PhaseParameters, smoothing_s: float | None
+    rows: Iterable[_Row], parameters: PhaseParameters, smoothing_s: float
 ) -> Iterator[dict[str, str]]:
     tracker = PhaseTracker(parameters)
     speed_mm_s = vertical_mm_s = 0.0
     last_s: float | None = None
     for row in rows:
         period_s = 0.0 if last_s is None else row.t_s - last_s
-        if smoothing_s is None or last_s is None:
+        if not smoothing_s or last_s is None:
             speed_mm_s, vertical_mm_s = row.speed_mm_s, row.vertical_mm_s
         else:
             alpha = 1.0 - math.exp(-period_s / smoothing_s)

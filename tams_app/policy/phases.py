@@ -21,6 +21,7 @@ class PhaseParameters:
     vz_min: float
     align_dwell_s: float
     pre_release_dwell_s: float
+    begins_open: bool = False  # the gripper is taken for open before the first step
 
     @staticmethod
     def of(config: PhasesConfig) -> PhaseParameters:
@@ -29,6 +30,7 @@ class PhaseParameters:
             vz_min=config.vz_min_mm_s / 1000,
             align_dwell_s=config.align_dwell_s,
             pre_release_dwell_s=config.pre_release_dwell_s,
+            begins_open=config.inference == "reference",
         )
 
 
@@ -89,7 +91,7 @@ class PhaseTracker:
 
     def __init__(self, parameters: PhaseParameters) -> None:
         self._parameters = parameters
-        self._closed: bool | None = None
+        self._closed: bool | None = False if parameters.begins_open else None
         self._descending_s = 0.0
         self.phase = Phase.REACH
 
@@ -98,8 +100,8 @@ class PhaseTracker:
     ) -> PhaseDecision:
         """One control period.
 
-        The first step has no gripper edge. A gripper of unknown state is taken for open then, so
-        that the first command to close it is an edge.
+        The first step has no gripper edge, unless `begins_open`. A gripper of unknown state is
+        taken for open then, so that the first command to close it is an edge.
 
         Args:
             speed: v̄_t [m/s].
@@ -157,7 +159,7 @@ class SmoothedSpeed:
         self._smooth(norm(way) / interval_s, way[2] / interval_s, interval_s)
 
     def _smooth(self, speed: float, vertical_speed: float, interval_s: float) -> None:
-        if not self._started:
+        if not (self._started and self._time_constant_s):
             self.speed, self.vertical_speed, self._started = speed, vertical_speed, True
             return
         alpha = 1.0 - math.exp(-interval_s / self._time_constant_s)

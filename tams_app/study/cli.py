@@ -44,6 +44,9 @@ RepetitionsOption = Annotated[
 PracticeOption = Annotated[
     int | None, typer.Option("--practice", help="Trials before the others, never analysed.")
 ]
+PresetOption = Annotated[
+    str | None, typer.Option(help="reference: the constants of the authors' nodes.")
+]
 SeedOption = Annotated[int | None, typer.Option("--seed", help="Of participants and trials.")]
 Pseudonym = Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")]
 
@@ -106,9 +109,10 @@ def plan(
     config: ConfigOption = None,
     sim: SimOption = False,
     out: OutOption = None,
+    preset: PresetOption = None,
 ) -> None:
     """Plan a new study: who takes which trials in which order, with which seeds."""
-    settings = load_config(config, _options(sim, repetitions, practice, seed))
+    settings = load_config(config, {"preset": preset, **_options(sim, repetitions, practice, seed)})
     from tams_app.study.commands import plan_study
 
     raise typer.Exit(plan_study(settings, _folder(folder, out), participants, _console()))

@@ -1,0 +1,68 @@
+"""How well Algorithm 1 tells the phase with our constants and with those of `preset: reference`.
+
+`python -m benchmarks.experiments.phase_constants FOLDER...` takes recorded sessions whose phases
+are known: of the rig, by where things were, or with marks beside the log. For each set of
+constants it prints the accuracy of the control ticks with the mean recall of the phases, each
+phase's recall, the switches into it that were missed or spurious, and the median delay of the
+others. ALIGN and PRE_RELEASE begin at any height, or with `--goal-height-mm` only below that.
+`study run --sim` leaves such sessions, in `DIR/trials/*/*`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from calibration.phases.labels import LabelRules
+from calibration.phases.sources import logged_trials
+from calibration.phases.trials import PHASES, Scores, infer, score
+from tams_app.config import PhasesConfig, load_config
+
+
+def variants() -> dict[str, PhasesConfig]:
+    """Ours, theirs, and theirs with our smoothing."""
+    theirs = load_config(overrides={"preset": "reference"}).policy.phases
+    smoothed = theirs.model_copy(update={"smoothing_ms": PhasesConfig().smoothing_ms})
+    return {"defaults": PhasesConfig(), "reference": theirs, "reference, smoothed": smoothed}
+
+
+def scores(folders: list[Path], constants: PhasesConfig, rules: LabelRules) -> Scores:
+    """Over all sessions together."""
+    material = logged_trials(folders, constants.smoothing_ms, rules, lambda *_: None)
+    return score(material.trials, [infer(one.motion, constants) for one in material.trials])
+
+
+def table_of(found: dict[str, Scores]) -> Table:
+    """A row for each set of constants."""
+    table = Table("", "accuracy (mean recall)", *(phase.value for phase in PHASES), "ticks")
+    for name, one in found.items():
+        cells = []
+        for phase in PHASES:
+            switches, recall = one.switches[phase], one.recall(phase)
+            delay_s = switches.percentile_s(50)
+            cells.append(
+                f"{'–' if recall is None else f'{recall:.2f}'}, "
+                f"{switches.missed}/{switches.spurious}, "
+                f"{'–' if delay_s is None else f'{delay_s:.2f} s'}"
+            )
+        table.add_row(name, f"{one.accuracy:.3f} ({one.mean_recall:.3f})", *cells, str(one.ticks))
+    table.caption = "recall, switches missed/spurious, median delay"
+    return table
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
+    parser.add_argument("--goal-height-mm", type=float, default=math.inf)
+    options = parser.parse_args()
+    rules = LabelRules(goal_height=options.goal_height_mm / 1000)
+    found = {name: scores(options.folders, one, rules) for name, one in variants().items()}
+    Console().print(table_of(found))
+
+
+if __name__ == "__main__":
+    main()
