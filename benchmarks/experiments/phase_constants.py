@@ -61,7 +61,7 @@ def main() -> None:
     options = parser.parse_args()
     rules = LabelRules(goal_height=options.goal_height_mm / 1000)
     found = {name: scores(options.folders, one, rules) for name, one in variants().items()}
-    Console().print(table_of(found))
+    Console(width=180).print(table_of(found))
 
 
 if __name__ == "__main__":

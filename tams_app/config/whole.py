@@ -172,6 +172,13 @@ class RecordingConfig(Section):
     """With `episodes`: time from the request to the begin of an episode."""
 
 
+class Ros2Config(Section):
+    """Words that a session has in ROS 2."""
+
+    dialect: Literal["tams", "reference"] = "tams"
+    """`reference`: besides, phase and targets by the topics and words of the authors' nodes."""
+
+
 class Config(Section):
     """Everything a session is built from."""
 
@@ -219,6 +226,7 @@ class Config(Section):
     trial: TrialConfig = TrialConfig()
     study: StudyConfig = StudyConfig()
     recording: RecordingConfig = RecordingConfig()
+    ros2: Ros2Config = Ros2Config()
 
     @property
     def operator_is_simulated(self) -> bool:

@@ -111,7 +111,7 @@ def phases(
 def _phases() -> list[str]:
     from tams_app.records import Phase
 
-    return [phase.replace("_", "-").capitalize() for phase in Phase]
+    return [phase.word for phase in Phase]
 
 
 def allocate(

@@ -67,6 +67,8 @@ def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None])
     counts = Counter({topic.name: 0 for topic in connections})
 
     def write(sent: Sent) -> None:
+        if sent.topic not in connections:  # of another dialect than ours
+            connections[sent.topic] = _connect(writer, sent.topic)
         writer.write(connections[sent.topic], sent.wall_ns, cdr(sent.message))
         counts[sent.topic.name] += 1
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import partial
 
 from tams_app.records import Phase
 
@@ -14,8 +13,10 @@ class WeightMatrix:
     def __init__(self, rows: Mapping[Phase, Mapping[str, float]]) -> None:
         self._rows = {phase: dict(row) for phase, row in rows.items()}
         self._primary = {phase: max(row, key=row.__getitem__) for phase, row in rows.items()}
-        views = dict.fromkeys(view for row in rows.values() for view in row)
-        self._row_of = {view: max(rows, key=partial(self._fitness, view)) for view in views}
+        self._row_of: dict[str, Phase] = {}
+        for view in dict.fromkeys(view for row in rows.values() for view in row):
+            shares = {one: (self._primary[one] == view, rows[one].get(view, 0.0)) for one in rows}
+            self._row_of[view] = max(shares, key=shares.__getitem__)
 
     def row(self, phase: Phase) -> dict[str, float]:
         """The share of each view in `phase`."""
@@ -35,6 +36,3 @@ class WeightMatrix:
         """
         primary = self.primary_view(phase, pinned)
         return phase if primary == self._primary[phase] else self._row_of[primary]
-
-    def _fitness(self, view: str, phase: Phase) -> tuple[bool, float]:
-        return self._primary[phase] == view, self._rows[phase].get(view, 0.0)

@@ -19,6 +19,11 @@ class Phase(StrEnum):
     PRE_RELEASE = "PRE_RELEASE"
     RELEASE = "RELEASE"
 
+    @property
+    def word(self) -> str:
+        """As the paper writes it, such as Pre-release."""
+        return self.value.replace("_", "-").capitalize()
+
 
 @dataclass(frozen=True, slots=True)
 class PhaseChange(Record):

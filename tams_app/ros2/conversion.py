@@ -6,6 +6,7 @@ Frames are those of REP 103 and 105: `base_link` is the arm's base (x forward, y
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from math import nan
@@ -16,6 +17,7 @@ from cyclonedds.idl import IdlStruct
 from tams_app.recording import Facts, Header
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import (
+    Allocation,
     ArmState,
     EncodedFrame,
     Note,
@@ -82,6 +84,8 @@ class Conversion:
             OutcomeGiven: self._on_line,
             Facts: self._on_facts,
         }
+        if header.config.get("ros2", {}).get("dialect") == "reference":
+            self._on[Allocation] = self._on_allocation
 
     def opening(self) -> Iterator[Sent]:
         """The messages that hold for the whole session."""
@@ -135,6 +139,13 @@ class Conversion:
     def _on_phase(self, change: PhaseChange) -> Iterator[Sent]:
         phase = messages.String(change.phase.value)
         yield Sent(topics.PHASE, phase, change.t_ns + self._offset_ns)
+
+    def _on_allocation(self, allocation: Allocation) -> Iterator[Sent]:
+        """As the authors' nodes say it: again and again, for who comes late."""
+        views = {view.upper(): kbps / 1000 for view, kbps in allocation.target_kbps.items()}
+        targets = json.dumps({"phase": allocation.phase.word, "targets_mbps": views})
+        for topic, text in zip(topics.AUTHORS, (allocation.phase.word, targets), strict=True):
+            yield Sent(topic, messages.String(text), allocation.t_ns + self._offset_ns)
 
     def _on_rates(self, rates: Rates) -> Iterator[Sent]:
         rows = {one.view: [_number(one, name) for name in RATES] for one in rates.views}

@@ -61,6 +61,8 @@ class Participant:
     def publish(self, topic: Topic, message: IdlStruct, wall_ns: int) -> None:
         """Send a message with its time; waits for a slow reader, but not for long."""
         try:
+            if topic not in self._writers:  # of another dialect than ours
+                self._writers[topic] = self._writer(topic)
             self._writers[topic].write(message, wall_ns)
         except DDSException as error:
             if error.code != DDSException.DDS_RETCODE_TIMEOUT:

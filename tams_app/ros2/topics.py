@@ -38,12 +38,17 @@ class Topic:
 TCP_POSE = Topic("/tams/tcp_pose", messages.PoseStamped)
 TWIST = Topic("/tams/twist_cmd", messages.TwistStamped)
 JOINTS = Topic("/joint_states", messages.JointState)
-PHASE = Topic("/tams/phase", messages.String, depth=1, latched=True)
+PHASE = Topic("/tams/task_phase", messages.String, depth=1, latched=True)
 RATES = Topic("/tams/rates", messages.Float64MultiArray)
 DIAGNOSTICS = Topic("/diagnostics", messages.DiagnosticArray)
 TF = Topic("/tf", messages.TFMessage, depth=100)  # as tf2's own broadcasters
 TF_STATIC = Topic("/tf_static", messages.TFMessage, depth=1, latched=True)
 VIDEO_DEPTH = 30  # a second
+# with `ros2.dialect: reference`: what the authors' nodes give, by their names
+AUTHORS = (
+    Topic("/tams/phase", messages.String),
+    Topic("/tams/bitrate_targets", messages.String),
+)
 
 STOP = Topic(EMERGENCY_STOP, messages.Empty)
 

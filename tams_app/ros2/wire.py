@@ -8,7 +8,15 @@ import msgspec
 
 from tams_app.recording.codec import Codec
 from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven
-from tams_app.records import EncodedFrame, Note, PhaseChange, SceneTruth, StopRecord, Tick
+from tams_app.records import (
+    Allocation,
+    EncodedFrame,
+    Note,
+    PhaseChange,
+    SceneTruth,
+    StopRecord,
+    Tick,
+)
 from tams_app.telemetry.rates import Rates
 
 EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we receive
@@ -17,6 +25,7 @@ STOP = b"stop"  # what comes back: somewhere in ROS the emergency stop was asked
 
 _LOGGED = (
     *(Header, Facts, Tick, SceneTruth, PhaseChange, Note, StopRecord, OutcomeGiven, FrameSent),
+    Allocation,
 )
 _CODECS: dict[type, Codec[Any]] = {one: TOPICS[one].codec for one in _LOGGED}
 _CODECS[Rates] = Codec(Rates)

@@ -73,7 +73,7 @@ def counts_of(log: SessionLog) -> dict[str, int]:
         "/tams/twist_cmd": len(log.ticks),
         "/tams/tcp_pose": len(reports),
         "/joint_states": len(reports),
-        "/tams/phase": len(log.phases),
+        "/tams/task_phase": len(log.phases),
         "/tf_static": 1,
         **{f"/tams/{view}/compressed": frames[view] for view in VIEWS},
     }

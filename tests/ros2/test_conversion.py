@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tams_app.records import Note, Pose, Twist
+from tams_app.records import Allocation, Note, Phase, Pose, Twist
 from tams_app.ros2 import topics
 from tams_app.ros2.conversion import RATES, Conversion, Sent
 from tams_app.rotation import Rotation
@@ -206,3 +207,33 @@ def test_every_topic_is_told_of_something(conversion: Conversion) -> None:
         sent += conversion.of(record)
     assert {one.topic for one in sent} == set(topics.published(VIEWS))
     assert all(isinstance(one.message, one.topic.type) for one in sent)
+
+
+def test_the_authors_topics_and_words_are_there_in_their_dialect_alone() -> None:
+    targets = {"eih": 3192, "gt": 1164, "gs": 1164}
+    given = Allocation(T_NS, Phase.PRE_RELEASE, 6000.0, 5520.0, targets)
+    for dialect in ("tams", "reference"):
+        head = full_header()
+        head = replace(head, config={**head.config, "ros2": {"dialect": dialect}})
+        sent = [*Conversion(head, None).of(given)]
+        if dialect == "tams":
+            assert sent == []
+            continue
+        assert [(one.topic.name, one.wall_ns) for one in sent] == [
+            ("/tams/phase", T_NS + OFFSET_NS),
+            ("/tams/bitrate_targets", T_NS + OFFSET_NS),
+        ]
+        phase, bits = (one.message.data for one in sent)
+        assert phase == "Pre-release"
+        assert json.loads(bits) == {
+            "phase": "Pre-release",
+            "targets_mbps": {"EIH": 3.192, "GT": 1.164, "GS": 1.164},
+        }
+
+
+def test_by_default_nothing_of_ours_has_a_name_of_theirs() -> None:
+    theirs = {topic.name for topic in topics.AUTHORS}
+    assert not theirs & {topic.name for topic in topics.published(VIEWS)}
+    assert {phase.word for phase in Phase} == {
+        *("Reach", "Align", "Grasp", "Transport", "Pre-release", "Release")
+    }

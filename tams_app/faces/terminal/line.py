@@ -52,16 +52,11 @@ def status_words(state: SessionState) -> Words:
         f"link {known(state.link_kbps)}/{known(state.budget_kbps)} kbit/s, "
         f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}, "
         f"queue {known(state.queue_ms)} ms{_ssim(state)}",
-        *_pinned(state),
         *_slowest(state),
         *reason_parts(state),
     ]
-    why = (*_episodes(state), *_pinned(state), *reason_parts(state), *_slowest(state))
-    return Words(fitting(_parts(state)), SEPARATOR.join(full), "\n".join(why))
-
-
-def _pinned(state: SessionState) -> list[str]:
-    return [f"{state.primary_view.upper()} pinned by the operator"] if state.is_pinned else []
+    why = "\n".join((*_episodes(state), *reason_parts(state), *_slowest(state)))
+    return Words(fitting(_parts(state)), SEPARATOR.join(full), why)
 
 
 def _slowest(state: SessionState) -> list[str]:

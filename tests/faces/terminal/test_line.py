@@ -57,13 +57,6 @@ def test_on_a_terminal_there_is_one_line_with_the_primary_view() -> None:
     assert " eih 2950/3000k 82ms 15/30fps " in status_words(STATE).live
 
 
-def test_a_view_that_the_operator_has_pinned_is_named() -> None:
-    words = status_words(replace(STATE, primary_view="eih", is_pinned=True))
-    assert "EIH pinned by the operator" in words.plain
-    assert words.why == "EIH pinned by the operator"
-    assert "pinned" not in status_words(STATE).plain
-
-
 def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
     longest = replace(
         STATE, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", budget_kbps=100_000.0
