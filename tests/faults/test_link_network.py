@@ -18,7 +18,7 @@ import pytest
 from tams_app.config import load_config
 from tams_app.errors import TamsError
 from tams_app.link.keys import new_key
-from tams_app.recording import SessionLog
+from tams_app.recording import SessionLog, read_log
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faults.link_log import Outage, losses, outage
@@ -37,6 +37,7 @@ LINK = load_config().link
 REST_MS, SLACK_MS = 100.0, 100.0
 CUT_S, WHILE_S = 1.6, 2.0  # samples without a new echo count for a second
 HOSTILE_HZ = 2000
+MOST_DAMAGED = 0.05  # of the frames: a fifth of the datagrams would damage all of them
 CONNECTED = "an operator is connected, with the key of key"
 WAY = Conditions(latency_ms=20.0, jitter_ms=5.0)
 
@@ -67,6 +68,12 @@ class Two:
             self.side.hand.velocity = -self.side.hand.velocity
             assert self.side.arming == ArmingState.ENGAGED, self.side.reason
         self._went_on_ns.append((from_ns, time.monotonic_ns()))
+
+    def damaged(self, from_ns: int) -> float:
+        """The share of the frames shown since then that were not whole; 1.0 if none was shown."""
+        log = read_log(self.folder / "operator" / "session" / "session.mcap")
+        shown = [frame.whole for frame in log.shown if frame.shown_ns > from_ns]
+        return shown.count(False) / len(shown) if shown else 1.0
 
     def log(self) -> SessionLog:
         """The robot's side's, once the operator has left.
@@ -133,6 +140,7 @@ def test_datagrams_out_of_order_or_twice_disturb_nothing(two: Two, kind: str):
     assert all(one.refusal == "" for one in heard)
     assert np.all(np.diff([one.sent_ns for one in heard]) > 0)
     assert log.link_health[-1].ignored["late"] > 10
+    assert two.damaged(from_ns) < MOST_DAMAGED
 
 
 def test_an_operator_whose_address_changes_goes_on(two: Two):
