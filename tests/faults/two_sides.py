@@ -25,9 +25,10 @@ from tests.faults.hand import Hand
 
 HOST = "127.0.0.1"
 FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
-# What a wireless link carries. Without a limit the estimate finds none on loopback: 20 Mbit/s of video
-# keep both processors of a small machine busy with encoding and encrypting, frames leave 200 ms late,
-# and the jitter buffer gives up every gap in them at once, also one of two datagrams out of order.
+# What a wireless link carries. Without a limit the estimate finds none on loopback: 20 Mbit/s of
+# video keep both processors of a small machine busy with encoding and encrypting, frames leave
+# 200 ms late, and the jitter buffer gives up every gap in them at once, even one of datagrams that
+# are only out of order.
 VIDEO_KBPS = 3000.0
 _CONFIRM_EACH_S = 1.0
 _PRESSED_S = 1.0
