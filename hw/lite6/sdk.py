@@ -67,7 +67,7 @@ def connect_sdk(host: str, control_port: int) -> Any:
             check_cmdnum_limit=False,  # would ask for the queue length before each call
         )
         try:
-            with _own_port(base, control_port):
+            with _own_port(base, host, control_port):
                 api.connect()
         except Exception as error:  # the SDK raises nothing more precise
             disconnect_sdk(api)
@@ -158,13 +158,14 @@ def _address(host: str) -> str:
 
 
 @contextlib.contextmanager
-def _own_port(base: Any, control_port: int) -> Iterator[None]:
+def _own_port(base: Any, host: str, control_port: int) -> Iterator[None]:
     """Let the SDK connect by a `ControlPort` to `control_port`, for which it has no option.
 
-    Put back at once: other connections of this process keep the SDK's own.
+    To `host` as all connections to the arm: of a name, each address is tried in turn. Put back at
+    once: other connections of this process keep the SDK's own.
     """
     theirs = base.SocketPort
-    base.SocketPort = lambda host, *_, fb_que, **__: ControlPort(host, control_port, fb_que)
+    base.SocketPort = lambda *_, fb_que, **__: ControlPort(host, control_port, fb_que)
     try:
         yield
     finally:

@@ -5,12 +5,14 @@ from __future__ import annotations
 import socket
 from collections.abc import Iterator
 from queue import Queue
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from hw.lite6.control_port import ControlPort
+from hw.lite6.sdk import _own_port
 from hw.lite6.uxbus import Frame
 
 pytestmark = pytest.mark.waiting
@@ -98,3 +100,19 @@ def test_a_closed_port_says_so_and_may_be_closed_again(controller: Controller) -
     controller.port.close()
     assert controller.port.read(SOON_S) == FAILED
     assert controller.port.write(b"request") == FAILED
+
+
+def test_of_an_arms_name_each_address_is_tried_in_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As all other connections to the arm do: one address, the first, was called by the SDK's."""
+    base = SimpleNamespace(SocketPort=None)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        at = server.getsockname()
+        found = [
+            (socket.AF_INET, socket.SOCK_STREAM, 6, "", (host, at[1]))
+            for host in ("127.0.0.2", "127.0.0.1")  # nothing listens at the first
+        ]
+        monkeypatch.setattr(socket, "getaddrinfo", lambda *_, **__: found)
+        with _own_port(base, "arm.lab", at[1]):
+            port = base.SocketPort("127.0.0.2", 0, fb_que=Queue())  # as the SDK calls it
+        assert port.com.getpeername() == at
+        port.close()
