@@ -7,19 +7,19 @@ import os
 import select
 import socket
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import asdict, dataclass
-from typing import cast
 
 import numpy as np
 from pydantic import ValidationError
 
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
+from tams_app.link.addresses import addresses_of, called
 from tams_app.link.ends import GOODBYE
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import Address
 from tams_app.link.probing import (
     PART,
     PONG,
@@ -69,7 +69,8 @@ def run_link_check(
     """Measure the link to a `robot` that runs, and print what was found; the exit code."""
     console = console or Console()
     if not as_json:
-        console.print(f"measuring the link to {endpoint.host}:{endpoint.port}, about ten seconds")
+        where = called(endpoint.host, endpoint.port)
+        console.print(f"measuring the link to {where}, about ten seconds", soft_wrap=True)
     try:
         found = _measure(endpoint)
     except OSError as error:
@@ -137,14 +138,14 @@ class _Prober:
 
     def __init__(self, endpoint: Endpoint, clock: Clock) -> None:
         key = LOOPBACK_KEY if endpoint.key is None else read_key(endpoint.key)
-        family, _, _, _, address = socket.getaddrinfo(
-            endpoint.host, endpoint.port, type=socket.SOCK_DGRAM
-        )[0]
+        family, addresses = addresses_of(
+            endpoint.host, endpoint.port, loopback_only=endpoint.key is None
+        )
         self._clock = clock
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
-        self._end = OperatorEnd(key, cast("Address", address), os.urandom)
+        self._end = OperatorEnd(key, addresses, os.urandom)
 
     def __enter__(self) -> _Prober:
         return self
@@ -165,7 +166,8 @@ class _Prober:
             if self._clock.now_ns() >= deadline_ns:
                 raise HelperError(f"{NO_ANSWER}; is `robot` running there?")
             for call in self._end.step(self._clock.now_ns()):
-                self._socket.sendto(*call)
+                with suppress(OSError):  # one address of several: the others may answer
+                    self._socket.sendto(*call)
             list(self._received(NS_PER_S // 20))
 
     def round_trips_ms(self) -> list[float]:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ipaddress
-import socket
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import check_session, run_and_report
 from tams_app.errors import ConfigError
 from tams_app.faces.registry import check_faces
+from tams_app.link.addresses import addresses_of, is_loopback
 from tams_app.link.gateway_client import Endpoint
 from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
@@ -61,17 +60,17 @@ def endpoint_of(
     if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ConfigError(f"{option}: {given!r} is not HOST:PORT, such as 192.168.1.20:7300")
     try:
-        found = socket.getaddrinfo(host, int(port), type=socket.SOCK_DGRAM)
+        _, addresses = addresses_of(host, int(port))
     except (OSError, UnicodeError) as error:
         raise ConfigError(f"{option}: {host} is not known: give a name or an address") from error
-    address = ipaddress.ip_address(str(found[0][4][0]).partition("%")[0])
-    if key is None and not address.is_loopback:
+    if key is None and not all(map(is_loopback, addresses)):
         raise ConfigError(
             f"{option}: {host} can be reached from other computers, so --key is needed: "
             "make one with: key new FILE"
         )
     if key is None:
-        return Endpoint(str(address), int(port), None)  # what was judged, not what it is later
+        # what listens does so at what was judged, not what it is later; who calls judges it again
+        return Endpoint(addresses[0][0] if accepts_several else host, int(port), None)
     # what is wrong with it is reported before anything is started
     if accepts_several:
         accepted_keys(key)

@@ -17,6 +17,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from tams_app.link.addresses import named
 from tams_app.link.handshake import (
     BUSY,
     COOKIE,
@@ -32,6 +33,7 @@ from tams_app.link.handshake import (
     Initiation,
     answer,
     filled,
+    names_no_key,
     read_initiation,
     session_keys,
     unfilled,
@@ -59,6 +61,8 @@ _CALLS_OF_AN_ADDRESS = 8
 _ADDRESSES = 64
 _RESPONSES_TO_A_CALL = 40  # of an attempt's initiations each; more are recordings
 _CALL_KEPT_NS = 2 * ATTEMPT_NS
+_PROTOCOL_1 = range(0xC1, 0xC5)  # how its datagrams begin
+_REFUSAL_NS = 10 * NS_PER_S  # a cause is reported so often at most, whoever calls how often
 
 
 @dataclass(slots=True)
@@ -181,6 +185,8 @@ class RobotEnd(End):
         super().__init__(random)
         self.operator = ""  # the name of the key of the operator who is there, or was last
         self.introduction = b""  # what their side has told with its call
+        self.refusal = ""  # who called last in vain and why, for the people at this end alone
+        self._refused_ns: dict[str, int] = {}  # when that was reported, by cause
         self._keys = keys
         self._key: Key | None = None  # theirs
         self._welcome = welcome
@@ -211,7 +217,17 @@ class RobotEnd(End):
             return self._confirmed(datagram, now_ns) or self._said(datagram, address, now_ns)
         if kind in MEDIA:
             return self._open(datagram, now_ns)
+        if kind in _PROTOCOL_1:
+            self._report(
+                "another version of TAMS calls, whose link this one does not have", address, now_ns
+            )
         return self._refuse(Heard(), "of no known kind")
+
+    def _report(self, cause: str, address: Address, now_ns: int) -> None:
+        """Keep who called in vain. Nothing is answered: a stranger learns nothing by it."""
+        if now_ns - self._refused_ns.get(cause, -_REFUSAL_NS) >= _REFUSAL_NS:
+            self._refused_ns[cause] = now_ns
+            self.refusal = f"{named(address)} is not answered: {cause}"
 
     # --- who gets in ----------------------------------------------------------------------------
 
@@ -219,6 +235,8 @@ class RobotEnd(End):
         heard = Heard()
         call = read_initiation(datagram, self._keys)
         if call is None:
+            if names_no_key(datagram, self._keys):
+                self._report("the key of who calls is not accepted here", address, now_ns)
             return self._refuse(heard, "initiations that no key made")
         if not self._cookies.is_valid(call.cookie, address, now_ns):
             kind, content = COOKIE, self._cookies.of(address, now_ns)

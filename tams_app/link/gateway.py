@@ -21,11 +21,12 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
-from typing import Any, Final, cast
+from typing import Any, Final
 
 import msgspec
 
 from tams_app.errors import TamsError
+from tams_app.link.addresses import addresses_of, named
 from tams_app.link.ends import GOODBYE, Heard, RobotEnd
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
@@ -49,6 +50,8 @@ _EVENT_NS = 500 * NS_PER_MS
 _LOOK_NS = 50 * NS_PER_MS
 _KEYS_NS = 500 * NS_PER_MS
 # Traffic classes (RFC 8837): an interface whose queue has priorities lets messages pass first.
+# Each way of addressing takes its own option, and passes the other one over.
+_CLASS_OPTIONS = (socket.IPPROTO_IP, socket.IP_TOS), (socket.IPPROTO_IPV6, socket.IPV6_TCLASS)
 _MESSAGE_CLASS = 46 << 2  # EF
 _MEDIA_CLASS = 34 << 2  # AF41
 
@@ -67,6 +70,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
     key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
     let go because their key is accepted no longer. counts: datagrams that changed nothing, by
     reason. welcome: what the robot's side sends. introduction: what the operator's side did.
+    refusal: who called the robot's side in vain, and why.
     """
 
     connected: bool
@@ -80,6 +84,7 @@ class LinkEvent(msgspec.Struct, frozen=True):
     counts: dict[str, int]
     welcome: bytes | None
     introduction: bytes = b""
+    refusal: str = ""
 
 
 class Streams:
@@ -136,10 +141,6 @@ class Carrier:
         self._end: Final = end
         self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
-        v6 = outer.family == socket.AF_INET6
-        self._class_option = (
-            (socket.IPPROTO_IPV6, socket.IPV6_TCLASS) if v6 else (socket.IPPROTO_IP, socket.IP_TOS)
-        )
         self._now_ns = now_ns
         self._answering = Answering()
         self._sessions = 0
@@ -211,10 +212,11 @@ class Carrier:
             operator="" if isinstance(end, OperatorEnd) else end.operator,
             revoked=self._revoked,
             renewals=end.renewals,
-            address=f"{self._address[0]}:{self._address[1]}",
+            address=named(self._address) if end.connected or self._address[1] else "",
             counts=dict(end.counts),
             welcome=None if caller is None else caller.welcome,
             introduction=b"" if isinstance(end, OperatorEnd) else end.introduction,
+            refusal="" if isinstance(end, OperatorEnd) else end.refusal,
         )
 
     def _from_outside(self, outer: socket.socket) -> None:
@@ -286,7 +288,8 @@ class Carrier:
     ) -> None:
         if addressed is not None:
             datagram, address = addressed
-            ancillary = [(*self._class_option, traffic_class.to_bytes(4, sys.byteorder))]
+            value = traffic_class.to_bytes(4, sys.byteorder)
+            ancillary = [(*option, value) for option in _CLASS_OPTIONS]
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
                 self._outer.sendmsg([datagram], ancillary, 0, address)
 
@@ -322,20 +325,21 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     path = None if given is None else Path(given)
     host, port = specification["host"], int(specification["port"])
     robot = specification["side"] == "robot"
-    family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
     end: RobotEnd | OperatorEnd
+    family: int
     keys = None
     welcome = base64.b64decode(specification["welcome"])
     if robot:
         keys = AcceptedKeys(path)
         end = RobotEnd(keys.keys, welcome, os.urandom)
+        family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         outer = _udp(family, str(address[0]), port)
     else:
         key = LOOPBACK_KEY if path is None else read_key(path)
+        family, addresses = addresses_of(host, port, loopback_only=path is None)
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
-        called = cast("Address", address)  # whole: of IPv6 with its scope
-        end, outer = OperatorEnd(key, called, os.urandom, welcome), _udp(family, anywhere, 0)
+        end, outer = OperatorEnd(key, addresses, os.urandom, welcome), _udp(family, anywhere, 0)
     stack.callback(outer.close)
     channel = socket.socket(fileno=int(specification["channel"]))
     channel.setblocking(False)

@@ -23,10 +23,10 @@ from tams_app.link.gateway import (
 from tams_app.runtime.process import HelperProcess
 
 _CHANNEL_BUFFER_BYTES = 1_000_000
-# A robot's side is silent to whom it does not know, so that these cannot be distinguished:
+# A robot's side is silent to whom it does not know, so that these cannot be distinguished here:
 NO_ANSWER = (
-    "no answer: a wrong address, no network, another version of TAMS there, or a key that the "
-    "robot's side does not accept"
+    "no answer: the call does not arrive there, or it is refused (another key or version of TAMS), "
+    "and the robot's terminal says why"
 )
 _AT_ONCE = 256  # messages taken in one call: a second of them, after a stall
 

@@ -111,6 +111,11 @@ def read_initiation(datagram: bytes, keys: Mapping[bytes, Key]) -> Initiation | 
     return Initiation(body[1:_HEAD_BYTES], key, body[_COOKIE_AT:_NOISE_AT], body[_NOISE_AT:], mac)
 
 
+def names_no_key(datagram: bytes, keys: Mapping[bytes, Key]) -> bool:
+    """Whether it looks like an initiation of a key that is none of `keys`."""
+    return len(datagram) == INITIATION_BYTES and datagram[_HEAD_BYTES:_COOKIE_AT] not in keys
+
+
 def filled(content: bytes, size: int) -> bytes:
     """Content in `size` bytes, its length before it; longer content takes what it takes."""
     return (len(content).to_bytes(2) + content).ljust(size, b"\0")

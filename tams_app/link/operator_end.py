@@ -8,7 +8,7 @@ packet of a stream is refused.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 from tams_app.link.ends import (
@@ -90,16 +90,19 @@ class OperatorEnd(End):
     def __init__(
         self,
         key: Key,
-        robot: Address,
+        robots: Sequence[Address],
         random: Callable[[int], bytes],
         introduction: bytes = b"",
     ) -> None:
-        """`introduction`: what the robot's side is told with the call, if it is short enough."""
+        """`introduction`: what the robot's side is told with the call, if it is short enough.
+
+        `robots`: the addresses of the robot's side: all are called, and what answers first counts.
+        """
         super().__init__(random)
         self._introduction = filled(introduction[:LONGEST_INTRODUCTION_BYTES], PADDING_BYTES)
         self.welcome: bytes | None = None  # what the robot's side said last
         self.busy = False  # the robot's side has another operator
-        self._key, self._robot = key, robot
+        self._key, self._robots = key, tuple(robots)
         self._cookie = NO_COOKIE
         self._attempt: _Attempt | None = None  # to begin a session
         self._renewal: _Attempt | None = None  # to renew its keys
@@ -119,10 +122,10 @@ class OperatorEnd(End):
         return self._rekey(now_ns)
 
     def receive(self, datagram: bytes, address: Address, now_ns: int) -> Heard:
-        """Take one datagram in; where it comes from makes no difference."""
+        """Take one datagram in; where it comes from only tells which address has answered."""
         kind = datagram[0] if datagram else 0
         if kind in (COOKIE, BUSY, RESPONSE):
-            return self._answered(kind, datagram, now_ns)
+            return self._answered(kind, datagram, address, now_ns)
         if kind == MESSAGE or kind in MEDIA:
             return self._said(datagram, now_ns)
         return self._refuse(Heard(), "of no known kind")
@@ -137,12 +140,17 @@ class OperatorEnd(End):
         if now_ns < attempt.again_ns:
             return []
         attempt.again_ns = self._next_ns(now_ns)
-        return [self._initiation(attempt)]
+        datagram = self._initiation(attempt)
+        return [(datagram, address) for address in self._robots]
 
-    def _initiation(self, attempt: _Attempt) -> tuple[bytes, Address]:
+    def _initiation(self, attempt: _Attempt) -> bytes:
         datagram = initiation(self._key, attempt.tag, self._cookie, attempt.noise.message)
         attempt.mac = datagram[-MAC_BYTES:]
-        return datagram, self._robot
+        return datagram
+
+    def _answering(self, address: Address) -> Address:
+        """The one of the robot's addresses that this is: no other is ever sent to."""
+        return address if address in self._robots else self._robots[0]
 
     def _next_ns(self, now_ns: int) -> int:
         drawn = int.from_bytes(self._random(4)) / 2**32
@@ -152,7 +160,7 @@ class OperatorEnd(End):
         noise = Initiator(self._key.secret, prologue, self._random(EPHEMERAL_BYTES), payload)
         return _Attempt(noise, self._random(TAG_BYTES), now_ns, again_ns)
 
-    def _answered(self, kind: int, datagram: bytes, now_ns: int) -> Heard:
+    def _answered(self, kind: int, datagram: bytes, address: Address, now_ns: int) -> Heard:
         heard, attempt = Heard(), self._attempt
         if attempt is None:
             return self._refuse(heard, "answers to no call")
@@ -162,7 +170,7 @@ class OperatorEnd(End):
         if kind == COOKIE:
             if len(content) == COOKIE_BYTES and content != self._cookie:
                 self._cookie = content
-                heard.replies.append(self._initiation(attempt))
+                heard.replies.append((self._initiation(attempt), self._answering(address)))
             return heard
         self.busy = kind == BUSY
         if self.busy:
@@ -174,7 +182,7 @@ class OperatorEnd(End):
         self.welcome = unfilled(said)
         self._attempt = self._renewal = None
         session = Session(session_keys(split, initiator=True), now_ns)
-        self._peer = Peer(session, self._robot, now_ns, asks=True)
+        self._peer = Peer(session, self._answering(address), now_ns, asks=True)
         self._refusals.since_ns.clear()
         heard.connected = True
         return heard

@@ -76,7 +76,7 @@ class LinkedOperator(StreamedOperator):
         self._hand = LinkedHand(config, signals, log, self._receive, self._state.pulse)
         self._sent: Mapping[str, SentFrames] = {}
         self._revoked = False
-        self._introduction = b""
+        self._introduction, self._refusal = b"", ""
         self._state_ns = state_interval_ns(math.inf)
         self._state_due_ns = self._health_due_ns = 0
 
@@ -180,6 +180,9 @@ class LinkedOperator(StreamedOperator):
             self._introduction = event.introduction
             if _FOLDER.fullmatch(event.introduction):
                 self._log.fact(OPERATOR_FOLDER_FACT, event.introduction.decode())
+        if event.refusal != self._refusal:
+            self._refusal = event.refusal
+            self._log.note("warning", event.refusal)
         if event.left:
             hand.controller.let_go(left=not event.revoked)
         if event.revoked and not self._revoked:

@@ -226,7 +226,7 @@ class LinkedRobot:
         self._robots_clock.forget()
         self._ways_ns.clear()
         self.state = None
-        self._log.note("info", "connected to the robot")
+        self._log.note("info", f"connected to the robot at {self.event.address}")
 
     def _feel(self, state: StateMessage) -> None:
         """Play the last pulse, if there has been one since the last message."""

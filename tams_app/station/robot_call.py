@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
+from tams_app.link.addresses import called
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
 from tams_app.link.messages import Welcome
 from tams_app.recording.journal import Journal
@@ -96,7 +97,7 @@ def _answer(
     notify: Callable[[str], None],
 ) -> Welcome:
     reported_ns, busy = clock.now_ns(), False
-    where = f"{endpoint.host}:{endpoint.port}"
+    where = called(endpoint.host, endpoint.port)
     while (welcome := welcome_of(gateway.event)) is None:
         gateway.receive()
         now_ns, event = clock.now_ns(), gateway.event

@@ -90,7 +90,7 @@ class Desk:
         seed: int = 0,
         introduction: bytes = b"",
     ) -> None:
-        self.end = OperatorEnd(key, ROBOT, random.Random(seed).randbytes, introduction)
+        self.end = OperatorEnd(key, [ROBOT], random.Random(seed).randbytes, introduction)
         self.address = address
         self.sent: list[bytes] = []
         self.heard: list[bytes] = []

@@ -96,7 +96,7 @@ def test_the_robots_side_knows_what_the_operator_who_is_there_has_told_with_thei
 
 def test_who_calls_without_a_word_tells_none() -> None:
     rig, desk = Rig(), Desk()
-    desk.end = OperatorEnd(KEY, ROBOT, random.Random(1).randbytes)  # as `doctor --link` calls
+    desk.end = OperatorEnd(KEY, [ROBOT], random.Random(1).randbytes)  # as `doctor --link` calls
     assert rig.robot.introduction == b""
     rig.step(desk)
     assert rig.sessions == 1
@@ -688,3 +688,46 @@ def test_ends_find_each_other_through_any_loss(seed: int, up_loss: float, down_l
     rig.up = rig.down = everything
     rig.run_ms(6000, desk)
     assert rig.gets_through(desk)
+
+
+# --- who calls in vain ----------------------------------------------------------------------------
+
+
+def test_the_robots_side_can_say_who_called_with_a_key_that_it_does_not_accept() -> None:
+    rig, desk = Rig(), Desk(OTHER_KEY)
+    rig.step(desk)
+    where = f"{desk.address[0]}:{desk.address[1]}"
+    assert (
+        rig.robot.refusal == f"{where} is not answered: the key of who calls is not accepted here"
+    )
+    assert rig.answers == []
+
+
+@pytest.mark.parametrize("kind", [0xC1, 0xC4])
+def test_the_robots_side_can_say_that_another_version_called(kind: int) -> None:
+    rig = Rig()
+    heard = rig.robot.receive(bytes((kind,)) * 100, THIEF, rig.now_ns)
+    assert heard.replies == []
+    assert "another version of TAMS calls" in rig.robot.refusal
+    assert rig.robot.refusal.startswith(f"{THIEF[0]}:{THIEF[1]} ")
+
+
+def test_a_flood_of_strangers_makes_one_line_for_each_cause_in_ten_seconds() -> None:
+    rig, lines = Rig(), set()
+    other = Desk(OTHER_KEY)
+    call = other.end.step(rig.now_ns)[0][0]
+    for number in range(4000):  # a minute of calls and of what looks like protocol 1
+        rig.now_ns += 15_000_000
+        stranger = (f"203.0.113.{number % 200}", 1000 + number)
+        rig.robot.receive(call if number % 2 else b"\xc1" * 1200, stranger, rig.now_ns)
+        lines.add(rig.robot.refusal)
+    assert len(lines) == 2 * 6
+    assert len(rig.robot._refused_ns) == 2
+
+
+def test_noise_and_cut_initiations_make_no_line() -> None:
+    rig, desk = Rig(), Desk(OTHER_KEY)
+    call = desk.end.step(rig.now_ns)[0][0]
+    for datagram in (b"", call[:-1], b"\xc5", bytes(1200), bytes((0xC9,)) * 1200):
+        rig.robot.receive(datagram, THIEF, rig.now_ns)
+    assert rig.robot.refusal == ""

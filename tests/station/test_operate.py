@@ -326,7 +326,7 @@ def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
         session.request_end("ended by SIGINT")
 
     assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, notify=notify)
-    assert "no answer: a wrong address" in said[0]
+    assert "no answer: the call does not arrive there, or it is refused" in said[0]
 
 
 def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):

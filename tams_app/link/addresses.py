@@ -1,0 +1,57 @@
+"""The addresses of a name: all of them are called, from one socket."""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+
+from tams_app.link.peer import Address
+
+_MAPPED = "::ffff:"  # an IPv4 address on a socket of both families (RFC 4291, 2.5.5.2)
+
+
+def addresses_of(
+    host: str, port: int, loopback_only: bool = False
+) -> tuple[int, tuple[Address, ...]]:
+    """The family of a socket that reaches them all, and the addresses; OSError, UnicodeError.
+
+    Those of IPv4 are mapped where there are others: one socket calls both. `loopback_only`: an
+    OSError unless programs of this computer alone are there, whatever the name stood for before.
+    """
+    found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    family: int = (
+        socket.AF_INET6 if any(one[0] == socket.AF_INET6 for one in found) else socket.AF_INET
+    )
+    addresses = tuple(dict.fromkeys(_address(one[0], one[4], family) for one in found))
+    if loopback_only and not all(map(is_loopback, addresses)):
+        raise OSError(f"{host} is not this computer alone, so a key is needed")
+    return family, addresses
+
+
+def _address(family: int, at: tuple[object, ...], reached_by: int) -> Address:
+    host, port = str(at[0]), int(str(at[1]))
+    if family == socket.AF_INET6:
+        return host, port, int(str(at[2])), int(str(at[3]))  # whole: with its scope
+    return (host, port) if reached_by == family else (_MAPPED + host, port, 0, 0)
+
+
+def named(address: Address) -> str:
+    """HOST:PORT of an address; of IPv6 [HOST]:PORT."""
+    host, port = address[0].removeprefix(_MAPPED), address[1]
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def called(host: str, port: int) -> str:
+    """What is called, for the person who calls: a name with its addresses."""
+    try:
+        names = [named(address) for address in addresses_of(host, port)[1]]
+    except (OSError, UnicodeError):  # who calls says so
+        names = []
+    itself = named((host, port))
+    return itself if names in ([], [itself]) else f"{itself} ({', '.join(names)})"
+
+
+def is_loopback(address: Address) -> bool:
+    """Whether only programs of this computer are there."""
+    host = address[0].removeprefix(_MAPPED).partition("%")[0]
+    return ipaddress.ip_address(host).is_loopback

@@ -1,0 +1,134 @@
+"""A name with several addresses: all are called, and the one that answers counts."""
+
+from __future__ import annotations
+
+import os
+import socket
+from contextlib import ExitStack
+from typing import Any
+
+import pytest
+
+from tams_app.console.two_sided import endpoint_of
+from tams_app.errors import ConfigError
+from tams_app.link import addresses
+from tams_app.link.addresses import addresses_of, called, is_loopback, named
+from tams_app.link.ends import RobotEnd
+from tams_app.link.gateway import _MEDIA_CLASS, Carrier, Streams
+from tams_app.link.handshake import COOKIE, RESPONSE
+from tams_app.link.operator_end import OperatorEnd
+from tests.link.rig import DESK, KEY, robot
+
+pytestmark = pytest.mark.untimed
+
+V6, V4 = ("::1", 7300, 0, 0), ("127.0.0.1", 7300)
+MAPPED = ("::ffff:127.0.0.1", 7300, 0, 0)
+ELSEWHERE = ("::ffff:192.0.2.9", 7300, 0, 0)
+
+
+def names(monkeypatch: pytest.MonkeyPatch, *found: tuple[Any, ...]) -> None:
+    """Whatever is asked for has these addresses."""
+    answer = [
+        (socket.AF_INET6 if len(one) == 4 else socket.AF_INET, socket.SOCK_DGRAM, 17, "", one)
+        for one in found
+    ]
+    monkeypatch.setattr(addresses.socket, "getaddrinfo", lambda *_, **__: answer)
+
+
+def test_one_socket_reaches_all_addresses_of_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    names(monkeypatch, V6, V4, V4)
+    assert addresses_of("robot.lab", 7300) == (socket.AF_INET6, (V6, MAPPED))
+    names(monkeypatch, V4)
+    assert addresses_of("robot.lab", 7300) == (socket.AF_INET, (V4,))
+
+
+def test_a_name_is_shown_with_the_addresses_that_are_called(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names(monkeypatch, V6, V4)
+    assert called("robot.lab", 7300) == "robot.lab:7300 ([::1]:7300, 127.0.0.1:7300)"
+    names(monkeypatch, V4)
+    assert called("127.0.0.1", 7300) == "127.0.0.1:7300"
+    assert named(MAPPED) == "127.0.0.1:7300"
+
+
+def test_without_a_key_a_name_is_called_only_if_all_its_addresses_are_this_computers(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names(monkeypatch, V6, V4)
+    assert endpoint_of("--robot", "localhost:7300", None).host == "localhost"
+    assert all(map(is_loopback, addresses_of("localhost", 7300, loopback_only=True)[1]))
+    names(monkeypatch, V6, ("192.0.2.9", 7300))
+    with pytest.raises(ConfigError, match="--key is needed"):
+        endpoint_of("--robot", "localhost:7300", None)
+    with pytest.raises(OSError, match="a key is needed"):
+        addresses_of("localhost", 7300, loopback_only=True)
+
+
+class Names:
+    """An operator's end that calls a name with two addresses; the robot listens at the second."""
+
+    def __init__(self, answers: RobotEnd | None = None) -> None:
+        self.end = OperatorEnd(KEY, [V6, MAPPED], os.urandom)
+        self.robot = answers or robot()
+        self.now_ns = 10**12
+        self.seen: list[tuple[bytes, Any]] = []
+
+    def goes(self, sent: list[tuple[bytes, Any]], source: Any = MAPPED) -> None:
+        """Carry these to the robot, and what it answers back, as from `source`."""
+        for datagram, to in sent:
+            self.seen.append((datagram, to))
+            if to != MAPPED:
+                continue
+            for reply, _ in self.robot.receive(datagram, DESK, self.now_ns).replies:
+                self.goes(self.end.receive(reply, source, self.now_ns).replies, source)
+
+
+def test_the_address_that_answers_is_the_one_that_is_talked_to() -> None:
+    rig = Names()
+    rig.goes(rig.end.step(rig.now_ns))
+    assert [to for _, to in rig.seen] == [V6, MAPPED, MAPPED]  # the last one with the cookie
+    assert (rig.end.connected, rig.end.address) == (True, MAPPED)
+    assert rig.seen[0][0] == rig.seen[1][0], "one MAC, which any answer must cover"
+
+
+def test_an_answer_from_elsewhere_moves_nothing_to_there() -> None:
+    """Who is on the way can send a real answer from any address."""
+    rig = Names()
+    first = rig.end.step(rig.now_ns)
+    replies = rig.robot.receive(first[1][0], DESK, rig.now_ns).replies
+    again = rig.end.receive(replies[0][0], ELSEWHERE, rig.now_ns).replies
+    assert [to for _, to in again] == [V6]
+    response = rig.robot.receive(again[0][0], DESK, rig.now_ns).replies[0][0]
+    assert (replies[0][0][0], response[0]) == (COOKIE, RESPONSE)
+    rig.end.receive(response, ELSEWHERE, rig.now_ns)
+    assert rig.end.address == V6
+
+
+def test_forged_answers_from_one_address_do_not_keep_the_other_from_answering() -> None:
+    rig = Names()
+    sent = rig.end.step(rig.now_ns)
+    for kind in (COOKIE, RESPONSE):
+        forged = bytes((kind,)) + sent[0][0][1:9] + os.urandom(60)
+        assert rig.end.receive(forged, V6, rig.now_ns).replies == []
+    rig.goes(sent)
+    assert rig.end.address == MAPPED
+    assert rig.end.counts["answers that are not authentic"] == 2
+
+
+def test_datagrams_to_a_mapped_address_have_their_traffic_class() -> None:
+    with ExitStack() as stack:
+        outer = stack.enter_context(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM))
+        other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
+        outer.bind(("::", 0))
+        other.bind(("127.0.0.1", 0))
+        other.settimeout(30.0)
+        other.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        stack.callback(theirs.close)
+        carrier = Carrier(RobotEnd({}, b"", os.urandom), outer, ours, Streams())
+        stack.callback(carrier.close)
+        port = other.getsockname()[1]
+        carrier._send((b"video", ("::ffff:127.0.0.1", port, 0, 0)), _MEDIA_CLASS)
+        _, ancillary, _, _ = other.recvmsg(100, 100)
+        assert [data[0] for _, _, data in ancillary] == [_MEDIA_CLASS]
