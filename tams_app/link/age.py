@@ -9,8 +9,9 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-# The most that the clocks' rates differ: two crystals of 50 ppm, or NTP's largest correction of one
-# (MAXFREQ in linux/timex.h). A clock that runs away faster is noticed (see `PeerClock`).
+# The most that the clocks' rates differ while none is being put right: two crystals of 50 ppm, and
+# what NTP keeps correcting of a rate (MAXFREQ in linux/timex.h). One that catches up is slewed far
+# faster (chrony: up to 83,333 ppm, by the length of the tick), which is noticed: see `PeerClock`.
 LARGEST_DRIFT = 500e-6
 
 
