@@ -17,6 +17,7 @@ from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.addresses import addresses_of, called
 from tams_app.link.ends import GOODBYE
+from tams_app.link.gaps import advice, lost_after_for, too_many
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.operator_end import OperatorEnd
@@ -38,7 +39,7 @@ from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _ANSWER_NS = 8 * NS_PER_S
-_PINGS, _PING_EVERY_NS = 250, 20 * NS_PER_MS
+_PINGS, _PING_EVERY_NS = 500, 20 * NS_PER_MS
 _TRAIN_PARTS, _TRAIN_NS = 300, 3 * NS_PER_S
 _QUIET_NS = NS_PER_S
 _BUFFER_BYTES = 4_000_000
@@ -48,9 +49,11 @@ _BUFFER_BYTES = 4_000_000
 class LinkMeasured:
     """The measured network between the two computers.
 
-    lost_fraction: of the echoes. down, up: capacity from and to the robot's side [kbit/s], None if
-    too little came to decide, and the loss in a train of packets. latency_ms, jitter_ms: for the
-    section `link` of the configuration of the robot's side.
+    lost_fraction: of the echoes. gaps: between those that came, in words; gaps_a_minute: how many
+    hold the arm, where that is more than three. down, up: capacity from and to the robot's side
+    [kbit/s], None if too little came to decide, and the loss in a train of packets. latency_ms, jitter_ms and
+    lost_after_ms (None: no value of it helps): for the section `link` of the robot side's
+    configuration.
     """
 
     round_trip_ms: dict[str, float]  # p50, p95, p99
@@ -61,6 +64,9 @@ class LinkMeasured:
     up_lost_fraction: float
     latency_ms: float
     jitter_ms: float
+    gaps: str
+    gaps_a_minute: float
+    lost_after_ms: float | None
 
 
 def run_link_check(
@@ -70,7 +76,7 @@ def run_link_check(
     console = console or Console()
     if not as_json:
         where = called(endpoint.host, endpoint.port)
-        console.print(f"measuring the link to {where}, about ten seconds", soft_wrap=True)
+        console.print(f"measuring the link to {where}, about fifteen seconds", soft_wrap=True)
     try:
         found = _measure(endpoint)
     except OSError as error:
@@ -87,13 +93,17 @@ def _measure(endpoint: Endpoint) -> LinkMeasured:
     with _Prober(endpoint, MonotonicClock()) as prober:
         prober.connect()
         round_trips_ms = prober.round_trips_ms()
-        return measured(round_trips_ms, prober.train_down(), prober.train_up())
+        gaps_ms = np.diff(prober.arrived_ns) / NS_PER_MS
+        return measured(round_trips_ms, prober.train_down(), prober.train_up(), gaps_ms.tolist())
 
 
-def measured(round_trips_ms: list[float], down: TrainReport, up: TrainReport) -> LinkMeasured:
-    """Evaluate echoes and trains; TamsError if there was no echo."""
+def measured(
+    round_trips_ms: list[float], down: TrainReport, up: TrainReport, gaps_ms: list[float]
+) -> LinkMeasured:
+    """Evaluate echoes, the gaps between them, and trains; TamsError if there was no echo."""
     if not round_trips_ms:
         raise TamsError("the robot's side answers no measurement: is it still running?")
+    of_gaps = gaps_ms, _PINGS * _PING_EVERY_NS / NS_PER_S, LinkConfig().lost_after_ms
     p50, p95, p99 = np.percentile(round_trips_ms, (50, 95, 99)).tolist()
     return LinkMeasured(
         round_trip_ms={"p50": p50, "p95": p95, "p99": p99},
@@ -104,6 +114,9 @@ def measured(round_trips_ms: list[float], down: TrainReport, up: TrainReport) ->
         up_lost_fraction=1 - up.packets / _TRAIN_PARTS,
         latency_ms=p50 / 2,
         jitter_ms=p95 - min(round_trips_ms),
+        gaps=advice(*of_gaps),
+        gaps_a_minute=too_many(*of_gaps),
+        lost_after_ms=lost_after_for(*of_gaps),
     )
 
 
@@ -111,6 +124,7 @@ def findings(found: LinkMeasured) -> Iterator[str]:
     """The measurements in words, and the section of the configuration that follows from them."""
     trips = ", ".join(f"{value:.1f} ms ({name})" for name, value in found.round_trip_ms.items())
     yield f"round trip: {trips}; lost {found.lost_fraction:.1%}"
+    yield found.gaps
     for way, kbps, lost in (
         ("robot to operator", found.down_kbps, found.down_lost_fraction),
         ("operator to robot", found.up_kbps, found.up_lost_fraction),
@@ -118,6 +132,8 @@ def findings(found: LinkMeasured) -> Iterator[str]:
         rate = "too little came to tell" if kbps is None else f"{kbps:.0f} kbit/s"
         yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
     measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
+    if found.gaps_a_minute and found.lost_after_ms is not None:
+        measured_ms["lost_after_ms"] = found.lost_after_ms
     try:
         longest_ms = LinkConfig(**measured_ms).longest_age_ms()
     except ValidationError:
@@ -142,6 +158,7 @@ class _Prober:
             endpoint.host, endpoint.port, loopback_only=endpoint.key is None
         )
         self._clock = clock
+        self.arrived_ns: list[int] = []  # when echoes came
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
@@ -180,6 +197,7 @@ class _Prober:
             wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
             for now_ns, message in self._received(wait_ns):
                 if (numbers := numbers_of(message, PONG)) and numbers[0] in sent_ns:
+                    self.arrived_ns.append(now_ns)
                     trips_ms.append((now_ns - sent_ns.pop(numbers[0])) / NS_PER_MS)
         return trips_ms
 

@@ -49,9 +49,9 @@ class PeerClock:
 
     An exchange that contradicts the interval (a clock was stepped, or runs away) voids it, and what
     we had sent until then counts for no other one. Until one does, an age may be short by what the
-    other clock has gained, which is less than the fastest message has taken since. A clock there
-    that stands still makes later messages older; those that were sent before the newest exchange
-    are judged by their echo alone. `wake` is for our own.
+    other clock has gained, which is less than the fastest message has taken since, and what was
+    gained after that one. A clock there that stands still makes later messages older; those that
+    were sent before the newest exchange are judged by their echo alone. `wake` is for our own.
     """
 
     def __init__(self) -> None:

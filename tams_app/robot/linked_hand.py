@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from hw.link.controller import LinkController
 from tams_app.config import Config
+from tams_app.link.gaps import GapWatch
 from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
 from tams_app.recording.journal import Journal
@@ -48,6 +49,7 @@ class LinkedHand:
         self._confirms = self._stops = self._menu_presses = 0
         self._episodes: tuple[int, ...] = ()
         self._notified: set[str] = set()
+        self._gaps = GapWatch(config.link.lost_after_ms, config.link.fault_after_ms)
 
     def follow(self, sent: Mapping[str, SentFrames]) -> None:
         """Set the frames behind the RTP timestamps of shown ones, by view."""
@@ -98,6 +100,7 @@ class LinkedHand:
         self._session = session
         self.controller.let_go()
         self._signals.pinned = ""
+        self._gaps.forget()
         self._shown = dict.fromkeys(self._views)
         self._damaged = dict.fromkeys(self._views, False)
         whose = f", with the key of {key}" if key else ""
@@ -108,6 +111,8 @@ class LinkedHand:
             self.hand = message.hand
             self._log.fact(HAND_FACT, message.hand)
         refusal = self.controller.take(message, heard_ns)
+        if not refusal and (advice := self._gaps.step(heard_ns, self.is_armed)):
+            self._log.note("warning", advice)
         self.message, self.heard_ns = message, heard_ns
         for view, timestamp in zip(self._views, message.shown, strict=False):
             self._shown[view] = timestamp
