@@ -51,8 +51,8 @@ class LinkMeasured:
 
     lost_fraction: of the echoes. gaps: between those that came, in words; gaps_a_minute: how many
     hold the arm, where that is more than three. down, up: capacity from and to the robot's side
-    [kbit/s], None if too little came to decide, and the loss in a train of packets. latency_ms, jitter_ms and
-    lost_after_ms (None: no value of it helps): for the section `link` of the robot side's
+    [kbit/s], None if too little came to decide, and the loss in a train of packets. latency_ms,
+    jitter_ms, lost_after_ms (None: no value of it helps): for `link` in the robot side's
     configuration.
     """
 

@@ -14,10 +14,8 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 MOST_A_MINUTE = 3.0
 _MARGIN = 1.2  # a gap that was measured is not the longest there will be
-_STEP_MS = 10
 _LARGEST_MS = 1000  # of `link.lost_after_ms`
 _WINDOW_NS = 60 * NS_PER_S
-_NAMED = 3
 
 
 def too_many(gaps_ms: Sequence[float], seconds: float, lost_after_ms: float) -> float:
@@ -34,13 +32,13 @@ def lost_after_for(gaps_ms: Sequence[float], seconds: float, lost_after_ms: floa
     if not too_many(gaps_ms, seconds, lost_after_ms):
         return lost_after_ms
     left = sorted(gaps_ms, reverse=True)[int(MOST_A_MINUTE * seconds / 60.0)]
-    wanted_ms = math.ceil(left * _MARGIN / _STEP_MS) * _STEP_MS
+    wanted_ms = math.ceil(left * _MARGIN / 10) * 10
     return float(wanted_ms) if wanted_ms <= _LARGEST_MS else None
 
 
 def advice(gaps_ms: Sequence[float], seconds: float, lost_after_ms: float) -> str:
     """The longest gaps, how many hold the arm, and what to do about it, in one sentence."""
-    longest = ", ".join(f"{gap_ms:.0f}" for gap_ms in sorted(gaps_ms, reverse=True)[:_NAMED])
+    longest = ", ".join(f"{gap_ms:.0f}" for gap_ms in sorted(gaps_ms, reverse=True)[:3])
     found = f"the longest gaps between samples are {longest} ms"
     a_minute = too_many(gaps_ms, seconds, lost_after_ms)
     if not a_minute:

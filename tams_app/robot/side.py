@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from pathlib import Path
 
 from hw.arm import Arm
 from hw.boundary import session_boundary
@@ -32,7 +33,8 @@ from tams_app.runtime.worker import Worker
 from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
-from tams_app.video.live.networks import resolve_network
+from tams_app.video.live.networks import read_trace, resolve_network
+from tams_app.video.live.traces import described
 
 STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
@@ -104,9 +106,14 @@ class RobotSide:
         """
         config, parts = self._config, self._parts
         self._operator = operator
+        network = resolve_network(config, config.network)
+        if network.trace is not None:
+            text, is_plausible = described(read_trace(Path(network.trace)))
+            level = "info" if is_plausible else "warning"
+            self._log.note(level, f"the trace of network {config.network}: {text}")
         self._video = Senders(
             config,
-            resolve_network(config, config.network),
+            network,
             self._clock,
             self._log,
             captured,

@@ -6,7 +6,7 @@ from tams_app.capacity import TraceCapacity
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS
 from tams_app.video.live.networks import read_trace
-from tams_app.video.live.traces import parse_trace
+from tams_app.video.live.traces import described, parse_trace
 
 pytestmark = pytest.mark.untimed
 
@@ -103,3 +103,31 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path):
     (tmp_path / "frame").write_bytes(b"\xff\xd8\xff\x00")
     with pytest.raises(ConfigError, match="frame: is not a text file"):
         read_trace(tmp_path / "frame")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "t_s,kbps\n0,6000\n0.25,1500\n",
+        "t_s,mbps\n0,6\n0.25,1.5\n",
+        "t_ms;kbps\n0;6000\n250;1500\n",
+        "t_s;mbps\n0;6\n0,25;1,5\n",  # as spreadsheets of half of Europe write it
+        "t_ms\tkbps\n0\t6000\n250\t1500\n",
+        '"t_ms","kbps"\n"0","6000"\n"250","1500"\n',
+        "T_s, Mbps\n0, 6\n0.25, 1.5\n",
+    ],
+)
+def test_a_table_may_have_other_units_separators_and_quotes(text):
+    assert parse_trace(text, "x") == parse_trace("t_ms,kbps\n0,6000\n250,1500\n", "x")
+
+
+def test_a_trace_is_described_by_length_mean_and_peak():
+    trace = parse_trace("t_s,kbps\n0,6000\n1,2000\n", "x")
+    assert described(trace) == ("2 s, 4000 kbit/s in the mean, 6000 at most", True)
+
+
+@pytest.mark.parametrize("text", ["t_ms,kbps\n0,5\n60,6\n", "t_ms,kbps\n0,6000000\n1000,3000000\n"])
+def test_a_trace_that_is_shorter_or_faster_than_links_are_is_asked_about(text):
+    said, is_plausible = described(parse_trace(text, "x"))
+    assert not is_plausible
+    assert "are its units those of t_ms,kbps?" in said

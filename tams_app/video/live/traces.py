@@ -1,6 +1,7 @@
 """Capacity traces as text: `t_ms,kbps` tables or Mahimahi files, distinguished by the first line.
 
-CSV: the header `t_ms,kbps`, then one row per change; times ascend and count from the first row.
+CSV: the header `t_ms,kbps`, or `t_s`, or `mbps`, then one row per change; times ascend and count
+from the first row. Semicolons and tabs separate as commas do; beside them a comma is a decimal one.
 The last rate holds as long as the one before it (a single row: for ever), then the trace repeats.
 
 Mahimahi: one line per opportunity to send 1500 bytes, its time in whole milliseconds; a time may
@@ -15,11 +16,14 @@ from __future__ import annotations
 import math
 from collections import Counter
 
-from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace
+from tams_app.capacity import LARGEST_KBPS, SMALLEST_KBPS, RateTrace, TraceCapacity
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 CSV_HEADER = "t_ms,kbps"
+_COLUMNS = {"t_ms": 1.0, "t_s": 1000.0}, {"kbps": 1.0, "mbps": 1000.0}  # to [ms] and [kbit/s]
+_SEPARATORS = "\t;,"
+_MOST_MEAN_KBPS, _LEAST_PERIOD_S = 1e6, 1.0  # beyond these a unit is likely to be another one
 _OPPORTUNITY_BITS = 1500 * 8
 _LONGEST_MS = 24 * 3600 * 1000
 
@@ -30,18 +34,34 @@ def parse_trace(text: str, name: str) -> RateTrace:
     lines = [(number, line) for number, line in lines if line]
     if not lines:
         raise ConfigError(f"{name}: is empty: a trace holds {CSV_HEADER} rows or millisecond times")
-    is_table = "," in lines[0][1]
+    is_table = any(separator in lines[0][1] for separator in _SEPARATORS)
     try:
         return _parse_table(lines, name) if is_table else _parse_opportunities(lines, name)
     except ValueError as error:
         raise ConfigError(f"{name}: {error}") from error
 
 
+def described(trace: RateTrace) -> tuple[str, bool]:
+    """Length, mean and peak of a trace, and whether they are what a link has."""
+    seconds = trace.period_ns / NS_PER_S
+    mean_kbps = TraceCapacity(trace, 0).mean_kbps(0, trace.period_ns)
+    text = f"{seconds:g} s, {mean_kbps:.0f} kbit/s in the mean, {max(trace.kbps):.0f} at most"
+    if mean_kbps <= _MOST_MEAN_KBPS and seconds >= _LEAST_PERIOD_S:
+        return text, True
+    return f"{text}: are its units those of {CSV_HEADER}? (t_s and mbps are taken as well)", False
+
+
 def _parse_table(lines: list[tuple[int, str]], name: str) -> RateTrace:
     number, header = lines[0]
-    if header.replace(" ", "") != CSV_HEADER:
-        raise _wrong(name, number, f"the header must be {CSV_HEADER}")
-    rows = [_parse_row(name, number, line) for number, line in lines[1:]]
+    separator = next(one for one in _SEPARATORS if one in header)
+    columns = [column.strip(" \"'").lower() for column in header.split(separator)]
+    if len(columns) != 2 or any(
+        one not in units for one, units in zip(columns, _COLUMNS, strict=True)
+    ):
+        raise _wrong(name, number, f"the header must be {CSV_HEADER} (or t_s, mbps)")
+    to_ms, to_kbps = (units[one] for one, units in zip(columns, _COLUMNS, strict=True))
+    read = [(number, _parse_row(name, number, line, separator)) for number, line in lines[1:]]
+    rows = [(t * to_ms, _rate(name, number, rate * to_kbps)) for number, (t, rate) in read]
     if not rows:
         raise ConfigError(f"{name}: holds a header but no rows")
     starts_ns = [0]
@@ -57,20 +77,24 @@ def _parse_table(lines: list[tuple[int, str]], name: str) -> RateTrace:
     return RateTrace(tuple(starts_ns), tuple(kbps for _, kbps in rows), period_ns)
 
 
-def _parse_row(name: str, number: int, line: str) -> tuple[float, float]:
-    fields = line.split(",")
+def _parse_row(name: str, number: int, line: str, separator: str) -> tuple[float, float]:
+    fields = [field.strip(" \"'") for field in line.split(separator)]
     if len(fields) != 2:
         raise _wrong(name, number, f"a row holds two numbers, {CSV_HEADER}")
-    try:
-        t_ms, kbps = float(fields[0]), float(fields[1])
+    try:  # a comma that does not separate is a decimal one
+        t, rate = (float(field.replace(",", ".")) for field in fields)
     except ValueError:
         raise _wrong(name, number, f"{line!r} is not two numbers") from None
-    if not math.isfinite(t_ms) or not math.isfinite(kbps):
+    if not math.isfinite(t) or not math.isfinite(rate):
         raise _wrong(name, number, "numbers must be finite")
+    return t, rate
+
+
+def _rate(name: str, number: int, kbps: float) -> float:
     if kbps != 0 and not SMALLEST_KBPS <= kbps <= LARGEST_KBPS:
         bounds = f"{SMALLEST_KBPS:,.0f} to {LARGEST_KBPS:,.0f}"
         raise _wrong(name, number, f"kbps must be 0 or from {bounds}")
-    return t_ms, kbps
+    return kbps
 
 
 def _parse_opportunities(lines: list[tuple[int, str]], name: str) -> RateTrace:
