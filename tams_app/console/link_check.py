@@ -17,7 +17,7 @@ from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.addresses import addresses_of, called
 from tams_app.link.ends import GOODBYE
-from tams_app.link.gaps import advice, lost_after_for, too_many
+from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.operator_end import OperatorEnd
@@ -49,11 +49,10 @@ _BUFFER_BYTES = 4_000_000
 class LinkMeasured:
     """The measured network between the two computers.
 
-    lost_fraction: of the echoes. gaps: between those that came, in words; gaps_a_minute: how many
-    hold the arm, where that is more than three. down, up: capacity from and to the robot's side
-    [kbit/s], None if too little came to decide, and the loss in a train of packets. latency_ms,
-    jitter_ms, lost_after_ms (None: no value of it helps): for `link` in the robot side's
-    configuration.
+    lost_fraction: of the echoes. gaps: between those that came, in words. down, up: capacity from
+    and to the robot's side [kbit/s], None if too little came to decide, and the loss in a train of
+    packets. latency_ms, jitter_ms, lost_after_ms (None: no value of it helps): for `link` in the
+    configuration of the robot's side.
     """
 
     round_trip_ms: dict[str, float]  # p50, p95, p99
@@ -65,7 +64,6 @@ class LinkMeasured:
     latency_ms: float
     jitter_ms: float
     gaps: str
-    gaps_a_minute: float
     lost_after_ms: float | None
 
 
@@ -115,7 +113,6 @@ def measured(
         latency_ms=p50 / 2,
         jitter_ms=p95 - min(round_trips_ms),
         gaps=advice(*of_gaps),
-        gaps_a_minute=too_many(*of_gaps),
         lost_after_ms=lost_after_for(*of_gaps),
     )
 
@@ -132,7 +129,7 @@ def findings(found: LinkMeasured) -> Iterator[str]:
         rate = "too little came to tell" if kbps is None else f"{kbps:.0f} kbit/s"
         yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
     measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
-    if found.gaps_a_minute and found.lost_after_ms is not None:
+    if found.lost_after_ms is not None and found.lost_after_ms != LinkConfig().lost_after_ms:
         measured_ms["lost_after_ms"] = found.lost_after_ms
     try:
         longest_ms = LinkConfig(**measured_ms).longest_age_ms()

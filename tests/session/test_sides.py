@@ -275,6 +275,15 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
     assert sides.sample.status is not ControllerStatus.OK
 
 
+def test_the_robots_terminal_says_once_who_called_in_vain():
+    sides = Sides()
+    there = sides.there
+    refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
+    there.event = msgspec.structs.replace(there.event, refusal=refusal)
+    sides.run(0.5)
+    assert sides.robot_log.notes.count(refusal) == 1
+
+
 @pytest.mark.parametrize(
     "told",
     [b"", b"../..", b".hidden", b"/etc", b"a b", b"a\n", b"\xff\xfe", b"\x1b[2J", b"n" * 101],
