@@ -147,15 +147,13 @@ def test_anchors_of_a_person_s_own_work_up_to_the_bound(tmp_path: Path) -> None:
 
 def test_numbers_are_read_as_before(tmp_path: Path) -> None:
     path = tmp_path / "numbers.yaml"
-    path.write_text(
-        "a: 12\nb: -1_000\nc: 0x1F\nd: 1:30\ne: 2.5\nf: -.inf\ng: 9223372036854775807\n"
-    )
+    path.write_text("a: 12\nb: -1_000\nc: 0x1F\nd: 0\ne: 0.5\nf: -.inf\ng: 9223372036854775807\n")
     assert read_yaml(path) == {
         "a": 12,
         "b": -1000,
         "c": 31,
-        "d": 90,
-        "e": 2.5,
+        "d": 0,
+        "e": 0.5,
         "f": float("-inf"),
         "g": 2**63 - 1,
     }
@@ -179,3 +177,16 @@ def test_documented_words_and_truth_values_work_without_quotes(tmp_path: Path) -
     assert (config.view.predict, config.video.repair.rtx) == ("off", "off")
     assert config.video.repair.parity == "on"
     assert config.video.quality.enabled is False
+
+
+@pytest.mark.parametrize("number", ["010", "-007", "0123", "12:30", "1:2:3", "190:20:30.15"])
+def test_a_number_that_yaml_1_1_and_1_2_read_differently_is_refused(
+    number: str, tmp_path: Path
+) -> None:
+    """`serial: 0123` was 83, and `seed: 010` was 8."""
+    path = tmp_path / "numbers.yaml"
+    path.write_text(f"a: 1\nb: {number}\n")
+    with pytest.raises(ConfigError, match=f"{number} is one number in YAML 1.1"):
+        read_yaml(path)
+    path.write_text(f"b: '{number}'\n")
+    assert read_yaml(path) == {"b": number}

@@ -96,6 +96,12 @@ class _BoundedLoader(yaml.SafeLoader):
         """An integer or a fraction."""
         if len(node.value) > LONGEST_NUMBER:
             raise _RefusedError(node, f"a number has more than {LONGEST_NUMBER} characters")
+        if _OLD_NUMBER.match(node.value):
+            raise _RefusedError(
+                node,
+                f"{node.value} is one number in YAML 1.1 and another, or text, in 1.2: write a "
+                "number without a colon or leading zero, text in quotes",
+            )
         if node.tag.endswith("float"):
             return float(self.construct_yaml_float(node))
         number = int(self.construct_yaml_int(node))
@@ -104,6 +110,8 @@ class _BoundedLoader(yaml.SafeLoader):
         return number
 
 
+# Base 60 (12:30 is 750) and base 8 (010 is 8), which serial numbers and times look like.
+_OLD_NUMBER = re.compile(r"[-+]?0[0-9_]|[^:]*:")
 # As YAML 1.2 has it: `on`, `off`, `yes` and `no` are words, which several keys take. A key that
 # wants a truth value takes these words as well.
 _BOOL = "tag:yaml.org,2002:bool"
