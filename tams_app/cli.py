@@ -106,9 +106,11 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
 
 
 def _show_error(sentence: str) -> None:
+    from tams_app.faces.terminal.output import unblocked_output
     from tams_app.printing import Console
 
-    Console(stderr=True).print(f"tams: {sentence}", highlight=False, soft_wrap=True)
+    with unblocked_output():
+        Console(stderr=True).print(f"tams: {sentence}", highlight=False, soft_wrap=True)
 
 
 _GLOBAL_OPTIONS = ("-h", "--help", "--version", "--install-completion", "--show-completion")

@@ -23,6 +23,7 @@ from tams_app.faces.session_face import (
 )
 from tams_app.faces.terminal.keys import Presses, TerminalKeys, handled_signals
 from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
+from tams_app.faces.terminal.output import unblocked_output
 from tams_app.printing import Console
 from tams_app.robot.build import check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
@@ -149,25 +150,29 @@ def show_session(
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
-    `interrupted` is notified of a signal that ends it, by the signal's handler. `limit_s`: from
-    when it has started, in place of `seconds`, which count its start. `trial`: of a study; nothing
-    else may be notified of its session. `replay`: the session, where it is one. `conclude`: called
-    once it is closed, with the faces, of which those that show an end are still there.
+    No screen holds it up. `interrupted` is notified of a signal that ends it, in the thread that
+    stops the arm then. `limit_s`: from when it has started, in place of `seconds`, which count its
+    start. `trial`: of a study; nothing else may be notified of its session. `replay`: the session,
+    where it is one. `conclude`: called once it is closed, with the faces, of which those that show
+    an end are still there.
     """
-    over = threading.Event()
+    runs, over = threading.Event(), threading.Event()
 
     def end(reason: str) -> None:
         interrupted(reason)
         session.request_end(reason)
+        if runs.is_set() and not over.is_set():
+            session.stop_arm()
 
     def stop_arm() -> None:
         if not over.is_set():
             session.signals.estop()
 
-    with handled_signals(end, stop_arm), ExitStack() as stack:
+    with unblocked_output(), handled_signals(end, stop_arm), ExitStack() as stack:
         faces = _launch_faces(session, stack, trial, replay)
         session.start()
         try:
+            runs.set()
             _watch(session, console, words_of, limit_s, faces, trial, conclude is not None)
             console.print("ending …", highlight=False)
         finally:

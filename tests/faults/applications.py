@@ -5,6 +5,9 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import pty
+import re
+import select
 import signal
 import socket
 import struct
@@ -12,7 +15,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,6 +40,7 @@ REACH_M = 0.6  # of the hand: with 0.18 the operator lets go, to reach on, after
 FPS = 10  # the frames are the rig's main load
 _SOCKET_TIMEOUT_S = 5.0
 _HEADER = struct.Struct(">HHH")
+_CONTROL = re.compile(r"[\r\n]|\x1b\[[0-9;?]*[A-Za-z]")  # a terminal's, and ends of lines
 _MODULES = {
     "rig": "hw.sim.rig",
     "renderer": "hw.sim.world.renderer",
@@ -178,6 +182,34 @@ def only_log(out: Path) -> SessionLog:
     return read_log(folder / "session.mcap")
 
 
+class Screen:
+    """A terminal or a pipe that a process prints to, read until it is `stuck`."""
+
+    def __init__(self, is_terminal: bool) -> None:
+        self._ours, self.theirs = pty.openpty() if is_terminal else os.pipe()
+        self._is_read = True
+
+    def __iter__(self) -> Iterator[str]:
+        while self._is_read:
+            if select.select([self._ours], [], [], 0.05)[0]:
+                text = os.read(self._ours, 65536).decode(errors="replace")
+                yield from _CONTROL.sub("\n", text).split("\n")
+
+    def stuck(self) -> None:
+        """It takes no text any more."""
+        self._is_read = False
+        ours = os.open(f"/proc/self/fd/{self.theirs}", os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+        for size in (4096, 1):
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    os.write(ours, b"." * size)
+        os.close(ours)
+
+    def close(self) -> None:
+        os.close(self._ours)
+        os.close(self.theirs)
+
+
 class Application:
     """`run_tams.py run` in a process of its own, on the rig, armed once; ends it when left."""
 
@@ -187,10 +219,12 @@ class Application:
         quality: bool = False,
         operator: str = "scripted",
         words: Sequence[str] = ("run", "--arm"),
+        screen: Screen | None = None,
         **overrides: object,
     ) -> None:
         """`quality`: the frames are compared as well. `operator`: who works. `words`: what runs.
 
+        `screen`: where it prints, and reads keys if that is a terminal; None: pipes of its own.
         All limits are the product's own; `overrides` are sections of the configuration.
         """
         self.out = out / "logs"
@@ -206,12 +240,13 @@ class Application:
         path = out / "application.yaml"
         path.write_text(yaml.safe_dump(settings), encoding="utf-8")
         self.lines: list[str] = []
+        self._screen = screen
         self.process = subprocess.Popen(
             [sys.executable, "run_tams.py", *words, "--config", str(path)],
             cwd=PROJECT_DIRECTORY,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL if screen is None else screen.theirs,
+            stdout=subprocess.PIPE if screen is None else screen.theirs,
+            stderr=subprocess.PIPE if screen is None else screen.theirs,
             text=True,
         )
         self._reader = threading.Thread(target=self._read, name="words", daemon=True)
@@ -237,8 +272,7 @@ class Application:
                 child.resume()
         _, alive = psutil.wait_procs(self._children, timeout=PATIENCE_S)
         self._reader.join(PATIENCE_S)
-        for stream in (self.process.stdout, self.process.stderr):
-            assert stream is not None
+        for stream in filter(None, (self.process.stdout, self.process.stderr)):
             stream.close()
         assert all(child.status() == psutil.STATUS_ZOMBIE for child in alive), alive
 
@@ -321,8 +355,7 @@ class Application:
         return log
 
     def _read(self) -> None:
-        assert self.process.stdout is not None
-        for line in self.process.stdout:
+        for line in self._screen or self.process.stdout or ():
             self.lines.append(spoken(line))
 
     def _note_children(self) -> None:

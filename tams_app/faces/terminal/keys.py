@@ -195,19 +195,20 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
 
-    `end` is called in the main thread, between any two of its instructions: it must not wait for a
-    lock that the main thread may hold. `stop_arm` is called in a thread of its own, at once,
-    whatever the main thread is busy with. What was there before comes back at the end.
+    Both are called in a thread of their own, at once, whatever the main thread is busy with. What
+    was there before comes back at the end.
     """
 
-    def handle(number: int, _frame: FrameType | None) -> None:
-        if number != signal.SIGUSR1:
-            end(f"ended by {signal.Signals(number).name}")
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        """Else the system would end the process; `relay` is woken up in any case."""
 
     def relay(_stop: threading.Event) -> None:
         while numbers := os.read(woken, 64):
             if signal.SIGUSR1 in numbers:
                 stop_arm()
+            for number in numbers:
+                if number in ENDING:
+                    end(f"ended by {signal.Signals(number).name}")
 
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
