@@ -35,7 +35,7 @@ class UnblockedOutput(io.TextIOBase):
         self._worker.start()
 
     @property
-    def encoding(self) -> str:
+    def encoding(self) -> str:  # type: ignore[override]
         return self._stream.encoding
 
     def isatty(self) -> bool:
