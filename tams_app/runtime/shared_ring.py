@@ -175,7 +175,7 @@ def create_block(name: str, size: int) -> mmap.mmap:
     try:
         if os.fstat(descriptor).st_size != size:
             os.ftruncate(descriptor, size)
-            os.posix_fallocate(descriptor, 0, size)
+        os.posix_fallocate(descriptor, 0, size)  # also of a maker that was killed before it did
         return mmap.mmap(descriptor, size)
     except OSError as error:
         if error.errno != errno.ENOSPC:

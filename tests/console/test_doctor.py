@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -363,3 +364,13 @@ def test_netem_is_found_where_it_can_be_loaded(tmp_path: Path) -> None:
 def test_netem_is_found_where_it_is_loaded(tmp_path: Path) -> None:
     (tmp_path / "sys/module/sch_netem").mkdir(parents=True)
     assert checks.kernel_has_netem(tmp_path)
+
+
+@pytest.mark.parametrize(("free_mb", "ok"), [(16, False), (64, False), (256, True)])
+def test_shared_memory_has_room_for_what_the_configuration_takes(monkeypatch, free_mb, ok):
+    monkeypatch.setattr(
+        os, "statvfs", lambda _: SimpleNamespace(f_bavail=free_mb, f_frsize=1 << 20)
+    )
+    (finding,) = checks.shared_memory(config(rig__enabled=True))
+    assert finding.ok is ok
+    assert ok or "no room for 75 MB of shared memory" in finding.fix

@@ -2,9 +2,20 @@
 
 from __future__ import annotations
 
+import errno
+import os
+from pathlib import Path
+
 import pytest
 
-from tams_app.runtime.shared_ring import create_block, new_block_name, open_block, remove_block
+from tams_app.errors import SetupError
+from tams_app.runtime.shared_ring import (
+    create_block,
+    new_block_name,
+    open_block,
+    remove_block,
+    require_room,
+)
 
 pytestmark = pytest.mark.waiting
 
@@ -36,3 +47,30 @@ def test_a_block_outlives_its_maker() -> None:
 
 def test_names_are_unique() -> None:
     assert len({new_block_name() for _ in range(100)}) == 100
+
+
+def test_a_block_without_room_is_refused_in_one_sentence_and_not_left_behind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def full(_descriptor: int, _start: int, _size: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    name = new_block_name()
+    with pytest.raises(SetupError, match=r"has no room for 44 MB of shared memory: make it larger"):
+        create_block(name, 43_100_000)
+    assert not Path("/dev/shm", name).exists()
+
+
+def test_a_block_has_its_memory_before_anything_is_written() -> None:
+    name = new_block_name()
+    with create_block(name, 1 << 20):
+        allocated = Path("/dev/shm", name).stat().st_blocks * 512
+        remove_block(name)
+    assert allocated == 1 << 20
+
+
+def test_room_is_looked_for_before_anything_is_made() -> None:
+    require_room(1)
+    with pytest.raises(SetupError, match=r"no room for 1000000000000 MB"):
+        require_room(10**18)
