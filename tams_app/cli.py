@@ -30,7 +30,6 @@ from tams_app.console.options import (
     HeadlessOption,
     JsonOption,
     KeyOption,
-    MetricsOption,
     NetworkOption,
     OperatorOption,
     OutOption,
@@ -82,11 +81,10 @@ def main() -> None:
 def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
-    arguments = with_values(arguments)
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
         arguments.insert(0, "run")
     try:
-        code = app(arguments, prog_name=called_as, standalone_mode=False) or 0
+        code = app(with_values(arguments), prog_name=called_as, standalone_mode=False) or 0
     except TamsError as error:
         if debug:
             raise
@@ -155,7 +153,6 @@ def run(
     record_reference: ReferenceOption = False,
     episodes: EpisodesOption = False,
     foxglove: FoxgloveOption = None,
-    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -172,7 +169,6 @@ def run(
         record_reference=record_reference,
         episodes=episodes,
         foxglove=foxglove,
-        metrics=metrics,
         ros2=ros2,
         out=out,
     )

@@ -26,6 +26,10 @@ def main() -> None:
         while not side.received and not side.stop_requested.wait(0.005):
             pass
         side.ready(**side.received)
+    if behaviour == "listen for the last":
+        while not side.received.get("last") and not side.stop_requested.wait(0.005):
+            pass
+        side.ready(**side.received)
     side.stop_requested.wait()
     if behaviour == "stubborn":
         signal.pause()

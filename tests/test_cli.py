@@ -16,7 +16,8 @@ import typer
 
 from tams_app import __version__
 from tams_app.cli import _main, app, main
-from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG
+from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
+from tams_app.errors import ConfigError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.further import further
 
@@ -259,38 +260,30 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
 
 
 @pytest.mark.parametrize(
-    ("arguments", "address"),
-    [
-        (["run", "--metrics"], "127.0.0.1:9464"),
-        (["run", "--metrics", "--headless"], "127.0.0.1:9464"),
-        (["run", "--metrics", "127.0.0.1:9999"], "127.0.0.1:9999"),
-        (["run"], ""),
-    ],
+    "arguments", [["run", "--metrics"], ["operate", "--metrics=h:1"], ["--metrics", "h:1"]]
 )
-def test_prometheus_scrapes_at_the_address_that_is_named_and_nowhere_unasked(
-    capsys, monkeypatch, arguments, address
-):
-    settings = []
-    monkeypatch.setattr(
-        "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
-    )
-    assert run(capsys, *arguments)[0] == 0
-    assert [one.recording.metrics for one in settings] == [address]
+def test_who_asks_for_prometheus_reads_what_takes_its_place(capsys, arguments):
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("tams: --metrics: there are no figures for Prometheus any more: Foxglove")
 
 
-@pytest.mark.parametrize("option", ["--foxglove", "--metrics"])
+def test_an_empty_address_for_prometheus_in_an_older_file_is_left_out():
+    assert load_config(None, {"recording.metrics": ""}) == load_config()
+    with pytest.raises(ConfigError, match=r"metrics: there are no figures .*summary.json"):
+        load_config(None, {"recording.metrics": "127.0.0.1:9464"})
+
+
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])
-def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(
-    capsys, tmp_path, command, option
-):
+def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, tmp_path, command):
     where = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
-        options = (option, address, "--out", tmp_path / "logs", *where.get(command, ()))
+        options = ("--foxglove", address, "--out", tmp_path / "logs", *where.get(command, ()))
         code, out, err = run(capsys, command, *options)
     assert code == 1
     assert AT_MOST_STARTING.fullmatch(out)
-    assert f"{option}: nothing can connect at {address}" in err
+    assert f"--foxglove: nothing can connect at {address}" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -142,6 +142,12 @@ class StudyConfig(Section):
         return self
 
 
+METRICS_ARE_GONE = (
+    "there are no figures for Prometheus any more: Foxglove shows them while a session runs "
+    "(--foxglove), summary.json has them afterwards; leave it out"
+)
+
+
 class RecordingConfig(Section):
     """Files and channels of a session's record."""
 
@@ -160,8 +166,6 @@ class RecordingConfig(Section):
     """HOST:PORT where Foxglove may connect while a session runs; empty: nowhere."""
     foxglove_origins: tuple[str, ...] = ("https://app.foxglove.dev", "file://")
     """Web pages that may connect there, by origin; programs that are no browser may always."""
-    metrics: str = ""
-    """HOST:PORT where Prometheus may scrape figures while a session runs; empty: nowhere."""
     ros2: Annotated[int, Field(ge=0, le=232)] | None = None
     """Domain of ROS 2 in which a session is published while it runs; null: none."""
     min_free_mb: NonNegative = 500.0
@@ -170,6 +174,16 @@ class RecordingConfig(Section):
     """Whether a session is a row of episodes, which the operator begins, keeps and discards."""
     countdown_s: Annotated[float, Field(ge=0, le=60)] = 3.0
     """With `episodes`: time from the request to the begin of an episode."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _without_prometheus(cls, given: Any) -> Any:
+        """The logs of version 0.1 have the key, most of them empty."""
+        if not isinstance(given, dict) or "metrics" not in given:
+            return given
+        if given["metrics"]:
+            raise ValueError(f"metrics: {METRICS_ARE_GONE}")
+        return {key: value for key, value in given.items() if key != "metrics"}
 
 
 class Ros2Config(Section):

@@ -9,18 +9,14 @@ from typing import Annotated, Any, get_args
 import typer
 
 from tams_app.config import Config, OperatorKind, load_config
+from tams_app.config.whole import METRICS_ARE_GONE
 from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
 
 FOXGLOVE = "127.0.0.1:8765"
-METRICS = "127.0.0.1:9464"
 ROS2 = "0"
-_BARE = {
-    "--foxglove": FOXGLOVE,
-    "--metrics": METRICS,
-    "--ros2": ROS2,
-}  # what an option without a value stands for
+_BARE = {"--foxglove": FOXGLOVE, "--ros2": ROS2}  # what an option without a value stands for
 
 
 def network_names(ctx: typer.Context) -> list[str]:
@@ -100,13 +96,6 @@ FoxgloveOption = Annotated[
         help=f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
     ),
 ]
-MetricsOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="[HOST:PORT]",
-        help=f"Let Prometheus scrape figures while the session runs; by default at {METRICS}.",
-    ),
-]
 Ros2Option = Annotated[
     int | None,
     typer.Option(
@@ -142,7 +131,6 @@ def arm_overrides(
     record_reference: bool,
     episodes: bool,
     foxglove: str | None,
-    metrics: str | None,
     ros2: int | None,
     out: Path | None,
 ) -> dict[str, Any]:
@@ -160,14 +148,18 @@ def arm_overrides(
         "recording.record_reference": True if record_reference else None,
         "recording.episodes": True if episodes else None,
         "recording.foxglove": foxglove,
-        "recording.metrics": metrics,
         "recording.ros2": ros2,
         "recording.directory": str(out) if out else None,
     }
 
 
 def with_values(arguments: list[str]) -> list[str]:
-    """The command line with the values that bare `--foxglove`, `--metrics`, `--ros2` stand for."""
+    """The command line with the values that bare `--foxglove` and `--ros2` stand for.
+
+    ConfigError for an option that there was.
+    """
+    if "--metrics" in (argument.partition("=")[0] for argument in arguments):
+        raise ConfigError(f"--metrics: {METRICS_ARE_GONE}")
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)

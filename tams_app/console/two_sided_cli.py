@@ -19,7 +19,6 @@ from tams_app.console.options import (
     HeadlessOption,
     KeyOption,
     KeysOption,
-    MetricsOption,
     OutOption,
     PredictOption,
     PresetOption,
@@ -68,7 +67,6 @@ def robot(
     record_reference: ReferenceOption = False,
     episodes: EpisodesOption = False,
     foxglove: FoxgloveOption = None,
-    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -85,7 +83,6 @@ def robot(
         record_reference=record_reference,
         episodes=episodes,
         foxglove=foxglove,
-        metrics=metrics,
         ros2=ros2,
         out=out,
     )
@@ -117,7 +114,6 @@ def operate(
     predict: PredictOption = None,
     headless: HeadlessOption = False,
     foxglove: FoxgloveOption = None,
-    metrics: MetricsOption = None,
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
@@ -134,7 +130,6 @@ def operate(
             "headless": True if headless else None,
             "name": "operate",
             "recording.foxglove": foxglove,
-            "recording.metrics": metrics,
             "recording.ros2": ros2,
             "recording.directory": str(out) if out else None,
         },

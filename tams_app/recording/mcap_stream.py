@@ -17,11 +17,11 @@ from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, ChunkIndex, Footer, Header, McapRecord, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.summary import Summary
-from zstandard import ZstdError
+from zstandard import ZstdError, frame_content_size
 
 from tams_app.errors import UnreadableLogError
 
-_RECORD_LIMIT_BYTES = 1 << 30
+_LIMIT_BYTES = 1 << 26  # of a record, and of a chunk unpacked: ours have some MB at most
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
 _MAGIC_BYTES, _CHECKSUM_BYTES = 8, 4
 # What flipped bytes make of the reader; a checksum that does not fit is a ValueError.
@@ -97,7 +97,7 @@ class McapStream:
 
     def _check_profile(self, file: IO[bytes]) -> None:
         try:
-            first = next(StreamReader(file).records, None)
+            first = next(StreamReader(file, emit_chunks=True).records, None)
         except DAMAGE:
             first = None
         if not isinstance(first, Header) or first.profile != self._profile:
@@ -118,16 +118,18 @@ class McapStream:
         file.seek(0)
         reader = StreamReader(
             cast(IO[bytes], _WholeReads(file)),
+            emit_chunks=True,
             validate_crcs=True,
-            record_size_limit=_RECORD_LIMIT_BYTES,
+            record_size_limit=_LIMIT_BYTES,
         )
         last_ns: int | None = None
         try:
-            for record in reader.records:
-                yield record
-                if isinstance(record, Message):
-                    last_ns = max(last_ns or 0, record.log_time)
-                self.complete = isinstance(record, Footer)
+            for outer in reader.records:
+                for record in _unpacked(outer) if isinstance(outer, Chunk) else [outer]:
+                    yield record
+                    if isinstance(record, Message):
+                        last_ns = max(last_ns or 0, record.log_time)
+                self.complete = isinstance(outer, Footer)
         except EndOfFile:
             pass  # no footer was seen: the file stays incomplete
         except DAMAGE:
@@ -169,7 +171,7 @@ def _read_summary(file: IO[bytes]) -> Summary | None:
         if zlib.crc32(checked) != checksum:
             return None
         file.seek(0)
-        return SeekingReader(file, record_size_limit=_RECORD_LIMIT_BYTES).get_summary()
+        return SeekingReader(file, record_size_limit=_LIMIT_BYTES).get_summary()
     except (*DAMAGE, OSError):  # OSError: shorter than a footer, or a start that is none
         return None
 
@@ -181,6 +183,16 @@ def _whole_chunk(file: IO[bytes], index: ChunkIndex) -> list[McapRecord]:
     chunk = next(StreamReader(data, skip_magic=True, emit_chunks=True).records)
     if not isinstance(chunk, Chunk):
         raise McapError(f"a {type(chunk).__name__} where a chunk should be")
+    return _unpacked(chunk)
+
+
+def _unpacked(chunk: Chunk) -> list[McapRecord]:
+    """Its records; an error of `DAMAGE` if a byte has changed, or it would take far too much."""
+    size = chunk.uncompressed_size
+    if chunk.compression == "zstd":  # which believes the frame's own size, if it has one
+        size = max(size, frame_content_size(chunk.data))
+    if size > _LIMIT_BYTES or chunk.compression not in ("", "zstd"):
+        raise McapError(f"a chunk of {size} bytes that no TAMS has written")
     return breakup_chunk(chunk, validate_crc=True)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from tams_app.recording.topics import (
     Header,
     SessionLog,
 )
-from tams_app.records import EncodedFrame, Tick
+from tams_app.records import EncodedFrame, Phase, Tick
 
 _VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
 
@@ -48,7 +49,8 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
                 log = SessionLog(record, record.started_ns)
             if log is None:
                 break
-            log.add(record)
+            with _as_we_write_it(path, name):
+                log.add(record)
         log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
     if log is None and stream.gaps:
         raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
@@ -80,7 +82,8 @@ def read_records(path: Path) -> Iterator[tuple[int, Any]]:
         if (topic := _TOPICS_BY_NAME.get(name)) is not None:
             record = _decode(path, topic, message.data)
         elif (frame := sent.pop(name, None)) is not None:
-            record = frame.with_data(_video_bytes(message.data))
+            with _as_we_write_it(path, name):
+                record = frame.with_data(_video_bytes(message.data))
         else:
             continue  # viewers' channels, and what a newer version may add
         if isinstance(record, Header):
@@ -110,7 +113,9 @@ def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
             record = _decode(path, TOPICS[FrameSent], message.data)
             sent = record if record.view == view else sent
         elif name == VIDEO_PREFIX + view and sent is not None:
-            yield sent.with_data(_video_bytes(message.data))
+            with _as_we_write_it(path, name):
+                frame = sent.with_data(_video_bytes(message.data))
+            yield frame
             sent = None  # where the next record is missing, its bytes are no other frame's
 
 
@@ -123,22 +128,40 @@ def read_ticks(path: Path) -> Iterator[Tick]:
 
 def _video_bytes(message: bytes) -> bytes:
     payload = wire.fields(message).get(_VIDEO_DATA_FIELD, b"")
-    assert isinstance(payload, bytes)
+    if not isinstance(payload, bytes):
+        raise TypeError("a frame's data are bytes")
     return payload
 
 
 def _decode(path: Path, topic: Any, data: bytes) -> Any:
-    """One record. The checksums have shown the data to be as written, so by another version."""
-    try:
+    """One record."""
+    with _as_we_write_it(path, topic.name):
         record = topic.codec.decode(data)
-        newer = isinstance(record, Header) and record.schema > SCHEMA
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        if isinstance(record, Header):
+            if record.schema > SCHEMA:
+                raise UnreadableLogError(
+                    f"{path}: was written by the newer TAMS {record.version}; read it with that"
+                )
+            _check(record)
+    return record
+
+
+def _check(header: Header) -> None:
+    """ValueError for what no configuration allows, and what reads the log divides by."""
+    shares = [set(header.weights[phase]) for phase in Phase]
+    if not header.views or any(not set(header.views) <= views for views in shares):
+        raise ValueError("each view has a weight in each phase")
+    if header.fps <= 0 or not header.control_rate_hz > 0:
+        raise ValueError("rates are above zero")
+
+
+@contextmanager
+def _as_we_write_it(path: Path, topic: str) -> Iterator[None]:
+    """The checksums have shown the data to be as written: what it fails by is another version's."""
+    try:
+        yield
+    except (AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
         raise UnreadableLogError(
-            f"{path}: {topic.name} is not as TAMS {__version__} writes it; "
+            f"{path}: {topic} is not as TAMS {__version__} writes it; "
             "read this log with the program and version that wrote it"
         ) from error
-    if newer:
-        raise UnreadableLogError(
-            f"{path}: was written by the newer TAMS {record.version}; read it with that"
-        )
-    return record

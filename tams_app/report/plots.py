@@ -59,6 +59,7 @@ _DEFAULTS: Any = {
     "grid.linewidth": 0.5,
     "hatch.linewidth": 0.8,
     "svg.fonttype": "none",  # words, not outlines: they can be searched
+    "text.parse_math": False,  # names of foreign logs are no formulas
     "svg.hashsalt": "tams",  # names by content: no random ones
 } | dict.fromkeys(
     ("text.color", "axes.labelcolor", "axes.edgecolor", "xtick.color", "ytick.color"), INK

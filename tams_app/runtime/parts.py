@@ -64,7 +64,8 @@ class Parts:
         return {name: pid for name, pid in pids.items() if pid is not None}
 
     def poll(self) -> None:
-        """See whether a process has ended."""
+        """See whether a process has ended, and send what one had no room for."""
         for name, process in self._helpers.items():
+            process.resend()
             if process.exit_code is not None:
                 self._fail(f"the helper process {name} ended unasked; see {self.logs}")

@@ -44,6 +44,7 @@ class HelperProcess:
         self._command = [sys.executable, "-m", module, json.dumps(specification)]
         self._log_path = log_directory / f"{name}.log" if log_directory else None
         self._process: subprocess.Popen[bytes] | None = None
+        self._unsent = b""
 
     def start(self) -> None:
         """Start the process without waiting; see `wait_ready`."""
@@ -60,6 +61,8 @@ class HelperProcess:
                     start_new_session=True,
                     pass_fds=self._descriptors,
                 )
+            assert self._process.stdin is not None
+            os.set_blocking(self._process.stdin.fileno(), False)
         except OSError as error:
             raise HelperError(f"{self.name} could not be started: {error.strerror}") from error
         finally:
@@ -92,12 +95,24 @@ class HelperProcess:
         return dict(ready)
 
     def send(self, **facts: Any) -> None:
-        """Hand `facts` to the helper, which knows only what it received last; never waits."""
+        """Hand `facts` to the helper, which knows only what it received last; never waits.
+
+        From a helper that stands still so long that its pipe is full, they are kept until it goes
+        on or newer ones take their place. What it does not do meanwhile is noticed as that: frames
+        that do not come, an arm that does not answer, a sound that is not heard.
+        """
+        self._unsent = json.dumps(facts).encode() + b"\n"
+        self.resend()
+
+    def resend(self) -> None:
+        """Hand over what there was no room for, if there is now; never waits."""
         process = self._process
-        if process is None or process.stdin is None or process.stdin.closed:
+        if not self._unsent or process is None or process.stdin is None or process.stdin.closed:
             return
-        with contextlib.suppress(BrokenPipeError):  # it has ended, which its owner notices
-            os.write(process.stdin.fileno(), json.dumps(facts).encode() + b"\n")
+        # there is no room, or it has ended, which its owner notices
+        with contextlib.suppress(BlockingIOError, BrokenPipeError):
+            os.write(process.stdin.fileno(), self._unsent)  # up to PIPE_BUF: whole or not at all
+            self._unsent = b""
 
     @property
     def pid(self) -> int | None:

@@ -12,14 +12,13 @@ import psutil
 
 from tams_app import __version__
 from tams_app.config import Config
-from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder, Viewers
+from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
 from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import Clock
 from tams_app.session.ros2_bridge import Ros2Bridge
-from tams_app.session.viewing import invite_viewers, metrics_address, viewers_of
-from tams_app.telemetry import Metrics
+from tams_app.session.viewing import invite_viewers, viewers_of
 
 REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
@@ -44,17 +43,11 @@ class Recorders(SessionRecords):
         free_mb, bitstream = config.recording.min_free_mb, config.recording.bitstream
         bridge: Ros2Bridge | None = None
         reference: ReferenceRecorder | None = None
-        metrics: Metrics | None = None
         with ExitStack() as stack:
             if config.recording.ros2 is not None:
                 bridge = Ros2Bridge(config.recording.ros2, header, clock, folder / "helpers")
                 stack.callback(bridge.end)
-            others: list[Viewers] = [] if bridge is None else [bridge]
-            if (address := metrics_address(config)) is not None:
-                metrics = Metrics(address, header, clock)
-                stack.callback(metrics.close)
-                others.append(metrics)
-            viewers = viewers_of(config, others=others)
+            viewers = viewers_of(config, others=[] if bridge is None else [bridge])
             log = Recorder(
                 folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream, viewers
             )
@@ -69,7 +62,6 @@ class Recorders(SessionRecords):
             self._stack = stack.pop_all()
         super().__init__(clock, log, reference, show)
         invite_viewers(config, self.note)
-        self.metrics = metrics
         self._bridge = bridge
         if bridge is not None:
             bridge.listen(estop, self.note)

@@ -188,8 +188,6 @@ class Session(Ending):
         self.parts.poll()
         if failure := self.side.poll():
             self.fail(failure)
-        if self.log.metrics is not None:
-            self.log.metrics.refresh(self.state)
         self.end_if_due()
 
     def fail(self, sentence: str) -> None:

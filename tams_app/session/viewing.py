@@ -35,17 +35,10 @@ def address_of(config: Config) -> Address | None:
     return Address.of(config.recording.foxglove) if config.recording.foxglove else None
 
 
-def metrics_address(config: Config) -> Address | None:
-    """The address for Prometheus; None: there is none. ConfigError if it is no address."""
-    given = config.recording.metrics
-    return Address.of(given, "--metrics", "http") if given else None
-
-
 def check_viewers(config: Config) -> None:
     """ConfigError or SetupError in one sentence if viewers cannot be served as they should."""
-    for address in (address_of(config), metrics_address(config)):
-        if address is not None:
-            check_address(address)
+    if (address := address_of(config)) is not None:
+        check_address(address)
     if config.recording.ros2 is not None:
         require_extra("--ros2")
 
@@ -55,16 +48,12 @@ def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:
     if config.recording.ros2 is not None:
         domain = config.recording.ros2
         note("info", f"published in ROS 2, domain {domain}: all who reach it see this session")
-    for who, address in (
-        ("Foxglove may connect to", address_of(config)),
-        ("Prometheus may scrape", metrics_address(config)),
-    ):
-        if address is None:
-            continue
-        if address.is_private:
-            note("info", f"{who} {address.url}")
-        else:
-            note("warning", f"all who reach {address.url} see this session: no password is asked")
+    if (address := address_of(config)) is None:
+        return
+    if address.is_private:
+        note("info", f"Foxglove may connect to {address.url}")
+    else:
+        note("warning", f"all who reach {address.url} see this session: no password is asked")
 
 
 def viewers_of(

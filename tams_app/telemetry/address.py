@@ -1,4 +1,4 @@
-"""The addresses at which a session is served to viewers and to Prometheus."""
+"""The address at which a session is served to viewers."""
 
 from __future__ import annotations
 
@@ -11,27 +11,25 @@ from tams_app.errors import ConfigError, SetupError
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """The address of this computer at which a session is served, and the option that gives it."""
+    """The address of this computer at which a session is served."""
 
     host: str
     port: int
-    option: str = "--foxglove"
-    scheme: str = "ws"
 
     @staticmethod
-    def of(text: str, option: str = "--foxglove", scheme: str = "ws") -> Address:
+    def of(text: str) -> Address:
         """HOST:PORT (IPv6: [HOST]:PORT); ConfigError if it is not that."""
         host, colon, port = text.rpartition(":")
         host = host.removeprefix("[").removesuffix("]")
         if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-            raise ConfigError(f"{option}: {text!r} is not HOST:PORT, such as 127.0.0.1:8765")
-        return Address(host, int(port), option, scheme)
+            raise ConfigError(f"--foxglove: {text!r} is not HOST:PORT, such as 127.0.0.1:8765")
+        return Address(host, int(port))
 
     @property
     def url(self) -> str:
         """The URL to connect to."""
         host = f"[{self.host}]" if ":" in self.host else self.host
-        return f"{self.scheme}://{host}:{self.port}"
+        return f"ws://{host}:{self.port}"
 
     @property
     def is_private(self) -> bool:
@@ -68,6 +66,6 @@ def bound(address: Address) -> socket.socket:
 def refusal(address: Address, why: str) -> SetupError:
     """The error of an address that is not to be had."""
     return SetupError(
-        f"{address.option}: nothing can connect at {address.host}:{address.port} ({why}): "
+        f"--foxglove: nothing can connect at {address.host}:{address.port} ({why}): "
         "give another HOST:PORT of this computer"
     )

@@ -58,6 +58,20 @@ def test_a_helper_hears_what_it_is_told_and_telling_one_that_has_ended_harms_nob
     process.send(fps=5)
 
 
+def test_a_helper_that_stands_still_holds_up_nothing_and_gets_the_last_once_it_goes_on(tmp_path):
+    process = helper(tmp_path, "listen for the last")
+    process.start()
+    process.wait_ready()
+    os.kill(process.pid, signal.SIGSTOP)
+    for number in range(10_000):
+        process.send(number=number, last=number == 9_999)
+    os.kill(process.pid, signal.SIGCONT)
+    while process._unsent:
+        process.resend()
+    assert process.wait_ready() == {"number": 9_999, "last": True}
+    process.stop()
+
+
 def test_a_helper_that_cannot_work_says_why_in_one_sentence(tmp_path):
     process = helper(tmp_path, "fail")
     process.start()

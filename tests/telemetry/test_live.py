@@ -28,7 +28,7 @@ from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
 from tams_app.telemetry import Address
 from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
-from tests.scraping import free_port
+from tests.free_port import free_port
 from tests.synthetic_session import START_NS, header, tick
 from tests.telemetry.test_telemetry import shown_frames
 
