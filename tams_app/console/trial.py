@@ -65,6 +65,7 @@ class LiveTrialRunner:
         try:
             shown = LiveTrial(trial, config.trial.limit_s, session)
             show_session(session, self._console, shown.words, signals.append, trial=shown)
+            session.require_whole_log()
             with waiting("writing the summary", self._console):
                 write_summary(folder)
         except TamsError as failure:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,7 +24,6 @@ from tams_app.faces.messages import (
     ReplayFacts,
     TrialFacts,
 )
-from tams_app.recording import LOG_NAME
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
@@ -52,6 +51,10 @@ class FacedSession(CommandedSession, Protocol):
     @property
     def displays(self) -> Displays:
         """The displays that the operator steers by; a face adds itself when it opens."""
+
+    @property
+    def recorded_mb(self) -> float | None:
+        """Size of its log so far; None where it has none."""
 
     @property
     def screen(self) -> FrameBlock:
@@ -218,14 +221,6 @@ class SessionFace:
         self._stack.callback(worker.stop)
         worker.start()
 
-    def _recorded_mb(self) -> float | None:
-        """Size of the session's log; None where there is none, or its size tells too much."""
-        if self._trial is not None or self._replay is not None:
-            return None
-        with suppress(OSError):
-            return (self._session.folder / LOG_NAME).stat().st_size / 1e6
-        return None
-
     def _specification(self) -> dict[str, Any]:
         """The arguments that its process is started with, besides its socket."""
         return {}
@@ -250,7 +245,8 @@ class SessionFace:
         trial = None if self._trial is None else self._trial.facts_of(state)
         replay = None if self._replay is None else self._replay.facts()
         facts = facts_of(state, tuple(self._notices), trial, replay)
-        return replace(facts, recorded_mb=self._recorded_mb())
+        # in a trial its size tells too much
+        return replace(facts, recorded_mb=None if self._trial else self._session.recorded_mb)
 
     def _on_event(self, event: Event) -> None:
         """In a thread of the face's own."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 
@@ -148,15 +149,22 @@ class Present:
         self._camera_fits = camera_fits
         self._then: tuple[ArmHeard, Pose, int, bool] | None = None
         self._sent_ns = 0
+        self._failed = False
+        self.on_failure: Callable[[Exception], None] | None = None
+        """Gets a failure, after which nothing is told any more; None: it is raised."""
 
     def sent(self, sample: ControllerSample, now_ns: int) -> None:
         """A sample is on its way; from now on the arm is believed to be where it leads.
 
         Of 120 samples a second each second one is taken: the rest would cost, and tell no more.
         """
-        if 0 <= now_ns - self._sent_ns < _EACH_NS:
+        if 0 <= now_ns - self._sent_ns < _EACH_NS or self._failed:
             return
         self._sent_ns = now_ns
+        with self._spared():
+            self._follow(sample, now_ns)
+
+    def _follow(self, sample: ControllerSample, now_ns: int) -> None:
         self._model.sent(sample, now_ns)
         forecast = self._model.at(now_ns)
         if forecast is None or self._then is None:
@@ -187,8 +195,20 @@ class Present:
             offset_ns: the clock that frames are captured by, minus ours.
             closed: the gripper is.
         """
-        if self._model.heard(state, way_ns):
-            self._then = state, self._mount(state.joints), offset_ns, closed
+        with self._spared():
+            if not self._failed and self._model.heard(state, way_ns):
+                self._then = state, self._mount(state.joints), offset_ns, closed
+
+    @contextmanager
+    def _spared(self) -> Iterator[None]:
+        """What sends samples and receives states goes on without what only a screen needs."""
+        try:
+            yield
+        except Exception as error:
+            if self.on_failure is None:
+                raise
+            self._failed = True
+            self.on_failure(error)
 
 
 class CorrectedView(ABC):

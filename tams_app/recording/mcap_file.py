@@ -65,6 +65,10 @@ class McapFile:
         """Whether what waits is as much as a chunk should hold: time to `flush`."""
         return self._chunks.waiting_bytes >= CHUNK_BYTES
 
+    @property
+    def size_bytes(self) -> int:
+        return self._offset
+
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
         self._finish_chunk()

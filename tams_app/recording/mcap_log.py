@@ -6,6 +6,8 @@ Our records go out as JSON with a schema, video as Foxglove's own messages.
 from __future__ import annotations
 
 import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,6 +62,7 @@ class McapLog:
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
         self._viewers: Viewers | None = None
+        self.viewers_failure = ""  # why nothing is derived for viewers any more
         try:
             self._viewers = None if viewers is None else viewers(self._context, header)
             self._write_record(header, HEADER.time_ns(header))
@@ -76,14 +79,22 @@ class McapLog:
             item = OutcomeGiven(now_ns, item)
         if not isinstance(item, EncodedFrame | ShownFrame):  # the latter is for viewers alone
             self._write_record(item, TOPICS[type(item)].time_ns(item))
-        if self._viewers is not None:
-            self._viewers.receive(item, now_ns)
+        if self._viewers is not None and not self.viewers_failure:
+            with self._spared():
+                self._viewers.receive(item, now_ns)
         if self._file.chunk_is_full:
             self.flush()
 
+    @property
+    def size_bytes(self) -> int:
+        """What was handed to the system so far; the disk is not asked."""
+        return self._file.size_bytes
+
     def wants_pixels(self, shown: ShownFrame) -> bool:
         """Whether a frame shown is to be written with its pixels, too; each view in one thread."""
-        return self._viewers is not None and self._viewers.wants(shown.view, shown.shown_ns)
+        if self._viewers is None or self.viewers_failure:
+            return False
+        return self._viewers.wants(shown.view, shown.shown_ns)
 
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
@@ -92,8 +103,17 @@ class McapLog:
     def close(self) -> None:
         """Finish the file, or cut it after its last whole chunk; may be called twice."""
         if self._viewers is not None:
-            self._viewers.close()
+            with self._spared():
+                self._viewers.close()
         self._file.close()
+
+    @contextmanager
+    def _spared(self) -> Iterator[None]:
+        """A viewer's failure is never the log's; the owner asks for it."""
+        try:
+            yield
+        except Exception as error:  # noqa: BLE001 - viewers may be anything
+            self.viewers_failure = f"viewers get nothing any more: {error!r}"
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))

@@ -28,8 +28,10 @@ CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
 SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
 PAUSE_S = 0.0002  # ... for this long: a control tick never waits longer for it
+LOST = "records are missing from the log: its disk is too slow or stood still"
 FLUSH_NS = 800 * NS_PER_MS
 SPACE_CHECK_NS = NS_PER_S
+HANGS_NS = 2 * NS_PER_S  # what waits then still has room
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
@@ -99,6 +101,23 @@ class Recorder(QueuedWriter[Record]):
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._log = McapLog(path, header, bitstream, viewers)
+        self._began_ns: int | None = None  # to write; None: nothing is being written
+
+    def troubles(self) -> list[str]:
+        """What its owner has to know now, a sentence each; of any thread, and without waiting."""
+        began_ns, found = self._began_ns, []
+        if began_ns is not None and self._clock.now_ns() - began_ns > HANGS_NS:
+            found.append("the log's disk takes nothing: if it goes on so, records will be missing")
+        if self.dropped:
+            found.append(LOST)
+        if self._log.viewers_failure:
+            found.append(self._log.viewers_failure)
+        return found
+
+    @property
+    def size_bytes(self) -> int:
+        """Of the log so far."""
+        return self._log.size_bytes
 
     def record(self, item: Record) -> None:
         """Queue one record; a frame's pixels are let go at once, but for the few viewers get."""
@@ -120,14 +139,15 @@ class Recorder(QueuedWriter[Record]):
         try:
             next_flush_ns = next_check_ns = self._clock.now_ns()
             while not stop.wait(POLL_S):
+                self._began_ns = now_ns = self._clock.now_ns()
                 self._write_queued()
-                now_ns = self._clock.now_ns()
                 if now_ns >= next_flush_ns:
                     self._log.flush()
                     next_flush_ns = now_ns + FLUSH_NS
                 if now_ns >= next_check_ns:
                     require_reserve(self._directory, self._reserve_mb)
                     next_check_ns = now_ns + SPACE_CHECK_NS
+                self._began_ns = None
             self._write_queued()
             self._note_dropped()
             self._log.flush()

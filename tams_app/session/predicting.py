@@ -70,7 +70,7 @@ def follow_states(
     if not _told(config, log, mount):
         return ()
     assert mount is not None
-    present = present_of(config, _logged(log, mount.put), lambda: mount.camera_fits)
+    present = _spared(log, present_of(config, _logged(log, mount.put), lambda: mount.camera_fits))
     states = LateStates(present, resolve_network(config, config.network))
     parts.run("prediction", lambda stop: states.run(stop, clock))
     return (states,)
@@ -115,7 +115,7 @@ def linked_present(
     if moves_by is None:
         log.note("warning", _NOT_KNOWN)
         return None
-    return present_of(moves_by, _logged(log, mount.put), lambda: mount.camera_fits)
+    return _spared(log, present_of(moves_by, _logged(log, mount.put), lambda: mount.camera_fits))
 
 
 def _logged(
@@ -128,6 +128,14 @@ def _logged(
         log.record(prediction)
 
     return told
+
+
+def _spared(log: Journal, present: Present) -> Present:
+    """`present`, whose failure is not the session's: frames are shown as received from then on."""
+    present.on_failure = lambda error: log.note(
+        "warning", f"the prediction failed ({error!r}): frames are shown as received"
+    )
+    return present
 
 
 def _told(config: Config, log: Journal, mount: MountMemory | None) -> bool:

@@ -62,6 +62,8 @@ class Recorders(SessionRecords):
             self._stack = stack.pop_all()
         super().__init__(clock, log, reference, show)
         invite_viewers(config, self.note)
+        self._recorder = log
+        self._warned: set[str] = set()
         self._bridge = bridge
         if bridge is not None:
             bridge.listen(estop, self.note)
@@ -71,6 +73,23 @@ class Recorders(SessionRecords):
     def bridge_pid(self) -> int | None:
         """Of the bridge to ROS 2; None where there is none, or none any more."""
         return None if self._bridge is None else self._bridge.pid
+
+    def poll(self) -> None:
+        """Warn, once each, of what is wrong with the log or its viewers."""
+        for trouble in self._recorder.troubles():
+            if trouble not in self._warned:
+                self._warned.add(trouble)
+                self.note("warning", trouble)
+
+    @property
+    def size_mb(self) -> float:
+        """Of the log so far."""
+        return self._recorder.size_bytes / 1e6
+
+    @property
+    def lost(self) -> int:
+        """Records that are missing from the log."""
+        return self._recorder.dropped
 
     def close(self) -> None:
         """Write what is queued and finish the files."""

@@ -174,6 +174,11 @@ class Session(Ending):
         return self.side.station.screen
 
     @property
+    def recorded_mb(self) -> float | None:
+        """The size of its log so far."""
+        return self.log.size_mb
+
+    @property
     def mount(self) -> MountMemory | None:
         """Where the camera on the arm is, by which its frames are corrected; None: none are."""
         return None if self.side.station is None else self.side.station.mount
@@ -188,6 +193,7 @@ class Session(Ending):
         self.parts.poll()
         if failure := self.side.poll():
             self.fail(failure)
+        self.log.poll()
         self.end_if_due()
 
     def fail(self, sentence: str) -> None:
@@ -228,6 +234,13 @@ class Session(Ending):
             self.stop_arm()
         finally:
             self._unwind()
+        if self.config.recording.episodes:
+            self.require_whole_log()
+
+    def require_whole_log(self) -> None:
+        """For what is to be evaluated or learned from: one that lacks records is a failure."""
+        if self.log.lost and not self.failure:
+            self.failure = f"{self.log.lost} records are missing from the log; record this anew"
 
     def _unwind(self) -> None:
         try:

@@ -53,6 +53,7 @@ class PlayedSession:
     """A session that shows nothing new, and notes what is asked of it and when."""
 
     mount = None  # all frames are shown as received
+    recorded_mb = None
 
     def __init__(self, folder: Path, config: str = "tams.yaml", headset: str = "never") -> None:
         self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": headset})

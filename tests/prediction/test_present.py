@@ -237,3 +237,19 @@ def test_a_description_has_the_tool_and_survives_its_way_to_another_process():
     expected = WristWarp(LENS, (part,)).to_now(frame, THEN, NOW)
     assert (shown.image == expected.image).all()
     assert (shown.image != show(trail_of()).image).any()
+
+
+def test_a_prediction_that_fails_is_told_once_and_holds_up_neither_hand_nor_states():
+    failures: list[Exception] = []
+
+    def broken(_joints):
+        raise RuntimeError("no such pose")
+
+    sides = Sides(way=6, back=6)
+    present = Present(sides.model, broken, lambda _: None, lambda: True)
+    present.on_failure = failures.append
+    sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
+    sides.engage()
+    for _ in range(20):
+        sides.step()
+    assert [str(one) for one in failures] == ["no such pose"]

@@ -44,6 +44,18 @@ def test_a_failure_stops_the_arm_before_it_is_told(
     assert session.ended.is_set()
 
 
+def test_a_log_that_lacks_records_fails_what_is_to_be_evaluated(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = run(load_config(None), VirtualClock(), tmp_path)
+    monkeypatch.setattr(session, "_log", SimpleNamespace(lost=0))
+    session.require_whole_log()
+    assert session.failure == ""
+    monkeypatch.setattr(session, "_log", SimpleNamespace(lost=22_780))
+    session.require_whole_log()
+    assert session.failure == "22780 records are missing from the log; record this anew"
+
+
 def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -180,6 +180,10 @@ class ReplaySession:
     def note(self, level: str, text: str) -> None:
         self.sentences.note(text)
 
+    @property
+    def recorded_mb(self) -> None:
+        """It records nothing."""
+
     def stop_arm(self) -> None:
         """There is none."""
 

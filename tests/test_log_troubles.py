@@ -1,0 +1,95 @@
+"""What becomes of a log whose disk hangs or whose viewers fail."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import pytest
+from foxglove import Context
+
+from tams_app.recording import Recorder, read_log
+from tams_app.recording.writer import CAPACITY, HANGS_NS, LOST
+from tams_app.runtime.clock import VirtualClock
+from tests.synthetic_session import header, tick
+
+pytestmark = pytest.mark.waiting
+
+
+def never_fails(name: str, failure: BaseException) -> None:
+    raise AssertionError(name) from failure
+
+
+class Broken:
+    """A viewer that fails at each of its methods that it is named after."""
+
+    def __init__(self, at: str) -> None:
+        self._at = at
+
+    def receive(self, record: Any, now_ns: int) -> None:
+        if self._at == "receive":
+            raise RuntimeError("a viewer")
+
+    def wants(self, view: str, shown_ns: int) -> bool:
+        return False
+
+    def close(self) -> None:
+        if self._at == "close":
+            raise RuntimeError("a viewer")
+
+
+def recorder(path: Path, clock: VirtualClock, at: str = "") -> Recorder:
+    def viewers(_context: Context, _header: Any) -> Broken:
+        return Broken(at)
+
+    return Recorder(path, header(), clock, 0, never_fails, viewers=viewers)
+
+
+def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock, hangs, goes_on = VirtualClock(), threading.Event(), threading.Event()
+    log = recorder(tmp_path / "session.mcap", clock)
+    write = log._log.write
+
+    def hanging(item: Any, now_ns: int) -> None:
+        hangs.set()
+        assert goes_on.wait(60)
+        write(item, now_ns)
+
+    monkeypatch.setattr(log._log, "write", hanging)
+    log.start()
+    log.record(tick(0))
+    assert hangs.wait(60)
+    assert log.troubles() == []
+    clock.advance_ns(HANGS_NS + 1)
+    (sentence,) = log.troubles()
+    assert sentence.startswith("the log's disk takes nothing")
+    for number in range(CAPACITY + 5):
+        log.record(tick(number))
+    assert log.troubles()[-1] == LOST
+    assert log.dropped == 5
+    goes_on.set()
+    log.close()
+    assert "5 records are missing" in read_log(tmp_path / "session.mcap").notes[-1].text
+
+
+def test_a_viewer_that_fails_costs_the_log_nothing(tmp_path: Path) -> None:
+    log = recorder(tmp_path / "session.mcap", VirtualClock(), "receive")
+    log.start()
+    for number in range(10):
+        log.record(tick(number))
+    log.close()
+    assert len(read_log(tmp_path / "session.mcap").ticks) == 10
+    (sentence,) = log.troubles()
+    assert sentence.startswith("viewers get nothing any more: RuntimeError")
+
+
+def test_a_viewer_that_cannot_be_closed_leaves_a_log_that_is_whole(tmp_path: Path) -> None:
+    log = recorder(tmp_path / "session.mcap", VirtualClock(), "close")
+    log.record(tick(0))
+    log.start()
+    log.close()
+    log.close()
+    assert not read_log(tmp_path / "session.mcap").truncated
