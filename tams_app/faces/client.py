@@ -18,6 +18,7 @@ from tams_app.errors import HelperError, SetupError
 from tams_app.faces.facts_memory import FactsWriter
 from tams_app.faces.messages import (
     LONGEST,
+    Beat,
     Event,
     Facts,
     Keys,
@@ -60,6 +61,7 @@ class FaceClient:
         self._socket: socket.socket | None = None
         self.keys: Keys | None = None  # as they were sent last
         self.heard_ns: int | None = None  # when anything was
+        self.seen_ns = 0  # as in `Keys`
 
     def launch(self, log_directory: Path | None, **specification: Any) -> None:
         """Start its process and wait until it has what it needs; SetupError if that refuses.
@@ -155,6 +157,8 @@ class FaceClient:
         self.heard_ns = self._clock.now_ns()
         if isinstance(event, Keys):
             self.keys = event
+        if isinstance(event, Keys | Beat):
+            self.seen_ns = event.seen_ns
         on_event(event)
 
 

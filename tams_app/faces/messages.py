@@ -158,7 +158,9 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     held: their names as GDK has them (`w`, also with Shift, `Left`, `Shift_L`), in the order of
     pressing. A key that repeats itself stays in it, one whose release the window cannot see (it has
     no focus) leaves it.
+    focused: it has the focus, and the operator sees it (`faces.window.sight`).
     drawings: how often the window has drawn new pictures so far.
+    seen_ns: when what the operator saw last was painted, 0 before.
     presses: how often each key has gone down, by name: one may go down and up between two looks.
     """
 
@@ -167,13 +169,15 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     held: tuple[str, ...]
     drawings: int = 0
     presses: dict[str, int] = {}
+    seen_ns: int = 0
 
 
 class Beat(msgspec.Struct, frozen=True, tag="beat"):
-    """A face without keys works; `drawings` as in `Keys`."""
+    """A face without keys works; `drawings` and `seen_ns` as in `Keys`."""
 
     t_ns: int
     drawings: int
+    seen_ns: int = 0
 
 
 class FaceClosed(msgspec.Struct, frozen=True, tag="gone"):

@@ -162,7 +162,10 @@ class Keyboard:
         return self.focused and self._has_shift and SHIFTS.isdisjoint(self._held.values())
 
     def focus(self, focused: bool, now_ns: int) -> None:
-        """The window gets or loses the focus: without it no release is seen, so no key is held."""
+        """The window gets or loses the focus: without it no release is seen, so no key is held.
+
+        A window that the operator does not see has none (`faces.window.sight`).
+        """
         self.focused = focused
         self._held.clear()
         self._free.clear()
@@ -171,7 +174,7 @@ class Keyboard:
 
     def press(self, code: int, name: str, now_ns: int) -> bool:
         """A press or a repeat of it; whether it is a new press."""
-        if code in self._held:
+        if not self.focused or code in self._held:
             return False
         before_ns = max(self._focused_ns, self._seen_ns.get(code, 0))
         self._seen_ns[code] = now_ns

@@ -18,6 +18,7 @@ class Toolkit:
     Gtk: Any
     Gdk: Any
     GLib: Any
+    Gio: Any
 
 
 def draws_in_software(devices: Path = Path("/dev")) -> bool:
@@ -52,14 +53,14 @@ def load() -> Toolkit:
         for module in ("Gtk", "Gdk"):
             gi.require_version(module, "4.0")
         gi.require_foreign("cairo")
-        from gi.repository import Gdk, GLib, Gtk
+        from gi.repository import Gdk, Gio, GLib, Gtk
     except (ImportError, ValueError) as error:
         raise SetupError(
             f"GTK 4 is missing ({error}): run `apt-get install gir1.2-gtk-4.0`"
         ) from error
     if not Gtk.init_check() or Gdk.Display.get_default() is None:
         raise SetupError("the display does not answer")
-    return Toolkit(Gtk, Gdk, GLib)
+    return Toolkit(Gtk, Gdk, GLib, Gio)
 
 
 def screen_size() -> tuple[int, int]:

@@ -32,6 +32,7 @@ from tams_app.faces.window.panels import (
     key_list,
 )
 from tams_app.faces.window.picture import PicturePlace, texture_of
+from tams_app.faces.window.sight import Sight
 from tams_app.faces.window.size_memory import Size
 from tams_app.faces.window.style import (
     DESIGN_HEIGHT,
@@ -99,7 +100,7 @@ class OperatorWindow:
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
         self._history = History()
-        self._drawings = 0
+        self._drawings = self._shade = 0
         self._figures_ns = 0
         self._silence_ns = 0  # when to show the duration of a silence anew
         self._looked_ns = clock.now_ns()
@@ -113,7 +114,8 @@ class OperatorWindow:
         GLib = self._modules.GLib
         self.window.present()
         GLib.timeout_add(LOOK_MS, self._look)
-        GLib.timeout_add(round(BEAT_S * 1000), self._beat, priority=GLib.PRIORITY_HIGH)
+        after_keys = GLib.PRIORITY_DEFAULT + 1  # what the desktop has sent is taken in before
+        GLib.timeout_add(round(BEAT_S * 1000), self._beat, priority=after_keys)
 
     @property
     def size(self) -> Size:
@@ -164,10 +166,14 @@ class OperatorWindow:
         for part in (main, self._timeline.widget):
             part.add_css_class(LIVE_CLASS)
         self._keys = key_list(self._key_help)
+        one, first = {"content_width": 1, "content_height": 1}, Gtk.Align.START
+        self._pixel = Gtk.DrawingArea(**one, halign=first, valign=first, can_target=False)
+        self._pixel.set_draw_func(self._draw_pixel)
         overlay = Gtk.Overlay(child=self._frame)
         overlay.add_overlay(self._keys)
         self._end = EndPanel()
         overlay.add_overlay(self._end.widget)
+        overlay.add_overlay(self._pixel)
         self.window.set_child(overlay)
         self._adapt()
         self._show_places()
@@ -283,7 +289,6 @@ class OperatorWindow:
         self._keyboard.modifiers(has_shift, self._clock.now_ns())
 
     def _focus_changed(self, *_: Any) -> None:
-        self._keyboard.focus(self.window.is_active(), self._clock.now_ns())
         self._beat()
 
     def _toggle_fullscreen(self) -> None:
@@ -306,19 +311,26 @@ class OperatorWindow:
 
     def _beat(self) -> bool:
         self._look_at_modifiers()
-        if self._clock.now_ns() - self._looked_ns > _NOT_LOOKING_NS:
+        self._pixel.queue_draw()  # whether or not there is anything new: paints are a sign of life
+        keyboard, sight = self._keyboard, self._sight
+        has_keys = sight.look() and self.window.is_active()
+        now_ns = self._clock.now_ns()
+        if has_keys != keyboard.focused:
+            keyboard.focus(has_keys, now_ns)
+        if now_ns - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
-        keyboard = self._keyboard
         self._report(
             Keys(
-                self._clock.now_ns(),
-                keyboard.focused,
-                keyboard.held,
-                self._drawings,
-                keyboard.presses,
+                now_ns, has_keys, keyboard.held, self._drawings, keyboard.presses, sight.seen_ns
             )
         )
         return True
+
+    def _draw_pixel(self, _area: Any, context: Any, *_: Any) -> None:
+        """A shade that is not seen, and never the same twice: what has not changed is not sent."""
+        self._shade ^= 1
+        context.set_source_rgba(0.0, 0.0, 0.0, self._shade / 255)
+        context.paint()
 
     # --- what is shown --------------------------------------------------------------------------
 
@@ -328,11 +340,14 @@ class OperatorWindow:
         GLib.idle_add(lambda: not self._look(), priority=GLib.PRIORITY_DEFAULT)
 
     def _realized(self, window: Any) -> None:
+        self._sight = Sight(window, self._clock)
         window.get_frame_clock().connect("after-paint", lambda _clock: self._painted())
 
     def _painted(self) -> None:
         put_ns, self._put_ns = self._put_ns, 0
-        self._display.step(DISPLAY, put_ns, self._clock.now_ns())
+        now_ns = self._clock.now_ns()
+        self._sight.painted(now_ns)
+        self._display.step(DISPLAY, put_ns, now_ns)
 
     def _look(self) -> bool:
         now_ns = self._clock.now_ns()

@@ -5,7 +5,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import pytest
 
@@ -52,24 +54,34 @@ class ShownWindow:
 def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
     """The window of the default configuration at 1280x720, with the focus; its keys count."""
     folder = tmp_path_factory.mktemp("window")
+    with (
+        pytest.MonkeyPatch.context() as patch,
+        virtual_screen(folder, patch) as screen,
+        shown_window(folder, screen) as shown,
+    ):
+        yield shown
+
+
+@contextmanager
+def shown_window(folder: Path, screen: Screen, title: str = "TAMS") -> Iterator[ShownWindow]:
+    """The window on the display of the environment; `title`: of what gets the focus on `screen`."""
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
     video = config.video
-    with pytest.MonkeyPatch.context() as patch, virtual_screen(folder, patch) as screen:
-        block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
-        client = FaceClient(MonotonicClock(), WINDOW)
-        client.launch(folder)
-        client.open(config, block, blind=False)
-        with feeding(client) as feeder:
-            shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
-            hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
-            hearing.start()
-            screen.focus("TAMS")
-            assert wait_for(lambda: client.keys is not None and client.keys.focused)
-            time.sleep(REPEAT_NS / NS_PER_S)  # a key sooner may have been down before the focus
-            try:
-                yield shown
-            finally:
-                stop.set()
-                hearing.join()
-        client.close()
-        block.close()
+    block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+    client = FaceClient(MonotonicClock(), WINDOW)
+    client.launch(folder)
+    client.open(config, block, blind=False)
+    with feeding(client) as feeder:
+        shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
+        hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
+        hearing.start()
+        screen.focus(title)
+        assert wait_for(lambda: client.keys is not None and client.keys.focused)
+        time.sleep(REPEAT_NS / NS_PER_S)  # a key sooner may have been down before the focus
+        try:
+            yield shown
+        finally:
+            stop.set()
+            hearing.join()
+    client.close()
+    block.close()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import os
 import shutil
+import signal
 import struct
 import subprocess
 import time
@@ -145,6 +146,33 @@ def virtual_screen(
     finally:
         server.terminate()
         server.wait(10)
+
+
+@contextmanager
+def compositor(screen: Screen, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A Wayland compositor in a window of `screen`, for as long as the context lasts; its pid."""
+    if shutil.which("weston") is None:
+        pytest.skip("needs weston (see apt-packages.txt)")
+    folder.chmod(0o700)
+    with (folder / "weston.log").open("w") as log:
+        program = subprocess.Popen(
+            [
+                *("weston", "--backend=x11-backend.so", "--use-pixman", "--shell=kiosk-shell.so"),
+                *("--width=1280", "--height=720", "--socket=tams-test", "--no-config"),
+                "--idle-time=0",
+            ],
+            stdout=log,
+            stderr=log,
+        )
+    monkeypatch.setenv("WAYLAND_DISPLAY", "tams-test")
+    monkeypatch.delenv("DISPLAY")
+    try:
+        assert wait_for((folder / "tams-test").exists), (folder / "weston.log").read_text()
+        yield program.pid
+    finally:
+        program.send_signal(signal.SIGCONT)
+        program.terminate()
+        program.wait(10)
 
 
 def wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> bool:

@@ -1,0 +1,127 @@
+"""What the operator cannot see is not seen: no key is held, and no frame counts."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tams_app.faces.messages import Keys
+from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.faces.window.sight import PAINTED_NS
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.faces.window.conftest import ShownWindow, shown_window
+from tests.faces.window.logind import logind
+from tests.faces.window.xvfb import Screen, compositor, virtual_screen, wait_for
+
+pytestmark = pytest.mark.waiting
+
+
+@pytest.fixture
+def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
+    with virtual_screen(tmp_path, monkeypatch) as found:
+        yield found
+
+
+def keys_of(window: ShownWindow) -> Keys:
+    assert window.client.keys is not None
+    return window.client.keys
+
+
+def hold(window: ShownWindow) -> None:
+    """Hold the keys that move the arm."""
+    window.screen.xdotool("keydown", "Shift_L", "keydown", "a")
+    assert wait_for(lambda: set(keys_of(window).held) == {"Shift_L", "a"}), keys_of(window)
+
+
+def lets_go_unseen(window: ShownWindow) -> None:
+    """It reports on, and by then that nothing is held; what was seen stays as old as it is."""
+    assert wait_for(lambda: not keys_of(window).focused)
+    assert keys_of(window).held == ()
+    seen_ns, reported = keys_of(window).seen_ns, len(window.events)
+    assert wait_for(lambda: len(window.events) > reported + 20)
+    assert (keys_of(window).seen_ns, keys_of(window).held) == (seen_ns, ())
+    assert keys_of(window).t_ns - seen_ns > 100 * NS_PER_MS
+
+
+def is_seen_again(window: ShownWindow) -> None:
+    """Only what is pressed from now on is held."""
+    before_ns = time.monotonic_ns()
+    assert wait_for(lambda: keys_of(window).focused and keys_of(window).seen_ns > before_ns)
+    assert keys_of(window).held == ()
+    window.screen.xdotool("keyup", "a", "keyup", "Shift_L")
+    time.sleep(REPEAT_NS / NS_PER_S)  # a key sooner may have been down before
+    hold(window)
+
+
+def test_what_a_compositor_shows_that_stands_still_is_not_seen(
+    screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (
+        compositor(screen, tmp_path, monkeypatch) as pid,
+        shown_window(tmp_path, screen, ".*") as window,
+    ):
+        hold(window)
+        os.kill(pid, signal.SIGSTOP)
+        lets_go_unseen(window)
+        screen.xdotool("keyup", "a", "keyup", "Shift_L", "key", "Return")
+        os.kill(pid, signal.SIGCONT)
+        is_seen_again(window)
+        assert window.commands() == [], "what was pressed before the screen was new confirms nothing"
+
+
+def test_a_window_without_new_video_is_seen_all_the_same(screen: Screen, tmp_path: Path) -> None:
+    with shown_window(tmp_path, screen) as window:
+        before = len(window.events)
+        assert wait_for(lambda: len(window.events) > before + 100)
+        ages = [k.t_ns - k.seen_ns for k in window.events[before:] if isinstance(k, Keys)]
+        assert sorted(ages)[len(ages) // 2] < PAINTED_NS
+        assert keys_of(window).drawings == 0
+
+
+def test_what_an_x_server_shows_that_stands_still_is_not_seen(
+    screen: Screen, tmp_path: Path
+) -> None:
+    with shown_window(tmp_path, screen) as window:
+        hold(window)
+        os.kill(screen.pid, signal.SIGSTOP)
+        time.sleep(1.0)
+        last = keys_of(window)
+        assert time.monotonic_ns() - last.t_ns > NS_PER_S // 2, "it reports nothing"
+        before = len(window.events)
+        os.kill(screen.pid, signal.SIGCONT)
+        assert wait_for(lambda: len(window.events) > before)
+        first = next(event for event in window.events[before:] if isinstance(event, Keys))
+        assert first.held == ()
+        assert first.seen_ns - last.t_ns < NS_PER_S // 2, "nothing that the server took later"
+        is_seen_again(window)
+
+
+def test_a_window_that_is_not_mapped_is_not_seen(screen: Screen, tmp_path: Path) -> None:
+    with shown_window(tmp_path, screen) as window:
+        hold(window)
+        number = screen.xdotool("search", "--onlyvisible", "--name", "TAMS").split()[0]
+        screen.xdotool("windowunmap", "--sync", number)
+        lets_go_unseen(window)
+        screen.xdotool("windowmap", "--sync", number)
+        screen.focus("TAMS")
+        is_seen_again(window)
+
+
+@pytest.mark.parametrize(("name", "hidden"), [("LockedHint", True), ("Active", False)])
+def test_what_a_lock_or_another_session_hides_is_not_seen(
+    screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, hidden: bool
+) -> None:
+    with (
+        logind(tmp_path, monkeypatch) as change,
+        shown_window(tmp_path, screen) as window,
+    ):
+        hold(window)
+        change(name, hidden)
+        lets_go_unseen(window)
+        change(name, not hidden)
+        is_seen_again(window)
