@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from hw.desk.desk_controller import DeskController, Reading
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig
-from tams_app.records import ControllerStatus, Presses
+from tams_app.records import ControllerSample, ControllerStatus, Presses
 from tams_app.runtime.mailbox import Mailbox
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
 
 # By key, the axis and its direction: forward, left, up. The same keys turn about the axis that
@@ -25,6 +25,8 @@ _AXES: Mapping[str, tuple[int, float]] = {
 }
 DEADMAN, MODE, CLOSE, OPEN = "shift", "m", "c", "o"
 KEYS = frozenset((*_AXES, DEADMAN, MODE, CLOSE, OPEN))  # that mean something here
+TAP_M = 0.0015  # that one press of a key moves the hand, and no more until it counts as held
+TAP_NS = 250 * NS_PER_MS  # a tap of 100 ms whose release is read 150 ms late is still one
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,45 @@ class HeldKeys:
     presses: Mapping[str, int] = field(default_factory=dict)
 
 
+class Taps:
+    """How far each key deflects its axis: a press by a step, a key that stays down in full; pure.
+
+    When a key is read as up depends on what else the window draws, how often it went down does not.
+    So for TAP_NS a press asks for the same whether the key is up again or not.
+    """
+
+    def __init__(self, speed_m_s: float) -> None:
+        """`speed_m_s`: of the hand at full deflection."""
+        self._share = min(TAP_M / (TAP_NS / NS_PER_S) / speed_m_s, 1.0)
+        self._presses: Mapping[str, int] = {}
+        self._down_ns: dict[str, int] = {}  # since when
+        self._step_ns: dict[str, int] = {}  # until when its presses move the hand
+
+    def step(self, now_ns: int, held: HeldKeys) -> dict[str, float]:
+        """By key, 0 to 1; without the deadman nothing is begun, and nothing goes on."""
+        before, self._presses = self._presses, held.presses
+        if DEADMAN not in held.keys:
+            self._down_ns.clear()
+            self._step_ns.clear()
+            return {}
+        return {
+            key: self._of(key, held.presses.get(key, 0) - before.get(key, 0), now_ns, held)
+            for key in _AXES
+        }
+
+    def _of(self, key: str, presses: int, now_ns: int, held: HeldKeys) -> float:
+        if key not in held.keys:
+            self._down_ns.pop(key, None)
+        elif presses or key not in self._down_ns:
+            self._down_ns[key], presses = now_ns, max(presses, 1)
+        elif now_ns - self._down_ns[key] >= TAP_NS:
+            return 1.0
+        if presses:
+            begin_ns = max(self._step_ns.get(key, 0), now_ns)
+            self._step_ns[key] = min(begin_ns + presses * TAP_NS, now_ns + 2 * TAP_NS)
+        return self._share if now_ns < self._step_ns.get(key, 0) else 0.0
+
+
 class KeyboardController(DeskController):
     """A hand that the held keys move; Shift is the deadman.
 
@@ -55,6 +96,13 @@ class KeyboardController(DeskController):
         super().__init__(config, rotation)
         self._held: Mailbox[HeldKeys] = Mailbox()
         self._started = False
+        self._taps = Taps(config.speed_m_s)
+        self._amounts: dict[str, float] = {}
+
+    def sample(self, now_ns: int) -> ControllerSample:
+        if (held := self._held.latest()) is not None:
+            self._amounts = self._taps.step(now_ns, held)
+        return super().sample(now_ns)
 
     def start(self) -> None:
         """Listen; the window need not be there yet."""
@@ -72,19 +120,23 @@ class KeyboardController(DeskController):
             return Reading(ControllerStatus.STANDBY, 0)
         if not held.focused:
             return Reading(ControllerStatus.STANDBY, held.t_ns)
-        return Reading(ControllerStatus.OK, held.t_ns, deflection_of(held.keys, held.presses))
+        return Reading(
+            ControllerStatus.OK, held.t_ns, deflection_of(held.keys, held.presses, self._amounts)
+        )
 
     def close(self) -> None:
         self._started = False
         self._held = Mailbox()
 
 
-def deflection_of(keys: frozenset[str], presses: Mapping[str, int]) -> Deflection:
-    """What the held keys ask for; opposite keys cancel each other."""
+def deflection_of(
+    keys: frozenset[str], presses: Mapping[str, int], amounts: Mapping[str, float] | None = None
+) -> Deflection:
+    """What the held keys ask for, or of each as much as `Taps` has it; opposite ones cancel out."""
     axes = [0.0, 0.0, 0.0]
-    for key in keys & _AXES.keys():
+    for key in (keys & _AXES.keys()) if amounts is None else amounts:
         axis, direction = _AXES[key]
-        axes[axis] += direction
+        axes[axis] += direction * (1.0 if amounts is None else amounts[key])
     forward, left, up = axes
     return Deflection(
         linear=(forward, left, up),

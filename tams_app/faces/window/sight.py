@@ -47,7 +47,6 @@ class Sight:
         stood_still, self._stood_still = self._stood_still, False
         if (
             not is_viewable
-            or stood_still
             or hidden
             or not self._window.get_mapped()
             or self._is_locked()
@@ -55,7 +54,7 @@ class Sight:
         ):
             return False
         self.seen_ns = self._taken_ns
-        return True
+        return not stood_still  # a key may have gone up meanwhile
 
     def _is_locked(self) -> bool:
         """True while the screen is locked, or another session is in the foreground."""

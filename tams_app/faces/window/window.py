@@ -100,6 +100,8 @@ class OperatorWindow:
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
         self._history = History()
+        # GTK paints at PRIORITY_HIGH_IDLE + 20; looks that are more urgent leave it no time
+        self._after_paints = self._modules.GLib.PRIORITY_HIGH_IDLE + 30
         self._drawings = self._shade = 0
         self._figures_ns = 0
         self._silence_ns = 0  # when to show the duration of a silence anew
@@ -113,7 +115,7 @@ class OperatorWindow:
         """Show it, and begin to look for what is new."""
         GLib = self._modules.GLib
         self.window.present()
-        GLib.timeout_add(LOOK_MS, self._look)
+        GLib.timeout_add(LOOK_MS, self._look, priority=self._after_paints)
         after_keys = GLib.PRIORITY_DEFAULT + 1  # what the desktop has sent is taken in before
         GLib.timeout_add(round(BEAT_S * 1000), self._beat, priority=after_keys)
 
@@ -320,9 +322,7 @@ class OperatorWindow:
         if now_ns - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
         self._report(
-            Keys(
-                now_ns, has_keys, keyboard.held, self._drawings, keyboard.presses, sight.seen_ns
-            )
+            Keys(now_ns, has_keys, keyboard.held, self._drawings, keyboard.presses, sight.seen_ns)
         )
         return True
 
@@ -337,7 +337,7 @@ class OperatorWindow:
     def _on_arrival(self) -> None:
         """In a thread of its own: the large picture's view has a new frame."""
         GLib = self._modules.GLib
-        GLib.idle_add(lambda: not self._look(), priority=GLib.PRIORITY_DEFAULT)
+        GLib.idle_add(lambda: not self._look(), priority=self._after_paints)
 
     def _realized(self, window: Any) -> None:
         self._sight = Sight(window, self._clock)

@@ -71,7 +71,9 @@ def test_what_a_compositor_shows_that_stands_still_is_not_seen(
         screen.xdotool("keyup", "a", "keyup", "Shift_L", "key", "Return")
         os.kill(pid, signal.SIGCONT)
         is_seen_again(window)
-        assert window.commands() == [], "what was pressed before the screen was new confirms nothing"
+        assert window.commands() == [], (
+            "what was pressed before the screen was new confirms nothing"
+        )
 
 
 def test_a_window_without_new_video_is_seen_all_the_same(screen: Screen, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from itertools import combinations
 
+import numpy as np
 import pytest
 
 from hw.desk.desk_controller import Reading
@@ -12,7 +13,7 @@ from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig, HandConfig
 from tams_app.records import ControllerStatus, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.vectors import Floats3
+from tams_app.vectors import Floats3, floats
 
 pytestmark = pytest.mark.untimed
 
@@ -123,3 +124,55 @@ def test_a_key_that_was_down_for_less_than_a_sample_has_been_pressed(
     sample = keyboard.sample(NS_PER_S)
     assert sample.presses == Presses(grip=1, a=2, b=3)
     assert not any((sample.grip, sample.a, sample.b))
+
+
+def moved_mm(
+    keyboard: KeyboardController, taps_ms: list[tuple[int, int]], looks_ms: int, first_ms: int
+) -> float:
+    """The way of the hand until long after the taps (down, up), read once in `looks_ms`."""
+    beginning, way = None, 0.0
+    for now_ms in range(0, 4000, 8):
+        read_ms = (now_ms - first_ms) // looks_ms * looks_ms + first_ms
+        keys = {DEADMAN} | {"a" for down, up in taps_ms if down <= read_ms < up}
+        presses = {"a": sum(down <= read_ms for down, _ in taps_ms)}
+        t_ns = NS_PER_S + now_ms * NS_PER_MS
+        keyboard.feed(HeldKeys(frozenset(keys), True, t_ns, presses))
+        pose = keyboard.sample(t_ns).pose
+        assert pose is not None
+        beginning = pose.position if beginning is None else beginning
+        way = 1000 * float(np.linalg.norm(pose.position - beginning))
+    return way
+
+
+@pytest.mark.parametrize("first_ms", [0, 37, 90])
+@pytest.mark.parametrize("looks_ms", [8, 40, 100, 150])
+@pytest.mark.parametrize("tap_ms", [2, 12, 20, 50, 100])
+def test_each_tap_moves_a_millimetre_or_two_however_rarely_keys_are_read(
+    tap_ms: int, looks_ms: int, first_ms: int, keyboard: KeyboardController
+) -> None:
+    taps = [(500 * n, 500 * n + tap_ms) for n in range(1, 4)]
+    assert 3.0 <= moved_mm(keyboard, taps, looks_ms, first_ms) <= 6.0
+
+
+def test_a_key_that_stays_down_moves_the_hand_at_full_speed(keyboard: KeyboardController) -> None:
+    way_mm = moved_mm(keyboard, [(500, 2500)], 20, 0)
+    assert way_mm == pytest.approx(1000 * DeskConfig().speed_m_s * 1.75, rel=0.05)
+
+
+def test_without_the_deadman_a_tap_is_none_and_a_step_ends_at_once(
+    keyboard: KeyboardController,
+) -> None:
+    def feed(now_ms: int, *keys: str, presses: int) -> Floats3:
+        t_ns = NS_PER_S + now_ms * NS_PER_MS
+        keyboard.feed(HeldKeys(frozenset(keys), True, t_ns, {"a": presses}))
+        pose = keyboard.sample(t_ns).pose
+        assert pose is not None
+        return floats(pose.position)
+
+    at_rest = feed(0, "a", presses=1)
+    assert feed(8, DEADMAN, presses=1) == feed(16, DEADMAN, presses=1) == at_rest
+    feed(24, DEADMAN, presses=2)
+    moving = feed(32, DEADMAN, presses=2)
+    assert moving != at_rest
+    assert feed(40, presses=2) == feed(48, presses=2) == moving
+    assert feed(56, DEADMAN, presses=2) == feed(64, DEADMAN, presses=2) == moving
