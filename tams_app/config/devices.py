@@ -69,6 +69,9 @@ class ControllerConfig(Section):
     window; `gamepad`; `spacemouse`; `sim`, the simulated operator; `auto`: sim on the rig, else
     openvr."""
     desk: DeskConfig = DeskConfig()
+    remote_seat: bool = False
+    """Whether keys may move a real arm from a remote desktop or terminal, where their release may
+    come late or never."""
     hand: Literal["right", "left"] = "right"
     """Which hand's controller moves the arm."""
     mapping: dict[ControllerType, MappingConfig] = Field(default_factory=dict)

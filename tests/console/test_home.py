@@ -72,7 +72,10 @@ class Lab:
         rig = config.rig.model_copy(update={"enabled": False})
         # a machine that stands still for a moment is not what stops the arm here
         fresh = config.freshness.model_copy(update={"arm_state_ms": 2000.0})
-        return config.model_copy(update={"arm": arm, "rig": rig, "freshness": fresh})
+        # whoever runs the tests may sit elsewhere
+        controller = config.controller.model_copy(update={"remote_seat": True})
+        changes = {"arm": arm, "rig": rig, "freshness": fresh, "controller": controller}
+        return config.model_copy(update=changes)
 
     def hold_enter(self) -> None:
         """An operator who holds Enter from now on."""
@@ -372,6 +375,15 @@ def test_enter_that_was_pressed_before_the_path_was_shown_moves_nothing(lab: Lab
     assert screen.pressed
     moves = [request for request in lab.model.wire if request.register == Register.MOVE_JOINT]
     assert moves == []
+
+
+def test_home_over_ssh_moves_nothing(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
+    config = lab.config()
+    controller = config.controller.model_copy(update={"remote_seat": False})
+    with pytest.raises(SetupError, match="the terminal is remote"):
+        run_home(config.model_copy(update={"controller": controller}), lab.terminal)
+    assert lab.model.wire == []
 
 
 def test_home_is_for_hardware_and_for_a_terminal(lab: Lab) -> None:

@@ -255,6 +255,18 @@ def test_the_keyboard_s_hand_needs_a_display(
         app.show_session(session, Console(quiet=True))
 
 
+def test_keys_over_ssh_move_no_real_arm(
+    screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
+    session = PlayedSession(tmp_path, "lite6.yaml")
+    controller = session.config.controller.model_copy(update={"device": "keyboard"})
+    session.config = session.config.model_copy(update={"controller": controller})
+    with pytest.raises(SetupError, match="the desktop is remote"):
+        app.show_session(session, Console(quiet=True))
+    assert window_processes() == []
+
+
 def test_closing_the_window_ends_the_session_and_the_arm_stops_first(
     screen: Screen, tmp_path: Path
 ) -> None:

@@ -126,7 +126,7 @@ class KeyboardOperator(VirtualOperator):
         self._keyboard = KeyboardController(config.controller.desk, config.hand.rotation)
         self._keys, self._next_ns = NO_KEYS, START_NS + 2 * NS_PER_S
 
-    def told(self, truth: Callable[[], SceneTruth], confirm: Callable[[], None]) -> None:
+    def told(self, truth: Callable[[], SceneTruth], confirm: Callable[[int], None]) -> None:
         self._work, self._confirm = Person(truth).work(), confirm
 
     def take_controller(self) -> Controller:
@@ -135,7 +135,7 @@ class KeyboardOperator(VirtualOperator):
 
     def look(self, now_ns: int) -> None:
         if now_ns - START_NS < NS_PER_S:
-            self._confirm()
+            self._confirm(now_ns)
         elif now_ns >= self._next_ns:
             self._keys = next(self._work) | {DEADMAN}
             self._next_ns = now_ns + TAP_NS
