@@ -48,7 +48,7 @@ def _described(one: InForce) -> str:
         f"  {f'replaced {one.replaced}' if one.replaced else 'the first of its kind'}",
     ]
     if origin.get("simulated"):
-        lines.append("  something simulated had a part in it")
+        lines.append("  made with simulated data")
     if reason := origin.get("unfounded"):
         lines.append(f"  unfounded: {reason}")
     quality = origin.get("quality")

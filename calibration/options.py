@@ -19,7 +19,7 @@ class WizardOptions:
 
     config: ConfigOption = None
     sim: Annotated[
-        bool, typer.Option("--sim", help="The simulated rig, and a simulated person.")
+        bool, typer.Option("--sim", help="Use the simulated rig and a simulated person.")
     ] = False
     logs: Annotated[
         list[Path],
@@ -29,7 +29,7 @@ class WizardOptions:
         Path | None,
         typer.Option("--figure", "--picture", help="Draw the result to this .png or .jpg."),
     ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Of what is simulated.")] = 0
+    seed: Annotated[int, typer.Option(min=0, help="Seed for the simulation.")] = 0
     yes: Annotated[bool, typer.Option("--yes", help="Write the result without asking.")] = False
 
 
@@ -46,7 +46,7 @@ class CameraOptions(WizardOptions):
     ] = ""
     square_mm: Annotated[
         float,
-        typer.Option(min=5, max=200, help="lens, mount: a square of the printed board, measured."),
+        typer.Option(min=5, max=200, help="lens, mount: measured side of a printed square."),
     ] = 36.0
 
 
@@ -59,9 +59,9 @@ class FrameOptions(WizardOptions):
         typer.Option(metavar="POINTS.csv", help="Touch these points (x_mm, y_mm, z_mm) instead."),
     ] = None
     keep_scale: Annotated[
-        bool, typer.Option("--keep-scale", help="--touch: leave hand.translation_scale alone.")
+        bool, typer.Option("--keep-scale", help="--touch: do not change hand.translation_scale.")
     ] = False
-    buttons: Annotated[bool, typer.Option(help="Press each button first.")] = True
+    buttons: Annotated[bool, typer.Option(help="Check each button first.")] = True
     rounds: Annotated[int, typer.Option(min=1, max=6, help="Strokes along each axis.")] = 2
 
 
@@ -72,7 +72,7 @@ class FitOptions(WizardOptions):
     accept_unfounded: Annotated[
         bool,
         typer.Option(
-            "--accept-unfounded", help="With --yes: also a result that the figures do not support."
+            "--accept-unfounded", help="--yes: accept a result that its figures do not support."
         ),
     ] = False
 
@@ -82,20 +82,20 @@ class PhaseOptions(FitOptions):
     """Options of `calibrate phases`."""
 
     mark: Annotated[
-        bool, typer.Option("--mark", help="Mark the phases of each LOG in its replay, by keys.")
+        bool, typer.Option("--mark", help="Mark the phases of each LOG by keys during its replay.")
     ] = False
     trials: Annotated[
-        int | None, typer.Option(help="--sim: to learn from; default 10.", show_default=False)
+        int | None, typer.Option(help="--sim: trials to fit on; default 10.", show_default=False)
     ] = None
     held_out: Annotated[
         int | None,
         typer.Option(
-            min=0, help="--sim: to judge by only; default as --trials.", show_default=False
+            min=0, help="--sim: trials to test on; default as --trials.", show_default=False
         ),
     ] = None
     goal_height_mm: Annotated[
         float | None,
-        typer.Option(help="Align and pre-release only so low over the goal; default any height."),
+        typer.Option(help="Align and pre-release only below this height over the goal."),
     ] = None
 
 
@@ -104,14 +104,14 @@ class WeightOptions(FitOptions):
     """Options of `calibrate weights`."""
 
     ratings: Annotated[
-        Path | None, typer.Option(help="Build from the rating files in there, without asking.")
+        Path | None, typer.Option(help="Use the rating files in this folder, without asking.")
     ] = None
     folder: Annotated[
-        Path | None, typer.Option(help="Where clips and ratings are kept; default logs/weights.")
+        Path | None, typer.Option(help="Folder for clips and ratings; default logs/weights.")
     ] = None
     panel: Annotated[
-        str, typer.Option(help="--sim: paper (prefers its Table I's views) or indifferent.")
+        str, typer.Option(help="--sim: paper (prefers the views of its Table I) or indifferent.")
     ] = "paper"
     context_s: Annotated[
-        float, typer.Option(min=0, max=2, help="Also shown before and after each phase.")
+        float, typer.Option(min=0, max=2, help="Seconds shown before and after each phase.")
     ] = 0.0

@@ -115,7 +115,7 @@ _GLOBAL_OPTIONS = ("-h", "--help", "--version", "--install-completion", "--show-
 _CTRL_C = 130  # 128 + SIGINT, as shells have it; also what typer makes of a KeyboardInterrupt
 
 
-def _show_version(wanted: bool) -> None:
+def _version(wanted: bool) -> None:
     if wanted:
         typer.echo(f"TAMS {__version__}")
         raise typer.Exit
@@ -124,7 +124,7 @@ def _show_version(wanted: bool) -> None:
 @app.callback()
 def _tams(
     version: Annotated[
-        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="And exit.")
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
     """Task-aware multi-view adaptive streaming for wireless telerobotic manipulation.
@@ -194,7 +194,7 @@ def init(
     file: Annotated[Path, typer.Argument(metavar="[FILE]")] = Path("YOUR.yaml"),
     model: Annotated[str | None, typer.Option(help="The kind of arm, such as lite6.")] = None,
     host: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Of the arm's control box.")
+        str | None, typer.Option(metavar="ADDRESS", help="Address of the control box.")
     ] = None,
     hand: HandOption = None,
     side: Annotated[
@@ -202,12 +202,10 @@ def init(
     ] = None,
     camera: Annotated[
         list[str] | None,
-        typer.Option(
-            metavar="VIEW=SERIAL_OR_PATH", help="A view's camera; once for each view; none: later."
-        ),
+        typer.Option(metavar="VIEW=SERIAL_OR_PATH", help="Camera of a view; repeat for each view."),
     ] = None,
 ) -> None:
-    """Write a configuration for your arm, cameras and controller; asks for what is not given."""
+    """Create a configuration for your arm, cameras and controller."""
     from calibration.first_file import Answers, write_first_file
     from calibration.ui import WizardUI
 

@@ -60,16 +60,15 @@ def test_steps_of_the_rate_are_listed_and_the_sentence_has_the_last_reason_and_r
         CameraRates(START_NS, 20.0, "the machine was measured", {}, {}),
         CameraRates(START_NS + NS_PER_S, 20.0, "", {}, {}),
         CameraRates(START_NS + 2 * NS_PER_S, 10.0, "5 % of the control ticks were late", {}, {}),
-        CameraRates(START_NS + 4 * NS_PER_S, 15.0, "5 s without trouble", {}, {}),
+        CameraRates(START_NS + 4 * NS_PER_S, 15.0, "the machine kept up for 5 s", {}, {}),
     ]
     assert summarise(log)["rates"]["steps"] == [
         {"t_s": 0.0, "fps": 20.0, "reason": "the machine was measured"},
         {"t_s": 2.0, "fps": 10.0, "reason": "5 % of the control ticks were late"},
-        {"t_s": 4.0, "fps": 15.0, "reason": "5 s without trouble"},
+        {"t_s": 4.0, "fps": 15.0, "reason": "the machine kept up for 5 s"},
     ]
     told = shortfall_of(log)
-    assert "stepped down, because 5 % of the control ticks were late, and" in told
-    assert "were asked for 15 at the end;" in told
+    assert "slowed down because 5 % of the control ticks were late, at the end to 15 " in told
 
 
 def test_a_rate_that_was_only_where_the_session_began_is_not_told_as_the_sessions() -> None:
@@ -77,21 +76,23 @@ def test_a_rate_that_was_only_where_the_session_began_is_not_told_as_the_session
     measured = "the machine was measured to hold no more at the start"
     log.rates = [
         CameraRates(START_NS, 10.0, measured, {}, {}),
-        CameraRates(START_NS + NS_PER_S, 20.0, "5 s without trouble", {}, {}),
+        CameraRates(START_NS + NS_PER_S, 20.0, "the machine kept up for 5 s", {}, {}),
     ]
     told = shortfall_of(log)
-    assert f"stepped down, because {measured}, and were asked for 20 at the end;" in told
+    assert f"slowed down because {measured}, at the end to 20 per second:" in told
 
 
 def test_cameras_that_give_too_few_are_told_from_an_application_that_takes_too_few() -> None:
     real = {"rig": {"enabled": False}}
-    assert "the cameras gave no more, as many do in dim light; add light" in shortfall_of(
+    assert "The cameras delivered no more, as many do in dim light: add light" in shortfall_of(
         thinned(2, config=real)
     )
     log = thinned(2, config=real)
     log.rates = [CameraRates(START_NS, 30.0, "", {}, dict.fromkeys(VIEWS, 14.0))]
-    assert "the application missed the others; close other programs" in shortfall_of(log)
-    assert "the machine drew no more" in shortfall_of(thinned(2, config={"rig": {"enabled": True}}))
+    assert "The application missed the others: close other programs" in shortfall_of(log)
+    assert "The machine rendered no more" in shortfall_of(
+        thinned(2, config={"rig": {"enabled": True}})
+    )
 
 
 def test_damaged_frames_are_counted_by_view_and_are_the_reason_where_too_few_came() -> None:

@@ -147,7 +147,7 @@ class _Fitted:
 
 
 def _start(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
-    """Of OpenCV's methods the mount, and the board, that are nearest in pixels."""
+    """Initial mount and board poses: those of OpenCV's methods with the least pixel error."""
     seen = [board_in_camera(lens, view.view) for view in views]
     flanges = [view.flange for view in views]
     candidates: list[tuple[float, int, tuple[Pose, Pose]]] = []

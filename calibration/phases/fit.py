@@ -1,4 +1,4 @@
-"""Thresholds from labelled trials, with the accuracy that each trial has without having a say."""
+"""Thresholds fitted to labelled trials, with leave-one-out accuracy."""
 
 from __future__ import annotations
 

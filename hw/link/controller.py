@@ -35,27 +35,26 @@ _ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing 
 class LinkController(Controller):
     """The newest sample that may move the arm; `take` and `sample` are for the control thread.
 
-    A sample counts if it cannot be older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`), and
-    the echo of our own stamp in it not than `longest_silence_ms`: what was queued during an outage
-    is counted and left out, and so is what is sent by who has received nothing of the arm.
-    Its times become ours by the shortest way that a message has taken in the last 300 ms, so that a
-    pose of a steady hand comes at a steady rate, and what is queued makes it older. They never go
-    back, and what has not changed keeps its time. Where the way has become shorter by more than
-    5 ms or `LinkConfig.jitter_ms`, at most 50 (a queue has drained, the route is another) poses
-    wait for 50 ms, after which the hand begins anew (`HandMotion`): else what it did in a longer
-    time would be taken for a faster hand. If a sample comes by the longer way within 51 ms, those
-    before were single ones that something faster has carried: of them buttons and status count,
-    their poses do not, and the times stay those of the longer way. By less, times become less by
-    and by: meanwhile they are newer than the hand by up to that much.
+    A sample counts if it cannot be older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`) and
+    echoes a stamp of ours that is at most `longest_silence_ms` old. This drops samples queued
+    during an outage, and those of an operator who receives nothing; dropped ones are counted.
+    Their times are converted to our clock by the shortest one-way delay of the last 300 ms, so
+    that poses of a steady hand keep a steady rate and queueing makes them older. Times never
+    decrease, and unchanged values keep theirs. When the delay falls by more than 5 ms or
+    `LinkConfig.jitter_ms`, at most 50 (a queue drained, the route changed), poses are ignored for
+    50 ms, and the hand's motion restarts (`HandMotion`); otherwise motion of a longer time would
+    pass for a faster hand. If a sample with the longer delay arrives within 51 ms, the faster ones
+    were exceptions: their buttons and status count, their poses do not, and the longer delay stays
+    in use. A smaller decrease is applied gradually; until then times are too new by the rest.
 
-    A break is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`,
-    be it that others were lost, refused or late. Where the way jitters, what half of the samples
-    take beyond the shortest way is added, at most 25 ms: the hand slows down then, and no sample is
-    missing. After three breaks within a second each sample that would be OK is one with too many
-    gaps, until the second is over: who chooses what is lost could steer by it.
+    A break is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`
+    because others were lost, refused or late. Under jitter the median excess over the shortest
+    delay is added, at most 25 ms: the hand slows down then, but no sample is missing. After three
+    breaks within a second, samples have the status of too many gaps until that second is over, as
+    an attacker who chooses what is lost could otherwise steer the arm.
 
-    Without a sample whose pose counts for `lost_after_ms` the link has a gap, from `fault_after_ms`
-    on it is lost. It is lost at once where another operator comes, or the one who is there goes.
+    Without a pose that counts for `lost_after_ms` the link has a gap, after `fault_after_ms` it is
+    lost. It is lost at once when another operator connects or the current one leaves.
     """
 
     def __init__(

@@ -123,7 +123,7 @@ class Lite6Connection:
 
     @property
     def broken(self) -> bool:
-        """True if only new connections will help; the stop's mends itself."""
+        """True if only new connections will help; the stop's recovers by itself."""
         return self._closed or self.sender.link.fault is LinkFault.LOST or not self._reports_come
 
     @property

@@ -250,14 +250,14 @@ def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
     if session.config.controller.device == "keyboard":
         session.note(
             "info",
-            "press Enter in the window to arm the arm; hold Shift, and W A S D R F move it; "
+            "press Enter in the window to arm; hold Shift, and W A S D R F move the arm; "
             "Space stops it, F1 lists all keys",
         )
     elif has_keys or has_window:
         button = f" (or hold {hand.confirm} for a second)" if hand.confirm else ""
         session.note(
             "info",
-            f"release {hand.deadman} and press Enter{button} to arm the arm; Space stops it",
+            f"release {hand.deadman} and press Enter{button} to arm; Space stops the arm",
         )
     elif hand.confirm:
         session.note(
@@ -281,7 +281,7 @@ def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
     if not has_window:
         session.note(
             "warning",
-            "this computer shows no frames: arm the arm only if the operator sees them elsewhere",
+            "this computer shows no video: arm only if the operator sees it elsewhere",
         )
 
 

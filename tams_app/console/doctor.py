@@ -1,4 +1,4 @@
-"""`run_tams.py doctor`: looks at the machine and reports, line by line, what to mend."""
+"""`run_tams.py doctor`: checks this machine, and reports how to fix what is missing."""
 
 from __future__ import annotations
 

@@ -71,8 +71,10 @@ def end_of(
     if summary is not None:
         told = task_verdict(summary)
         headline = headline if failure else told[:1].upper() + told[1:]
-        reason = summary["outcome"]["reason"] or "why it ended is not known"
-        lines.append(f"{summary['duration_s']:.1f} s; {reason}")
+        reason = summary["outcome"]["reason"] or "reason unknown"
+        is_timed = summary["outcome"].get("completion_time_s") is not None
+        when = "" if is_timed else f" after {summary['duration_s']:.1f} s"
+        lines.append(f"Ended{when}: {reason}")
         lines += _stop_lines(summary)
         lines.append(f"Report: {folder / PAGE_NAME}")
     else:

@@ -30,36 +30,35 @@ def export(
         str,
         typer.Option(
             "--format",
-            help="rosbag2 (ROS 2; a bag for each session) or lerobot (LeRobotDataset v3.0; an "
-            "episode for each, or each kept one of theirs).",
+            help="rosbag2 (one ROS 2 bag per session) or lerobot (LeRobotDataset v3.0: one episode "
+            "per session, or each of its kept episodes).",
             autocompletion=lambda: list(FORMATS),
         ),
     ],
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where to; by default in the session's own.")
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder to write to; default in the session's folder."),
     ] = None,
-    task: Annotated[
-        str, typer.Option(help="What the sessions show, in words; lerobot.")
-    ] = ExportOptions.task,
+    task: Annotated[str, typer.Option(help="lerobot: the task, in words.")] = ExportOptions.task,
     only_success: Annotated[
-        bool, typer.Option("--only-success", help="Leave out what was no success; lerobot.")
+        bool, typer.Option("--only-success", help="lerobot: leave out unsuccessful episodes.")
     ] = False,
     keep_idle: Annotated[
         bool,
         typer.Option(
             "--keep-idle",
-            help="Also the time before the arm is first engaged and after the placing; lerobot.",
+            help="lerobot: keep the time before the arm first moves and after the block is placed.",
         ),
     ] = False,
     with_damaged: Annotated[
         bool,
         typer.Option(
             "--with-damaged",
-            help="Of a log that is damaged or cut off, the longest part that is whole; lerobot.",
+            help="lerobot: from a damaged or cut-off log, export the longest intact part.",
         ),
     ] = False,
 ) -> None:
-    """Write session logs in the format of another program; the logs stay as they are."""
+    """Convert session logs for other programs: a rosbag2 or a LeRobot dataset."""
     from tams_app.console.report import session_log
     from tams_app.printing import Console
 

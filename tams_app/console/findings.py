@@ -18,7 +18,7 @@ TRIED_TIMEOUT_S = 60
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing looked at: whether it is there, if TAMS runs without it, and what mends it."""
+    """One thing looked at: whether it is there, if TAMS runs without it, and how to fix it."""
 
     what: str
     ok: bool
@@ -49,14 +49,14 @@ def examine(config: Config, checks: Sequence[Check]) -> Iterator[Finding]:
                 yield replace(found, fix="") if found.ok else found
         except Exception as error:  # noqa: BLE001  a library that is missing or broken, for one
             name = check.__name__.replace("_", " ")
-            fix = "mend what is named above; if nothing is, report this line"
+            fix = "fix what is missing above; if nothing is, report this line"
             yield Finding(f"Check of {name}", False, f"{type(error).__name__}: {error}", fix)
 
 
 def verdict(broken: int) -> str:
     """The last line, below the findings."""
     if broken:
-        return f"{broken} of these must be mended before TAMS can run."
+        return f"{broken} of these must be fixed before TAMS can run."
     return "All that TAMS needs is here."
 
 

@@ -29,7 +29,7 @@ def _topics() -> list[str]:
 SessionArgument = Annotated[Path, typer.Argument(metavar="SESSION", help="A session folder.")]
 TopicArgument = Annotated[
     str,
-    typer.Argument(help="Such as /phase; docs/LOG.md has them all.", autocompletion=_topics),
+    typer.Argument(help="Such as /phase; docs/LOG.md lists all topics.", autocompletion=_topics),
 ]
 
 
@@ -44,15 +44,16 @@ def report(
     log: Annotated[Path, typer.Argument(help="A session folder.")],
     other: Annotated[
         Path | None,
-        typer.Argument(help="That of the other computer: `robot` and `operate`, in any order."),
+        typer.Argument(help="The other computer's session folder; either order."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Make summary.json, report.html and bitrates.png anew from a log, or from two sides' logs.
+    """Recreate summary.json, report.html and bitrates.png from a log.
 
-    From a log that is damaged or cut off, summary.json says "complete": false and what is missing;
-    a complete one from before is kept as summary.json.before. That of two sides has the frames as
-    they were shown, and what the link did; it is written into the folder of the robot's side.
+    For a log that is damaged or cut off, summary.json has "complete": false and what is missing; an
+    earlier complete one is kept as summary.json.before. Given the folders of `robot` and `operate`,
+    the report also covers the frames as they were shown, and the link; it is written to the folder
+    of `robot`.
     """
     from tams_app.console.report import report_both, report_session
     from tams_app.printing import Console
@@ -67,19 +68,19 @@ def report(
 
 def replay(
     log: Annotated[Path, typer.Argument(help="A session folder.")],
-    speed: Annotated[float, typer.Option(help="Times the real speed.")] = 1.0,
+    speed: Annotated[float, typer.Option(help="Playback speed; 1 is real time.")] = 1.0,
     headless: HeadlessOption = False,
     recompute: Annotated[
         bool,
         typer.Option(
             "--recompute",
-            help="Instead, feed what was recorded through today's code, and compare: exit code 1 "
-            "if it differs.",
+            help="Instead, recompute what was recorded with the current code and compare; exit "
+            "code 1 if it differs.",
         ),
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Show a session again from its log, in the window and on the terminal; nothing moves."""
+    """Play back a session from its log; the arm does not move."""
     if recompute:
         from tams_app.console.replay.recompute import run_recompute
 
@@ -94,11 +95,11 @@ def replay(
 @log_app.command("list")
 def list_sessions(
     directory: Annotated[
-        Path, typer.Argument(metavar="DIR", help="Where the session folders are.")
+        Path, typer.Argument(metavar="DIR", help="The folder that holds the session folders.")
     ] = Path("logs"),
     as_json: JsonOption = False,
 ) -> None:
-    """The sessions in a folder, with what each came to (from its summary.json)."""
+    """List the sessions in a folder and their outcomes (from summary.json)."""
     from rich.table import Table
 
     from tams_app.printing import Console
@@ -124,12 +125,12 @@ def show(
     topic: Annotated[
         str,
         typer.Option(
-            help="Print this topic's messages, a JSON object each.", autocompletion=_topics
+            help="Print this topic's messages, one JSON object per line.", autocompletion=_topics
         ),
     ] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """The topics of a session's log, how much there is of each and from when to when."""
+    """List the topics of a session's log: messages, size, first and last time."""
     from dataclasses import asdict
 
     from rich.table import Table
@@ -167,7 +168,7 @@ def to_csv(
     topic: TopicArgument,
     out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
 ) -> None:
-    """One topic of a session's log as a table, nested fields as columns."""
+    """Write one topic of a session's log as CSV, nested fields as columns."""
     from tams_app.console.report import session_log
     from tams_app.recording.tables import columns_of, write_csv
 

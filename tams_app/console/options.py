@@ -33,10 +33,10 @@ def _devices() -> list[str]:
     return list(DEVICES)
 
 
-STRATEGY_HELP = "equal, static, tams, tams+ or an installed one."
+STRATEGY_HELP = "How views share the bitrate: equal, static, tams, tams+ or an installed one."
 
 SimOption = Annotated[
-    bool, typer.Option("--sim", help="The simulated arm and cameras, not the config's.")
+    bool, typer.Option("--sim", help="Use the simulated arm and cameras, not the configured ones.")
 ]
 StrategyOption = Annotated[
     str | None, typer.Option(help=STRATEGY_HELP, autocompletion=lambda: list(STRATEGIES))
@@ -47,23 +47,25 @@ PresetOption = Annotated[
 ]
 BudgetOption = Annotated[
     str | None,
-    typer.Option(help="feedback, sender or oracle.", autocompletion=lambda: list(BUDGETS)),
+    typer.Option(
+        help="Source of the budget: feedback, sender or oracle.", autocompletion=lambda: [*BUDGETS]
+    ),
 ]
 NetworkOption = Annotated[
     str | None,
-    typer.Option(help="s1, s2, s3, none or a trace file.", autocompletion=network_names),
+    typer.Option(help="Emulate s1, s2, s3, none or a trace file.", autocompletion=network_names),
 ]
 OperatorOption = Annotated[
     str | None,
     typer.Option(
-        help="Of the simulated rig: auto, seeing or scripted.",
+        help="Simulated operator: auto, seeing or scripted.",
         autocompletion=lambda: list(get_args(OperatorKind)),
     ),
 ]
 SecondsOption = Annotated[float | None, typer.Option(help="End after this many seconds.")]
-SeedOption = Annotated[int | None, typer.Option(help="Of scene, noise and losses.")]
+SeedOption = Annotated[int | None, typer.Option(help="Seed of scene, noise and packet loss.")]
 FpsOption = Annotated[
-    int | None, typer.Option(help="Frames a second of each view, kept also if it is too much.")
+    int | None, typer.Option(help="Frame rate of each view, held even if the machine falls behind.")
 ]
 HandOption = Annotated[
     str | None,
@@ -72,11 +74,11 @@ HandOption = Annotated[
         autocompletion=lambda: ["auto", *_devices(), "sim"],
     ),
 ]
-HeadlessOption = Annotated[bool, typer.Option("--headless", help="No window.")]
+HeadlessOption = Annotated[bool, typer.Option("--headless", help="Open no window.")]
 ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Everything but motion of the arm.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Do everything except move the arm.")]
 ReferenceOption = Annotated[
-    bool, typer.Option("--record-reference", help="Keep lossless captures too.")
+    bool, typer.Option("--record-reference", help="Also record the camera images without loss.")
 ]
 EpisodesOption = Annotated[
     bool, typer.Option("--episodes", help="A row of episodes, each kept or discarded by key.")
@@ -84,8 +86,8 @@ EpisodesOption = Annotated[
 PredictOption = Annotated[
     str | None,
     typer.Option(
-        help="Draw late frames as they would look now: eih (of a camera on the arm), all (besides, "
-        "in the other views, an outline of where the arm is now) or off.",
+        help="Compensate for delay: eih (redraws the wrist camera's frames as they would look "
+        "now), all (eih, and outlines the arm's current pose in the other views) or off.",
         autocompletion=lambda: ["eih", "all", "off"],
     ),
 ]
@@ -103,17 +105,17 @@ Ros2Option = Annotated[
         help=f"Publish the session in ROS 2 while it runs; by default in domain {ROS2}.",
     ),
 ]
-OutOption = Annotated[Path | None, typer.Option(help="Where session folders are made.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="For a program to read.")]
+OutOption = Annotated[Path | None, typer.Option(help="Folder for the session folders.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 KeyOption = Annotated[
     Path | None,
-    typer.Option("--key", help="This computer's key, a file; none needed on loopback."),
+    typer.Option("--key", help="This computer's key file; not needed on loopback."),
 ]
 KeysOption = Annotated[
     Path | None,
     typer.Option(
         "--key",
-        help="The operator's key, a file, or a folder of operators' keys; none needed on loopback.",
+        help="The operator's key file, or a folder of them; not needed on loopback.",
     ),
 ]
 

@@ -96,7 +96,7 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str 
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
     ]
     if join:
-        lines.append(f"seen by the operator: needs both logs{_to_replace(join)}: {join}")
+        lines.append(f"report on both sides{_to_replace(join)}: {join}")
     for line in lines:
         console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)
 
@@ -120,7 +120,7 @@ def join_command(log: SessionLog, folder: Path) -> str:
 def _to_replace(join: str) -> str:
     """What is still to be put into the command of `join_command`, in words."""
     return "".join(
-        f" (in place of {unknown} its folder, copied here)"
+        f" (replace {unknown} by its folder, copied here)"
         for _, unknown in _OTHERS_FOLDER.values()
         if unknown in join
     )

@@ -48,7 +48,7 @@ def network(
     name: Annotated[
         str,
         typer.Argument(
-            help="A condition of the configuration: s1, s2, s3.", autocompletion=network_names
+            help="A network of the configuration: s1, s2, s3.", autocompletion=network_names
         ),
     ],
     interface: Annotated[str, typer.Option(help="The network interface to shape.")],
@@ -75,7 +75,7 @@ def phases(
     file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
     out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
     no_smoothing: Annotated[
-        bool, typer.Option("--no-smoothing", help="The speeds are smoothed already.")
+        bool, typer.Option("--no-smoothing", help="The speeds are already smoothed.")
     ] = False,
     v_eps_mm_s: Annotated[float | None, typer.Option()] = None,
     vz_min_mm_s: Annotated[float | None, typer.Option()] = None,
@@ -84,7 +84,10 @@ def phases(
     preset: PresetOption = None,
     config: ConfigOption = None,
 ) -> None:
-    """Algorithm 1 over a table: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed)."""
+    """Label the task phases in a CSV table of speeds (Algorithm 1 of the paper).
+
+    Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
+    """
     from tams_app.policy.offline import label_phases
     from tams_app.policy.phases import PhaseParameters
 
@@ -124,18 +127,18 @@ def allocate(
     ],
     budget_kbps: Annotated[
         float,
-        typer.Option(parser=_kbps, metavar="KBPS", help="B, after the safety factor."),
+        typer.Option(parser=_kbps, metavar="KBPS", help="The budget B, after the safety factor."),
     ],
     floor_kbps: Annotated[
         float | None,
-        typer.Option(parser=_kbps, metavar="KBPS", help="What each view gets at least."),
+        typer.Option(parser=_kbps, metavar="KBPS", help="Minimum for each view."),
     ] = None,
     strategy: StrategyOption = None,
     preset: PresetOption = None,
     as_json: JsonOption = False,
     config: ConfigOption = None,
 ) -> None:
-    """The targets that a strategy gives each view while a phase begins."""
+    """Print the bitrate that a strategy gives each view at the start of a phase."""
     from tams_app.records import Phase
 
     settings = load_config(config, {"preset": preset, "policy.allocation.floor_kbps": floor_kbps})

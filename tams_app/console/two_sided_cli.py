@@ -34,7 +34,7 @@ from tams_app.console.options import (
 )
 from tams_app.study.cli import ConfigOption
 
-key_app = typer.Typer(rich_markup_mode=None, help="The secret that two computers share.")
+key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of two computers.")
 
 
 def add_two_sided(app: typer.Typer) -> None:
@@ -45,7 +45,7 @@ def add_two_sided(app: typer.Typer) -> None:
 
 
 def robot(
-    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where operators call.")],
+    listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address on which to listen.")],
     key: KeysOption = None,
     config: ConfigOption = None,
     sim: SimOption = False,
@@ -54,7 +54,7 @@ def robot(
     network: Annotated[
         str,
         typer.Option(
-            help="Emulated before the link: s1, s2, s3, none or a trace file.",
+            help="Emulate before the link: s1, s2, s3, none or a trace file.",
             autocompletion=network_names,
         ),
     ] = "none",
@@ -70,7 +70,7 @@ def robot(
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
-    """The robot's side of a session on two computers: arm, cameras, all that can stop the arm."""
+    """Run the robot's side of a session on two computers: arm, cameras, safety."""
     overrides = arm_overrides(
         sim=sim,
         strategy=strategy,
@@ -102,14 +102,14 @@ def robot(
 
 
 def operate(
-    robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Where the robot's side is.")],
+    robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address of the `robot`.")],
     key: KeyOption = None,
     config: ConfigOption = None,
     sim: Annotated[
-        bool, typer.Option("--sim", help="A simulated operator, who sees the video alone.")
+        bool, typer.Option("--sim", help="Use a simulated operator who sees only the video.")
     ] = False,
     seconds: SecondsOption = None,
-    seed: Annotated[int | None, typer.Option(help="Of the simulated operator.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the simulated operator.")] = None,
     hand: HandOption = None,
     predict: PredictOption = None,
     headless: HeadlessOption = False,
@@ -117,7 +117,7 @@ def operate(
     ros2: Ros2Option = None,
     out: OutOption = None,
 ) -> None:
-    """The operator's side: controller and window; it moves the arm of a `robot` elsewhere."""
+    """Run the operator's side: controller and window for the arm of a `robot`."""
     settings = load_config(
         config,
         {
@@ -147,7 +147,7 @@ def _key() -> None:
 
 NameOption = Annotated[
     str | None,
-    typer.Option("--for", metavar="NAME", help="Whose key it is; by default the file's."),
+    typer.Option("--for", metavar="NAME", help="The key's owner; default the file's name."),
 ]
 
 
@@ -155,16 +155,16 @@ NameOption = Annotated[
 def new_key_file(
     file: Annotated[Path, typer.Argument(metavar="FILE")], name: NameOption = None
 ) -> None:
-    """Make a key, as FILE or in the folder FILE; copy it to the other computer by a safe way."""
+    """Make a key, as FILE or in the folder FILE; copy it to the other computer securely."""
     from tams_app.link.keys import new_key
 
     made = new_key(file, name)
-    typer.echo(f"{made}: a new key, which only you can read; the other computer needs a copy")
+    typer.echo(f"{made}: a new key, readable only by you; copy it to the other computer")
 
 
 @key_app.command("list")
 def list_keys(path: Annotated[Path, typer.Argument(metavar="FILE_OR_FOLDER")]) -> None:
-    """Say whose keys these are; of a folder, whom the robot's side accepts with it."""
+    """List the owners of the keys in a file, or in a folder for `robot --key FOLDER`."""
     from tams_app.link.keys import accepted_keys
 
     for key in accepted_keys(path):
@@ -176,7 +176,7 @@ def revoke(
     folder: Annotated[Path, typer.Argument(metavar="FOLDER")],
     name: Annotated[str, typer.Argument(metavar="NAME")],
 ) -> None:
-    """Delete NAME's key from FOLDER: `robot --key FOLDER` lets them go within a second."""
+    """Delete NAME's key from FOLDER: `robot --key FOLDER` disconnects them within a second."""
     from tams_app.link.keys import revoke_key
 
-    typer.echo(f"{revoke_key(folder, name)}: deleted; the robot's side accepts it no longer")
+    typer.echo(f"{revoke_key(folder, name)}: deleted; the robot's side no longer accepts it")

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import msgspec
+
 from tams_app import palette
 from tams_app.faces.messages import Facts
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received
@@ -50,7 +52,7 @@ _OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 _ENDED = replace(_OTHER, word="ENDED", sign="■")
 
 _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.told` takes them
-    "disarmed": ("The arm does not move.", "{release}, then press Enter to arm it"),
+    "disarmed": ("The arm does not move.", "{release}, then press Enter to arm"),
     "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
     "engaged": (
         "The arm follows your hand.",
@@ -61,6 +63,13 @@ _QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.tol
         "{release} and wait until the link is back",
     ),
 }
+_REPLAY = {  # what was, without what helps
+    "disarmed": ("The arm did not move.", ""),
+    "ready": ("The arm waited.", ""),
+    "engaged": ("The arm followed the operator's hand.", ""),
+    "link lost": ("The robot stopped by itself.", ""),
+}
+_PRESS_ENTER = "Press Enter to arm"
 _SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
 _PRESS_AGAIN = "{release}, then press and hold {deadman} again"
 _STARTING = ("The session starts.", "F1 lists all keys")
@@ -101,7 +110,7 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
         key = f"{STILL_STOPS} still stops it"
         return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)
     if facts.replay is not None:
-        banner = _banner_of(facts, _QUIET, words)
+        banner = _banner_of(msgspec.structs.replace(facts, advice=""), _REPLAY, words)
         return replace(
             banner,
             look=replace(banner.look, word=f"REPLAY: {banner.look.word}"),
@@ -115,6 +124,8 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
     banner = _banner_of(facts, _QUIET, words)
     if shift_is_dead and hand == "keyboard" and state.arming == "ready":
         return replace(banner, key=_SHIFT_IS_DEAD)
+    if state.arming == "disarmed" and state.deadman is False:
+        return replace(banner, key=_PRESS_ENTER)
     if state.arming == "ready" and state.deadman:  # pressed while something was in the way
         return replace(banner, key=words.told(_PRESS_AGAIN))
     moves = words.moves if state.arming == "ready" else ""

@@ -6,7 +6,7 @@ from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Facts, Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
-from tams_app.video.core.stages import stage_words
+from tams_app.video.core.stages import remedy_of, stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
 NOTABLE_MS = 25  # apart from the network: below it there is little to gain
@@ -70,7 +70,7 @@ def uplink_texts(state: SessionState) -> tuple[str, str]:
 
 
 def slowest_text(state: SessionState) -> str:
-    """What the primary view's latency apart from the network is due to; "" where it is low.
+    """The primary view's latency besides the network, and the remedy; "" where it is low.
 
     On the robot's side it ends where the packets leave.
     """
@@ -80,8 +80,8 @@ def slowest_text(state: SessionState) -> str:
         return ""
     upto = " to the uplink" if view.shown_fps is None else ""
     return (
-        f"{state.primary_view.upper()} {own.total_ms} ms apart from the network{upto}, "
-        f"slowest: {stage_words(own.slowest)} {own.slowest_ms} ms"
+        f"{state.primary_view.upper()} {own.total_ms} ms besides the network{upto} "
+        f"({stage_words(own.slowest)} {own.slowest_ms}): {remedy_of(own.slowest)}"
     )
 
 

@@ -55,7 +55,7 @@ def as_known(facts: Facts, now_ns: int) -> Facts:
 
 
 def not_received(silence_s: float) -> str:
-    """That nothing is, and since when."""
+    """A sentence that no state of the arm has arrived for `silence_s`."""
     return f"Nothing has been received of the arm for {silence_s:.1f} s: what is shown is old."
 
 

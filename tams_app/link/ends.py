@@ -317,7 +317,7 @@ class RobotEnd(End):
     # --- who is in ------------------------------------------------------------------------------
 
     def _may_send(self, now_ns: int) -> Peer | None:
-        """To who was heard a moment ago only."""
+        """The operator, if a message of theirs arrived recently; else None."""
         return super()._may_send(now_ns) if self._is_busy(now_ns) else None
 
     def _said(self, datagram: bytes, address: Address, now_ns: int) -> Heard:

@@ -69,7 +69,7 @@ def links_of(figure: ArmFigure) -> tuple[Link, ...]:
 class ArmOutline:
     """Draws the outline of the arm as `lens`, which is mounted on the base, sees it.
 
-    And a cross where the hand leads its tip: that answers the hand at once, however far the arm is.
+    A cross marks where the hand is leading the tip; it follows the hand without the arm's lag.
     """
 
     def __init__(

@@ -169,8 +169,8 @@ class FrameRates(Listener):
             self._ask_fps(ladder.fps)
             self._note(
                 "warning" if ladder.fps < before_fps else "info",
-                f"the cameras give {ladder.fps:g} instead of {before_fps:g} frames a second: "
-                f"{reason}",
+                f"the cameras now run at {ladder.fps:g} instead of {before_fps:g} frames per "
+                f"second: {reason}",
             )
         return reason
 

@@ -103,7 +103,7 @@ class RateLadder:
         if self._rung > 0 and self._calm_ns >= self._raise_after_ns[self._rung - 1]:
             calm_s = self._calm_ns / NS_PER_S
             self._change(now_ns, self._rung - 1)
-            return f"{calm_s:.0f} s without trouble"
+            return f"the machine kept up for {calm_s:.0f} s"
         return ""
 
     def _change(self, now_ns: int, rung: int) -> None:

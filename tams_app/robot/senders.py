@@ -94,7 +94,7 @@ class Senders(Video):
         self._senders[self._config.video.views[0]].pad(size_bytes)
 
     def behind_ns(self) -> int:
-        """By how much the encoder that is furthest behind its camera is so."""
+        """The largest delay of an encoder behind its camera [ns]."""
         return max(sender.behind_ns for sender in self._senders.values())
 
     @property

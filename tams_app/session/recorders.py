@@ -71,7 +71,7 @@ class Recorders(SessionRecords):
 
     @property
     def bridge_pid(self) -> int | None:
-        """Of the bridge to ROS 2; None where there is none, or none any more."""
+        """Process id of the ROS 2 bridge; None if it is not running."""
         return None if self._bridge is None else self._bridge.pid
 
     def poll(self) -> None:

@@ -141,7 +141,7 @@ class LinkedRobot:
             self.step()
 
     def step(self) -> None:
-        """Once."""
+        """Take in what was received, then send one sample."""
         for received in self._gateway.receive():
             self._take(received)
         now_ns = self._clock.now_ns()

@@ -40,14 +40,14 @@ def choose_operator(
     machine = this_machine()
     cost_s = GLANCE_S / machine.speed
     rate_hz = eyes_share(machine.cores) / cost_s
-    time = f"this machine evaluates an image in {1e3 * cost_s:.0f} ms, and may do so"
+    time = f"this machine needs {1e3 * cost_s:.0f} ms for an image, which allows"
     if rate_hz >= LEAST_GLANCES_HZ:
         return OperatorChoice(
-            "seeing", f"{_SEEING}: {time} {min(rate_hz, MOST_GLANCES_HZ):.0f} times a second"
+            "seeing", f"{_SEEING}: {time} {min(rate_hz, MOST_GLANCES_HZ):.0f} images a second"
         )
     return OperatorChoice(
         "scripted",
-        f"{_SCRIPTED}: {time} {rate_hz:.1f} times a second, and {LEAST_GLANCES_HZ:.0f} are needed",
+        f"{_SCRIPTED}: {time} {rate_hz:.1f} images a second; seeing takes {LEAST_GLANCES_HZ:.0f}",
     )
 
 
@@ -56,5 +56,5 @@ def eyes_share(cores: float) -> float:
     return min(1.0, SHARE_OF_MACHINE * cores)
 
 
-_SEEING = "the seeing operator works, from the images on the screen alone"
-_SCRIPTED = "the scripted operator works, who gets positions from the simulator"
+_SEEING = "simulated operator: seeing (uses only the received images)"
+_SCRIPTED = "simulated operator: scripted (gets positions from the simulator)"

@@ -33,21 +33,21 @@ ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
 ]
 SimOption = Annotated[
-    bool, typer.Option("--sim", help="The simulated rig and operator, not people at hardware.")
+    bool, typer.Option("--sim", help="Use the simulated rig and operator, not people at hardware.")
 ]
 ParticipantsOption = Annotated[
-    int | None, typer.Option("--participants", help="How many; 18 or a multiple is balanced.")
+    int | None, typer.Option("--participants", help="How many; multiples of 18 are balanced.")
 ]
 RepetitionsOption = Annotated[
-    int | None, typer.Option("--repetitions", help="Of each strategy on each network.")
+    int | None, typer.Option("--repetitions", help="Trials of each strategy on each network.")
 ]
 PracticeOption = Annotated[
-    int | None, typer.Option("--practice", help="Trials before the others, never analysed.")
+    int | None, typer.Option("--practice", help="Practice trials at the start, never analysed.")
 ]
 PresetOption = Annotated[
     str | None, typer.Option(help="reference: the constants of the authors' nodes.")
 ]
-SeedOption = Annotated[int | None, typer.Option("--seed", help="Of participants and trials.")]
+SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed for participants and trials.")]
 Pseudonym = Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")]
 
 
@@ -72,17 +72,19 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
         config: ConfigOption = None,
         out: OutOption = None,
         workers: Annotated[
-            int | None, typer.Option(min=1, help="Trials at a time; default one for each core.")
+            int | None, typer.Option(min=1, help="Trials at a time; default one per core.")
         ] = None,
         dask: Annotated[
-            str | None, typer.Option(metavar="ADDRESS", help="Scheduler of a cluster to use.")
+            str | None, typer.Option(metavar="ADDRESS", help="Scheduler of the cluster to use.")
         ] = None,
         participant: Annotated[
-            str | None, typer.Option(help="Whose sitting it is; default the first with any left.")
+            str | None, typer.Option(help="Who is present; default the first with trials left.")
         ] = None,
     ) -> None:
-        """Run what is left of a study, which is planned now if there is none; it can be stopped
-        at any time and goes on when called again."""
+        """Run the remaining trials of a study, planning it first if necessary.
+
+        It can be stopped at any time; the same command continues it.
+        """
         _check_run_options(sim, workers, dask, participant)
         options = _options(sim, repetitions, practice, seed)
         study = _study_to_run(_folder(folder, out), sim, participants, options, config)
@@ -101,7 +103,7 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
 
 
 def plan(
-    participants: Annotated[int, typer.Option(help="How many; 18 or a multiple is balanced.")],
+    participants: Annotated[int, typer.Option(help="How many; multiples of 18 are balanced.")],
     folder: Folder = None,
     repetitions: RepetitionsOption = None,
     practice: PracticeOption = None,
@@ -111,7 +113,7 @@ def plan(
     out: OutOption = None,
     preset: PresetOption = None,
 ) -> None:
-    """Plan a new study: who takes which trials in which order, with which seeds."""
+    """Plan a new study: which participant does which trials, in which order, with which seeds."""
     settings = load_config(config, {"preset": preset, **_options(sim, repetitions, practice, seed)})
     from tams_app.study.commands import plan_study
 
@@ -120,9 +122,9 @@ def plan(
 
 def show(
     folder: Folder = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For a program to read.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show how far each participant is, and what failed or is void."""
+    """Show each participant's progress, and which trials failed or are void."""
     from tams_app.study.commands import show_study
 
     raise typer.Exit(show_study(_folder(folder), _console(), as_json))
@@ -130,10 +132,10 @@ def show(
 
 def void(
     trial: Annotated[str, typer.Argument(metavar="TRIAL", help="As in `show`: P01-03, …")],
-    reason: Annotated[str, typer.Option(help="Why it does not count; kept with its data.")],
+    reason: Annotated[str, typer.Option(help="Why the trial does not count; kept with its data.")],
     folder: Folder = None,
 ) -> None:
-    """Declare the last attempt at a trial void: its data stay, and it is taken again."""
+    """Void the last attempt at a trial: its data are kept, and the trial is repeated."""
     from tams_app.study.commands import void_trial
 
     raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
@@ -144,7 +146,7 @@ def forget(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The study's folder.")],
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
-    """Delete a participant's data, and all that was computed from them. Not to be undone."""
+    """Delete a participant's data and everything computed from it. This cannot be undone."""
     from tams_app.study.commands import forget_participant
 
     raise typer.Exit(forget_participant(folder, participant, _console(), yes))
@@ -153,21 +155,21 @@ def forget(
 def report(
     folder: Folder = None,
     out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where it is written; default in the study.")
+        Path | None, typer.Option(metavar="DIR", help="Folder to write; default in the study.")
     ] = None,
     tolerance_ssim: Annotated[
         float | None,
-        typer.Option(min=0, help="To state: how far other processors' SSIM may differ."),
+        typer.Option(min=0, help="SSIM tolerance between processors, to state in the report."),
     ] = None,
     from_tables: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Use trials.csv and phases.csv there, not a study."),
+        typer.Option(metavar="DIR", help="Read DIR's trials.csv and phases.csv, not a study."),
     ] = None,
     config: Annotated[
-        Path | None, typer.Option(help="What the study of --from-tables was run with.")
+        Path | None, typer.Option(help="The configuration of the study of --from-tables.")
     ] = None,
 ) -> None:
-    """Make tables (CSV, Parquet), figures, and the report (HTML) from what is done so far."""
+    """Create tables (CSV, Parquet), figures and the report (HTML) from the trials so far."""
     from tams_app.study import commands
 
     if from_tables is not None and folder is not None:

@@ -80,28 +80,28 @@ def shortfall(
         damaged: by view, how many came damaged and were left out.
     """
     given = ", ".join(f"{view} {fps:.1f}" for view, fps in given_fps.items())
-    what = f"Too few frames came, {given} of {asked_fps:g} a second"
+    what = f"Too few frames: {given} per second of {asked_fps:g}"
     rates = [asked_fps, *(one.asked_fps for one in steps)]
     downs = [one for before, one in zip(rates, steps, strict=False) if one.asked_fps < before]
     if downs:
         return (
-            f"{what}: the cameras were stepped down, because {downs[-1].reason}, and were asked "
-            f"for {rates[-1]:g} at the end; close other programs or use a faster machine "
-            "(`doctor --speed` tells what this one holds)."
+            f"{what}. The cameras were slowed down because {downs[-1].reason}, at the end to "
+            f"{rates[-1]:g} per second: close other programs or use a faster machine "
+            "(`doctor --speed` measures what this one sustains)."
         )
     less_fps = max(int(min(given_fps.values())), _LEAST_FPS)
-    less = f", or ask for less with --fps {less_fps}" if less_fps < asked_fps else ""
+    less = f", or lower the rate with --fps {less_fps}" if less_fps < asked_fps else ""
     short = [view for view, fps in given_fps.items() if fps < ENOUGH * asked_fps]
     if all(given_fps[view] + overrun_fps.get(view, 0.0) >= ENOUGH * asked_fps for view in short):
-        return f"{what}: the application missed the others; close other programs{less}."
+        return f"{what}. The application missed the others: close other programs{less}."
     if simulated:
-        return f"{what}: the machine drew no more; close other programs{less}."
+        return f"{what}. The machine rendered no more: close other programs{less}."
     if bad := [f"{count} of {view}" for view, count in damaged.items() if view in short and count]:
         return (
-            f"{what}: frames arrived damaged ({', '.join(bad)}) and were left out; check the "
+            f"{what}. Frames arrived damaged ({', '.join(bad)}) and were left out: check the "
             f"cables, or give each camera a USB port and bus of its own{less}."
         )
     return (
-        f"{what}: the cameras gave no more, as many do in dim light; add light or shorten their "
-        f"exposure{less}."
+        f"{what}. The cameras delivered no more, as many do in dim light: add light or shorten "
+        f"their exposure{less}."
     )

@@ -140,7 +140,7 @@ class Episodes:
             self._armed = _Armed(request, now_ns + ARMED_NS)
             number = self.number if is_running else self._ended[-1].number
             what = f"discard episode {number}" + (" and begin another" if redo else "")
-            return Answer(f"{what}? Ask once more within {ARMED_NS // NS_PER_S} s")
+            return Answer(f"{what}? Press again within {ARMED_NS // NS_PER_S} s to confirm")
         answer = self._end(now_ns, kept=False) if is_running else self._judge(now_ns, kept=False)
         if not redo:
             return answer

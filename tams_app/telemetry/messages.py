@@ -1,4 +1,4 @@
-"""Our values as Foxglove's."""
+"""Conversion of records to Foxglove messages."""
 
 from __future__ import annotations
 

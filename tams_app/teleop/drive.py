@@ -55,7 +55,7 @@ class Drive:
 
     @property
     def hold(self) -> Reason | None:
-        """That the arm does not follow the hand; or what has left nothing of its motion so long."""
+        """The reason to hold: the arm drifts from the hand, or a limit blocks it for too long."""
         if self._anchored and self._hand.is_adrift(self.orientation_mode):
             return Reason.HAND_NOT_FOLLOWED
         return self._limited_by if self._limited_s >= _LIMITED_FOR_S else None

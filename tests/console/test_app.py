@@ -112,7 +112,7 @@ def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told)
 def test_at_the_hardware_a_computer_without_frames_is_told_of(told):
     _, (level, text) = told("lite6.yaml", active=True)
     assert level == "warning"
-    assert "shows no frames" in text
+    assert "shows no video" in text
 
 
 def test_the_rig_needs_no_instructions(told):

@@ -68,7 +68,7 @@ def test_a_lack_of_something_essential_fails_and_says_what_mends_it() -> None:
         "MISSING GStreamer element x264enc: apt-get install gstreamer1.0-plugins-ugly",
         "absent  tc: apt-get install iproute2",
         "ok      Home folder ([home])",
-        "1 of these must be mended before TAMS can run.",
+        "1 of these must be fixed before TAMS can run.",
     ]
 
 
@@ -244,7 +244,7 @@ def test_whatever_library_is_broken_the_doctor_says_which(
     named = [line for line in output.splitlines() if line.startswith("MISSING")]
     assert any("broken here" in line for line in named)
     assert any(str(tmp_path / module) in line for line in named) or module in ("gi", "packaging")
-    assert output.splitlines()[-1].endswith("must be mended before TAMS can run.")
+    assert output.splitlines()[-1].endswith("must be fixed before TAMS can run.")
 
 
 def test_a_check_that_fails_is_a_finding_and_the_others_are_made() -> None:

@@ -26,7 +26,7 @@ def summary(completed: bool | None = True, stops: list[dict[str, Any]] | None = 
     outcome = {
         "completed": completed,
         "success": completed,
-        "completion_time_s": 34.5,
+        "completion_time_s": 34.5 if completed else None,
         "drops": 0,
         "reason": "placed",
     }
@@ -49,12 +49,14 @@ def test_it_has_the_result_the_stops_with_their_reasons_and_where_the_report_is(
     end = ended()
     assert end.headline == "Completed in 34.5 s, drops: 0, success"
     assert end.lines == (
-        "48.2 s; placed",
+        "Ended: placed",
         "Stop at 12.1 s: stale video, at rest after 41 ms",
         f"Report: {FOLDER}/report.html",
     )
     assert end.key == "Enter: start again · Q: close"
-    assert ended(summary=summary(False, [])).headline == "Not completed, drops: 0"
+    failed = ended(summary=summary(False, []))
+    assert failed.headline == "Not completed, drops: 0"
+    assert failed.lines[0].startswith("Ended after 48.2 s: ")
     assert "The arm has not been stopped." in ended(summary=summary(True, [])).lines
 
 

@@ -118,7 +118,7 @@ def last_line(folder: Path) -> tuple[str, str]:
     report_session(folder, Console(file=output, width=80))
     shown = output.getvalue()
     told, _, command = shown.splitlines()[-1].rpartition(": run_tams.py ")
-    assert told.startswith("seen by the operator: needs both logs")
+    assert told.startswith("report on both sides")
     return shown, command
 
 
@@ -153,7 +153,7 @@ def test_at_its_end_the_robots_side_has_the_whole_command_too(sides: tuple[Path,
     robot, operate = sides
     shown, command = last_line(robot)
     assert command.split() == ["report", str(robot), str(operate)]
-    assert "in place of" not in shown
+    assert "(replace " not in shown
     assert _main(command.split()) == 0
 
 
@@ -163,7 +163,7 @@ def test_of_a_folder_that_was_not_told_the_command_says_what_to_replace(tmp_path
     of_operator = write(tmp_path / "operate", operator, operator.states_received)
     for folder, unknown in ((of_robot, "FOLDER_OF_OPERATE"), (of_operator, "FOLDER_OF_ROBOT")):
         shown, command = last_line(folder)
-        assert f"needs both logs (in place of {unknown} its folder, copied here): " in shown
+        assert f"report on both sides (replace {unknown} by its folder, copied here): " in shown
         assert {*command.split()} == {"report", str(folder), unknown}
 
 

@@ -73,9 +73,9 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
     verdict, sentence = str(headline).splitlines()
     assert verdict.endswith("success (placed)")
     assert sentence == (
-        "Too few frames came, eih 15.0, gt 15.0, gs 15.0 of 30 a second: the cameras were stepped "
-        "down, because 34 % of the frames were missed, and were asked for 15 at the end; close "
-        "other programs or use a faster machine (`doctor --speed` tells what this one holds)."
+        "Too few frames: eih 15.0, gt 15.0, gs 15.0 per second of 30. The cameras were slowed down "
+        "because 34 % of the frames were missed, at the end to 15 per second: close other programs "
+        "or use a faster machine (`doctor --speed` measures what this one sustains)."
     )
 
 

@@ -92,7 +92,7 @@ def test_a_real_camera_at_half_its_rate_is_told_of_once_and_never_slowed() -> No
     assert bench.asked == []
     ((level, sentence),) = bench.notes
     assert level == "warning"
-    assert "eih 15.0, gt 15.0, gs 15.0 of 30 a second: the cameras gave no more" in sentence
+    assert "eih 15.0, gt 15.0, gs 15.0 per second of 30. The cameras delivered no more" in sentence
     bench.seconds(5)
     bench.seconds(10, step=2)
     assert len(bench.notes) == 2
@@ -133,7 +133,7 @@ def test_lasting_late_ticks_slow_the_rigs_cameras_and_are_told_with_the_reason()
     assert bench.asked == [20.0]
     ((level, text),) = bench.notes
     assert level == "warning"
-    assert text.startswith("the cameras give 20 instead of 30 frames a second: ")
+    assert text.startswith("the cameras now run at 20 instead of 30 frames per second: ")
     (step,) = [one for one in bench.records if one.reason]
     assert (step.asked_fps, step.reason) == (20.0, text.split(": ")[1])
 

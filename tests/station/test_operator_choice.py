@@ -46,9 +46,9 @@ def test_the_eyes_get_no_more_than_their_share_and_no_more_than_one_core(cores):
 
 def test_the_sentence_says_who_works_and_what_was_measured():
     fast = choose_operator("auto", lambda: MachineSpeed(2, GLANCE_S / 0.016)).sentence
-    assert fast.startswith("the seeing operator works, from the images on the screen alone: ")
+    assert fast.startswith("simulated operator: seeing (uses only the received images): ")
     assert "16 ms" in fast
     slow = choose_operator("auto", lambda: MachineSpeed(2, GLANCE_S / 0.050)).sentence
-    assert slow.startswith("the scripted operator works, who gets positions from the simulator: ")
+    assert slow.startswith("simulated operator: scripted (gets positions from the simulator): ")
     assert "50 ms" in slow
-    assert "4.0 times a second, and 6 are needed" in slow
+    assert "4.0 images a second; seeing takes 6" in slow

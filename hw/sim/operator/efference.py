@@ -26,7 +26,7 @@ _BEGUN_RAD = 0.02
 _DUE_NS = 600 * NS_PER_MS  # motion that has been asked for so long must show
 _DUE_M = 0.020
 _DUE_RAD = 0.12
-_FOLLOWED = 0.25  # of it at least
+_FOLLOWED = 0.25  # least part of the due motion that must be visible
 
 
 class EfferenceCopy:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 
 _SLABS = ("mat", "table")  # boxes along the axes of the world, the upper one first
-_WIDER = 1.001  # than the lens
+_WIDER = 1.001  # field of view searched / that of the lens
 _MARGIN_M = 0.001
 _BELOW_M = 0.0005  # a slab's top: what is further down is hidden; the table is 1.5 mm below the mat
 _LEAST_HEIGHT_M = 0.02  # above a slab: nearer, the near plane might cut it

@@ -1,4 +1,4 @@
-"""From session logs to a dataset in a folder of its own, or to none."""
+"""Conversion of session logs to a dataset in a new folder; a failed one leaves no folder."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ class Watcher(Protocol):
         """A sentence for the user."""
 
     def begin(self, frames: int) -> None:
-        """So many frames, all views together, are to be written."""
+        """The export will write this many frames, summed over all views."""
 
     def frame(self) -> None:
-        """One of them is."""
+        """One frame has been written."""
 
 
 def export_lerobot(

@@ -79,7 +79,7 @@ def key_help(
     of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if has_episodes else ()
     if has_episodes and hand in _WITH_BUTTONS:
         of_episodes += (episodes.BUTTONS,)
-    confirm = f"confirm: arm the arm, clear a fault (release {words.deadman} first)"
+    confirm = f"confirm: arm, clear a fault (release {words.deadman} first)"
     return (
         *_STOP_HELP,
         ("Enter", confirm),

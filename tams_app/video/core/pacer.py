@@ -14,7 +14,7 @@ from contextlib import AbstractContextManager, nullcontext
 
 from tams_app.units import NS_PER_MS
 
-_FASTER = 1.5  # than the estimate: what waits here when it is too low must go
+_FASTER = 1.5  # pacing rate / estimated capacity; drains the queue if that is too low
 _LEAST_KBPS = 200.0  # what views and padding send in an outage, when the estimate is next to none
 _AT_ONCE_KBPS = 1e9  # a frame takes less than a microsecond
 _PART_NS = 5 * NS_PER_MS  # leave at once: waking for each packet would cost more than it gives

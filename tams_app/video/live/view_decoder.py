@@ -200,7 +200,7 @@ class ViewDecoder:
     # --- keyframe requests ------------------------------------------------------------------
 
     def _step_requests(self) -> None:
-        """With each access unit: what is whole again needs none; what is not, one until it is."""
+        """After each access unit, request a keyframe while decoding is broken."""
         if not self._asks_for_keyframes:
             return
         with self._requests_lock:

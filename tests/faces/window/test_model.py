@@ -138,6 +138,13 @@ def test_what_is_in_the_way_is_told_and_not_called_a_stop(arming: str) -> None:
     assert "Last stop" not in banner.sentence
 
 
+def test_a_deadman_that_is_up_need_not_be_released_to_arm() -> None:
+    held = banner_of(changed(FACTS, arming="disarmed", deadman=True), "keyboard")
+    assert held.key == "Release Shift, then press Enter to arm"
+    up = banner_of(changed(FACTS, arming="disarmed", deadman=False), "keyboard")
+    assert up.key == "Press Enter to arm"
+
+
 def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
     state = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
 
@@ -154,6 +161,8 @@ def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> No
     banner = banner_of(msgspec.structs.replace(facts, replay=ReplayFacts(1.0, False)))
     assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
     assert banner.key == "Nothing moves · F1: keys"
+    assert "follows" not in banner.sentence
+    assert "release" not in banner.sentence.lower()
     assert "emergency" not in " ".join(sum(key_help("openvr", replay=True), ()))
 
 
@@ -330,8 +339,8 @@ def seen(own: LatencyState | None, **changes: Any) -> SessionState:
 
 
 def test_what_makes_the_primary_view_late_is_named_once_it_is_notable() -> None:
-    told = "EIH 31 ms apart from the network, slowest: encoder 9 ms"
-    assert slowest_text(seen(LatencyState(31, "encoder", 9))) == told
+    told = "EIH 31 ms besides the network (display 9): use fewer frames or a GPU"
+    assert slowest_text(seen(LatencyState(31, "display", 9))) == told
     assert slowest_text(seen(LatencyState(NOTABLE_MS - 1, "encoder", 9))) == ""
 
 
@@ -344,7 +353,8 @@ def test_the_robot_s_side_says_how_far_it_knows_a_frame_s_way() -> None:
     there = seen(LatencyState(31, "camera", 20))
     there = replace(there, views={"eih": replace(there.views["eih"], shown_fps=None)})
     assert slowest_text(there) == (
-        "EIH 31 ms apart from the network to the uplink, slowest: camera 20 ms"
+        "EIH 31 ms besides the network to the uplink (camera 20): "
+        "shorten the exposure or, when simulated, use fewer frames or a GPU"
     )
 
 

@@ -1,4 +1,4 @@
-"""The block's yaw from its outline in the wrist camera, for lack of anything better at hand.
+"""Estimate of the block's yaw from its outline in the wrist camera.
 
 The outline's support function (how far it reaches in each direction) is compared with that of the
 block drawn at every yaw; where it is and how much blur has grown it does not matter.
