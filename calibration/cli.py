@@ -21,7 +21,7 @@ from calibration.options import (
 
 Options = TypeVar("Options", bound=WizardOptions)
 app = typer.Typer(
-    help="Measure this setup: each wizard says what to do, shows what it measures, and asks "
+    help="Calibrate this setup. Each wizard says what to do, shows what it measures, and asks "
     "before it writes a dated file that every other command then uses.",
 )
 
@@ -53,7 +53,7 @@ def _command(
 
 @_command(CameraOptions)
 def cameras(options: CameraOptions) -> int:
-    """Which camera is which, focus, light, frame rate; and latency, lens and mount if wanted."""
+    """Assign, check and measure the cameras; lens and mount on request."""
     from calibration.cameras.wizard import CameraWizard
     from calibration.ui import WizardUI
 
@@ -62,7 +62,7 @@ def cameras(options: CameraOptions) -> int:
 
 @_command(FrameOptions)
 def frame(options: FrameOptions) -> int:
-    """The controller's frame and buttons, from moving along the robot's axes."""
+    """Measure how the controller's axes lie; check its buttons."""
     from calibration.frame.wizard import FrameWizard
     from calibration.ui import WizardUI
 
@@ -71,7 +71,7 @@ def frame(options: FrameOptions) -> int:
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
-    """The thresholds by which Algorithm 1 infers the phases, from trials whose phases are known."""
+    """Fit the phases' thresholds (Algorithm 1) to labelled trials."""
     from calibration.phases.wizard import PhaseWizard
     from calibration.ui import WizardUI
 
@@ -80,7 +80,7 @@ def phases(options: PhaseOptions) -> int:
 
 @_command(WeightOptions)
 def weights(options: WeightOptions) -> int:
-    """The view weights W from people's ratings of clips of recorded sessions."""
+    """Derive the view weights W from people's ratings of clips."""
     from calibration.ui import WizardUI
     from calibration.weights.wizard import WeightWizard
 
@@ -89,11 +89,9 @@ def weights(options: WeightOptions) -> int:
 
 @app.command()
 def board(
-    file: Annotated[Path, typer.Argument(help="Where the page is written, PDF.")] = Path(
-        "board.pdf"
-    ),
+    file: Annotated[Path, typer.Argument(help="PDF file to write.")] = Path("board.pdf"),
 ) -> None:
-    """Write the board for `cameras --only lens,mount` as an A4 page to print at 100 %."""
+    """Write the board for `cameras --only lens,mount` as a PDF."""
     from calibration.cameras.board import print_board
 
     print_board(file)
@@ -105,7 +103,7 @@ def board(
 
 @app.command()
 def show(config: ConfigOption = None) -> None:
-    """Which calibration is in force: its files, when and from what they were made, how good."""
+    """Show the calibration in force: files, origin, accuracy."""
     from calibration.in_force import show_in_force
 
     show_in_force(config)
@@ -113,7 +111,7 @@ def show(config: ConfigOption = None) -> None:
 
 @app.command()
 def undo(config: ConfigOption = None) -> None:
-    """Take the last calibration back: what was in force before it is in force again."""
+    """Undo the last calibration: the one before is in force again."""
     from calibration.in_force import undo_last
 
     undo_last(config)

@@ -15,7 +15,7 @@ from hw.v4l2.devices import CameraInfo, choose_mode, list_cameras
 from tams_app.config import Config, load_config
 from tams_app.config.marks import TEMPLATE, filled, unset_keys
 from tams_app.console.device_checks import controller
-from tams_app.errors import ConfigError, DeviceError
+from tams_app.errors import ConfigError, DeviceError, not_one_of
 from tams_app.outputs import write_file
 from tams_app.robot.build import check_names
 
@@ -85,9 +85,10 @@ def _given_cameras(given: Sequence[str], ours: Config) -> dict[str, str]:
     cameras = {}
     for one in given:
         view, equals, chosen = one.partition("=")
-        if not equals or not chosen or view not in ours.video.views:
-            views = ", ".join(ours.video.views)
-            raise ConfigError(f"--camera: {one!r} is not VIEW=SERIAL_OR_PATH with one of {views}")
+        if not equals or not chosen:
+            raise ConfigError(f"--camera: {one!r} is not VIEW=SERIAL_OR_PATH")
+        if view not in ours.video.views:
+            raise ConfigError(f"--camera: {not_one_of(view, ours.video.views)}")
         cameras[view] = chosen
     return cameras
 
@@ -126,7 +127,7 @@ def _ask_host(ui: WizardUI, ours: Config, model: str) -> str:
             ui.print(found.description)
             return host
         ui.print(found.problem)
-        if ui.yes("Write this address all the same?"):
+        if ui.yes("Write this address anyway? (Enter: yes)", default=True):
             return host
 
 

@@ -57,9 +57,9 @@ class WizardUI:
         # as Text nothing in it is markup
         self.console.print(Text(text), soft_wrap=True)
 
-    def yes(self, question: str) -> bool:
-        """Ask until the answer is yes or no."""
-        return self._ask(_YesOrNo, question)
+    def yes(self, question: str, **how: bool) -> bool:
+        """Ask until the answer is yes or no; Enter alone is `default`, if one is given."""
+        return self._ask(_YesOrNo, question, show_default=False, **how)
 
     def choice(self, question: str, options: dict[str, str]) -> str:
         """Ask until the answer is a key of `options`, which say what each means."""

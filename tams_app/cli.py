@@ -6,6 +6,7 @@ the small tools answer at once.
 
 from __future__ import annotations
 
+import os
 import sys
 from contextlib import suppress
 from importlib.util import find_spec
@@ -18,33 +19,8 @@ from typer.exceptions import TyperException
 from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import Config, load_config
+from tams_app.console import options
 from tams_app.console.logs_cli import add_logs
-from tams_app.console.options import (
-    ArmOption,
-    BudgetOption,
-    DryRunOption,
-    EpisodesOption,
-    FoxgloveOption,
-    FpsOption,
-    HandOption,
-    HeadlessOption,
-    JsonOption,
-    KeyOption,
-    NetworkOption,
-    OperatorOption,
-    OutOption,
-    PredictOption,
-    PresetOption,
-    ReferenceOption,
-    Ros2Option,
-    SecondsOption,
-    SeedOption,
-    SimOption,
-    StrategyOption,
-    arm_overrides,
-    check_arm_at_once,
-    with_values,
-)
 from tams_app.console.tools_cli import add_tools
 from tams_app.console.two_sided_cli import add_two_sided
 from tams_app.errors import ConfigError, SetupError, TamsError
@@ -82,9 +58,11 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
     if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
+        if not any(name.endswith("_COMPLETE") for name in os.environ):  # no shell asks for words
+            typer.echo(f"no command given, so this is `{called_as} run`; --help lists all commands")
         arguments.insert(0, "run")
     try:
-        code = app(with_values(arguments), prog_name=called_as, standalone_mode=False) or 0
+        code = app(options.with_values(arguments), prog_name=called_as, standalone_mode=False) or 0
     except TamsError as error:
         if debug:
             raise
@@ -96,7 +74,10 @@ def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
             sys.stdout.close()
         return 1
     except TyperException as error:
-        _show_error(f"{error.format_message()} (see {called_as} --help)")
+        context = getattr(error, "ctx", None)
+        where = context.command_path if context else called_as
+        wrong = error.format_message().replace("Input should be", "must be")
+        _show_error(f"{wrong} (see {where} --help)")
         return 2
     if code == _CTRL_C:
         raise KeyboardInterrupt
@@ -136,51 +117,30 @@ def _tams(
 @app.command()
 def run(
     config: ConfigOption = None,
-    sim: SimOption = False,
-    strategy: StrategyOption = None,
-    preset: PresetOption = None,
-    network: NetworkOption = None,
-    budget: BudgetOption = None,
-    seconds: SecondsOption = None,
-    seed: SeedOption = None,
-    fps: FpsOption = None,
-    headless: HeadlessOption = False,
-    hand: HandOption = None,
-    operator: OperatorOption = None,
-    predict: PredictOption = None,
-    arm: ArmOption = False,
-    dry_run: DryRunOption = False,
-    record_reference: ReferenceOption = False,
-    episodes: EpisodesOption = False,
-    foxglove: FoxgloveOption = None,
-    ros2: Ros2Option = None,
-    out: OutOption = None,
+    sim: options.SimOption = False,
+    strategy: options.StrategyOption = None,
+    preset: options.PresetOption = None,
+    network: options.NetworkOption = None,
+    budget: options.BudgetOption = None,
+    seconds: options.SecondsOption = None,
+    seed: options.SeedOption = None,
+    fps: options.FpsOption = None,
+    headless: options.HeadlessOption = False,
+    hand: options.HandOption = None,
+    operator: options.OperatorOption = None,
+    predict: options.PredictOption = None,
+    arm: options.ArmOption = False,
+    dry_run: options.DryRunOption = False,
+    record_reference: options.ReferenceOption = False,
+    episodes: options.EpisodesOption = None,
+    foxglove: options.FoxgloveOption = None,
+    ros2: options.Ros2Option = None,
+    out: options.OutOption = None,
 ) -> None:
-    """Teleoperate: on the simulated rig, one pick-and-place by a simulated operator."""
-    overrides = arm_overrides(
-        sim=sim,
-        strategy=strategy,
-        preset=preset,
-        network=network,
-        budget=budget,
-        seconds=seconds,
-        seed=seed,
-        fps=fps,
-        record_reference=record_reference,
-        episodes=episodes,
-        foxglove=foxglove,
-        ros2=ros2,
-        out=out,
-    )
-    overrides |= {
-        "headless": True if headless else None,
-        "controller.device": hand,
-        "rig.operator.kind": operator,
-        "view.predict": predict,
-    }
-    settings = load_config(config, overrides)
-    check_arm_at_once(arm, settings)
-    typer.echo("starting: arm, cameras, video …")  # before what takes long to import
+    """Run a session; by default one simulated pick-and-place."""
+    settings = load_config(config, options.overrides_of(locals()))
+    options.check_arm_at_once(arm, settings)
+    typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_session
 
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
@@ -196,7 +156,7 @@ def init(
     host: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Address of the control box.")
     ] = None,
-    hand: HandOption = None,
+    hand: options.HandOption = None,
     side: Annotated[
         str | None, typer.Option(help="The hand that holds a tracked controller: right or left.")
     ] = None,
@@ -215,7 +175,7 @@ def init(
 
 @app.command()
 def home(config: ConfigOption = None) -> None:
-    """Move the arm slowly to its ready pose, only while Enter is held."""
+    """Move the arm slowly to its ready pose while Enter is held."""
     from tams_app.console.home import run_home
 
     raise typer.Exit(run_home(load_config(config)))
@@ -235,10 +195,10 @@ def doctor(
         str | None,
         typer.Option(metavar="HOST:PORT", help="Measure the network to a `robot` that runs there."),
     ] = None,
-    key: KeyOption = None,
-    as_json: JsonOption = False,
+    key: options.KeyOption = None,
+    as_json: options.JsonOption = False,
 ) -> None:
-    """Check this machine, and print the fix for each thing that is missing."""
+    """Check this machine, and say how to fix what is missing."""
     asked = {"--devices": devices, "--speed": speed, "--link": link is not None}
     chosen = [option for option, given in asked.items() if given]
     if len(chosen) > 1:

@@ -12,6 +12,18 @@ TamsError
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+def not_one_of(word: str, choices: Iterable[str]) -> str:
+    """What is wrong with a `word` that is none of the `choices`, with the one it resembles."""
+    choices = list(choices)
+    by_folded = {choice.casefold(): choice for choice in choices}
+    close = get_close_matches(word.casefold(), by_folded, 1)
+    meant = f"; did you mean {by_folded[close[0]]}?" if close else ""
+    return f"{word!r} is not one of {', '.join(choices)}{meant}"
+
 
 class TamsError(Exception):
     """Base of all errors that are shown to the user as one sentence."""

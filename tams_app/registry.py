@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, MutableMapping
 from typing import Any, Generic, TypeVar, cast
 
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 
 T = TypeVar("T")
 
@@ -50,7 +50,7 @@ class Registry(MutableMapping[str, T], Generic[T]):
         if name not in self._known:
             self._search()
         if name not in self._known:
-            raise ConfigError(f"{self.key}: {name!r} is none of {', '.join(self)}")
+            raise ConfigError(f"{self.key}: {not_one_of(name, self)}")
         if times := self._contested.get(name):
             raise ConfigError(
                 f"{self.key}: {times} installed distributions have a {name!r} ({self.group}): "

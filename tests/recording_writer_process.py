@@ -17,6 +17,7 @@ from tams_app.records import EpisodeRequest
 from tams_app.robot.control import Signals
 from tams_app.robot.episode_keeper import EpisodeKeeper
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.task.episodes import Episodes
 from tests.synthetic_session import header, tick
 
 BEGIN_OR_END = (0, 20, 25, 39, 45)
@@ -29,7 +30,9 @@ def fail(thread: str, failure: BaseException) -> None:
 def main() -> None:
     clock, signals = MonotonicClock(), Signals()
     recorder = Recorder(Path(sys.argv[1]), header(), clock, 0, fail)
-    episodes = EpisodeKeeper(0.0, signals, Journal(clock, recorder), lambda: None)
+    episodes = EpisodeKeeper(
+        Episodes(0.0), signals, Journal(clock, recorder), lambda: None, lambda _reason: None
+    )
     recorder.start()
     for number in itertools.count():
         if number in BEGIN_OR_END:

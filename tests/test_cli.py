@@ -25,7 +25,7 @@ pytestmark = pytest.mark.waiting
 
 
 # Said before what takes long to import, and some uses are found wrong by that alone.
-AT_MOST_STARTING = re.compile(r"(starting: .*\n)?")
+AT_MOST_LOADING = re.compile(r"(no command given, .*\n)?(loading …\n)?")
 
 
 def run(capsys, *arguments):
@@ -136,8 +136,17 @@ def test_the_version_is_told(capsys):
     ("arguments", "sentence"),
     [
         (["bogus"], "No such command 'bogus'"),
+        (["rnu"], "Did you mean 'run'? (see run_tams.py --help)"),
+        (["run", "--netwrk", "s2"], "--network) (see run_tams.py run --help)"),
+        (["study", "rnu"], "Did you mean 'run'? (see run_tams.py study --help)"),
+        (["run", "--strategy", "tms"], "'tms' is not one of equal, static, tams, tams+; did you"),
+        (["run", "--network", "S3"], "did you mean s3?"),
+        (["run", "--operator", "seing"], "auto, seeing, scripted; did you mean seeing?"),
+        (["run", "--hand", "keybord"], "did you mean keyboard?"),
+        (["network", "s2", "--interface", "eth0", "--action", "aply"], "did you mean apply?"),
+        (["allocate", "--phase", "Aling", "--budget-kbps", 1], "did you mean Align?"),
         (["allocate", "--phase", "ALIGN"], "Missing option '--budget-kbps'"),
-        (["allocate", "--phase", "LUNCH", "--budget-kbps", 1], "'LUNCH' is none of REACH"),
+        (["allocate", "--phase", "LUNCH", "--budget-kbps", 1], "'LUNCH' is not one of Reach"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", "inf"], "infinity is not a rate"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", "nan"], "NaN is not a rate"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", -1], "-1 is not a rate"),
@@ -149,11 +158,11 @@ def test_the_version_is_told(capsys):
         (["phases", "any.csv", "--v-eps-mm-s", "nan"], "v_eps_mm_s: must be a finite number"),
         (
             ["allocate", "--phase", "ALIGN", "--budget-kbps", 9, "--strategy", "best"],
-            "'best' is none of equal, static, tams",
+            "'best' is not one of equal, static, tams",
         ),
         (["phases", "missing.csv"], "missing.csv: cannot be read"),
-        (["run", "--network", "s9"], "'s9' is neither one of s1, s2, s3, none nor a trace"),
-        (["run", "--strategy", "best"], "'best' is none of equal, static, tams"),
+        (["run", "--network", "s9"], "'s9' is not one of s1, s2, s3, none"),
+        (["run", "--strategy", "best"], "'best' is not one of equal, static, tams"),
         (["run", "--budget", "guess"], "policy.budget.mode"),
         (["run", "--seconds", 0], "seconds: must be greater than 0 (given: 0)"),
         (["run", "--seconds", "nan"], "seconds: must be a finite number (given: NaN)"),
@@ -172,7 +181,7 @@ def test_wrong_use_is_one_sentence_and_exit_code_two(capsys, tmp_path, arguments
     is_run = arguments[0] in ("run", "--seed")
     code, out, err = run(capsys, *arguments, *(("--out", tmp_path) if is_run else ()))
     assert code == 2
-    assert AT_MOST_STARTING.fullmatch(out)
+    assert AT_MOST_LOADING.fullmatch(out)
     assert sentence in err
     assert len(err.splitlines()) == 1
 
@@ -200,7 +209,9 @@ def test_a_session_has_episodes_only_if_they_are_asked_for(capsys, monkeypatch):
     for command in (["run"], ["robot", "--sim", "--listen", "127.0.0.1:7300"]):
         assert run(capsys, *command)[0] == 0
         assert run(capsys, *command, "--episodes")[0] == 0
-    assert [one.recording.episodes for one in settings] == [False, True] * 2
+        assert run(capsys, *command, "--episodes", "10")[0] == 0
+    found = [(one.recording.episodes, one.recording.episode_count) for one in settings]
+    assert found == [(False, 0), (True, 0), (True, 10)] * 2
 
 
 @pytest.mark.parametrize(
@@ -253,7 +264,7 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
     options = ("--ros2", "--out", tmp_path / "logs", *where.get(command, ()))
     code, out, err = run(capsys, command, *options)
     assert code == 1
-    assert AT_MOST_STARTING.fullmatch(out)
+    assert AT_MOST_LOADING.fullmatch(out)
     assert "--ros2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
@@ -282,21 +293,24 @@ def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, 
         options = ("--foxglove", address, "--out", tmp_path / "logs", *where.get(command, ()))
         code, out, err = run(capsys, command, *options)
     assert code == 1
-    assert AT_MOST_STARTING.fullmatch(out)
+    assert AT_MOST_LOADING.fullmatch(out)
     assert f"--foxglove: nothing can connect at {address}" in err
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
 
 
-UNKNOWN = "controller.device: 'pedal' is none of auto, openvr, keyboard, gamepad, spacemouse, sim"
+WINDOW = "faces: 'windw' is not one of window, headset, sounds; did you mean window?"
+UNKNOWN = (
+    "controller.device: 'pedal' is not one of auto, openvr, keyboard, gamepad, spacemouse, sim"
+)
 
 
 @pytest.mark.parametrize(
     ("command", "content", "sentence"),
     [
-        ("run", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
-        ("robot", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
-        ("operate", "faces: [windw]", "faces: 'windw' is none of window, headset, sounds"),
+        ("run", "faces: [windw]", WINDOW),
+        ("robot", "faces: [windw]", WINDOW),
+        ("operate", "faces: [windw]", WINDOW),
         ("run", "faces: [window, window]", "faces: window, window: each may be named once only"),
         (
             "operate",
@@ -308,12 +322,12 @@ UNKNOWN = "controller.device: 'pedal' is none of auto, openvr, keyboard, gamepad
         (
             "robot",
             "policy: {budget: {mode: guess}}",
-            "policy.budget.mode: 'guess' is none of oracle, sender, feedback",
+            "policy.budget.mode: 'guess' is not one of oracle, sender, feedback",
         ),
         (
             "run",
             "policy: {phases: {inference: guess}}",
-            "policy.phases.inference: 'guess' is none of motion",
+            "policy.phases.inference: 'guess' is not one of motion",
         ),
     ],
 )
@@ -326,7 +340,7 @@ def test_a_word_that_stands_for_nothing_is_one_sentence_before_a_session_leaves_
     options = ("--config", config, "--out", tmp_path / "logs", *where.get(command, ()))
     code, out, err = run(capsys, command, *options)
     assert code == 2
-    assert AT_MOST_STARTING.fullmatch(out)
+    assert AT_MOST_LOADING.fullmatch(out)
     assert err == f"tams: {sentence}\n"
     assert not (tmp_path / "logs").exists()
 
@@ -377,7 +391,7 @@ def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, monk
 @pytest.mark.parametrize("command", ["run", "robot"])
 def test_the_help_of_sim_promises_arm_and_cameras_but_no_hand(capsys, command):
     told = " ".join(run(capsys, command, "--help")[1].split())
-    assert "--sim The simulated arm and cameras, not the config's." in told
+    assert "--sim Use the simulated arm and cameras, not the configured ones." in told
 
 
 def test_operate_with_sim_has_the_simulated_operator_unless_a_hand_is_named(
@@ -449,7 +463,7 @@ def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
     config.write_text(f"version: 1\ninclude: [{DEFAULT_CONFIG}]\nrig: {{enabled: false}}\n")
     code, _, err = run(capsys, "run", "--config", config, "--out", tmp_path)
     assert code == 2
-    assert "cameras must name each of video.views" in err
+    assert "cameras lacks eih, gt, gs of video.views" in err
 
 
 @pytest.mark.parametrize("camera", [{"source": "pattern"}, {"source": "file", "file": "a.mkv"}])
@@ -566,7 +580,11 @@ def test_bad_input_is_one_sentence_and_exit_code_two_in_each_command(
 
 @pytest.mark.parametrize("program", ["tams", "run_tams.py"])
 def test_help_and_advice_name_the_program_as_it_was_called(capsys, monkeypatch, program):
-    for arguments, told in ((["allocate", "--help"], "Usage: {}"), (["bogus"], "(see {} --help)")):
+    for arguments, told in (
+        (["allocate", "--help"], "Usage: {} allocate"),
+        (["bogus"], "(see {} --help)"),
+        (["allocate", "--bogus"], "(see {} allocate --help)"),
+    ):
         monkeypatch.setattr(sys, "argv", [f"/somewhere/bin/{program}", *arguments])
         with pytest.raises(SystemExit):
             main()
@@ -575,7 +593,7 @@ def test_help_and_advice_name_the_program_as_it_was_called(capsys, monkeypatch, 
 
 
 @pytest.mark.parametrize("arguments", [[], ["--headless"], ["--foxglove"]])
-def test_without_a_command_it_is_run(monkeypatch, arguments):
+def test_without_a_command_it_is_run_and_says_so_first(capsys, monkeypatch, arguments):
     ran = []
 
     def run_session(config, arm_at_once, dry_run):
@@ -584,6 +602,7 @@ def test_without_a_command_it_is_run(monkeypatch, arguments):
 
     monkeypatch.setattr("tams_app.console.app.run_session", run_session)
     assert _main(arguments) == 0
+    assert capsys.readouterr().out.startswith("no command given, so this is `run_tams.py run`")
     (config,) = ran
     assert config.headless == ("--headless" in arguments)
     assert bool(config.recording.foxglove) == ("--foxglove" in arguments)
@@ -653,6 +672,12 @@ def completed(words):
     )
     assert done.stderr == ""
     return done.stdout.split()
+
+
+@pytest.mark.parametrize("group", [(), ("calibrate",), ("key",), ("log",), ("study",)])
+def test_the_list_of_commands_cuts_no_description(capsys, group):
+    _, out, _ = run(capsys, *group, "--help")
+    assert "..." not in out.partition("Commands:")[2]
 
 
 def test_the_exit_codes_are_in_the_help(capsys):

@@ -105,7 +105,10 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
             "device keyboard needs the window: leave out --headless",
         ),
         ({"controller.device": "a pedal"}, "controller.device: .*pattern"),
-        ({"controller.mapping": {"wand": {}}}, "controller.mapping.wand: must be 'vive"),
+        (
+            {"controller.mapping": {"wand": {}}},
+            r"controller.mapping.wand: 'wand' is not one of vive",
+        ),
         ({"name": 7}, "name: must be text: write it in quotes .given: 7.$"),
         ({"cameras": {"eih": {"serial": 12345}}}, "cameras.eih.serial: must be text: write it"),
         (
@@ -133,8 +136,13 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
             "hand: rotation must be orthonormal",
         ),
         ({"clutch.release_below": 0.7}, "release_below must be smaller"),
-        ({"policy.allocation.static_weights": {"eih": 1.0}}, "static_weights must name each"),
-        ({"video.views": ["eih", "gt"]}, "policy.weights name"),
+        (
+            {"policy.allocation.static_weights": {"eih": 1.0}},
+            "static_weights lacks gt, gs of video.views",
+        ),
+        ({"video.views": ["eih", "gt"]}, "policy.weights.matrix: 'gs' is not one of eih, gt"),
+        ({"video.views": ["eih", "gt", "side"]}, "'gs' is not one of eih, gt, side"),
+        ({"view.predict": "ehi"}, "'ehi' is not one of off, eih, all; did you mean eih"),
         ({"limits.box_min_mm": [0, 0, 500]}, "box_min_mm must be below box_max_mm"),
         ({"version": 2}, "version"),
         ({"video.views": ["eih", "gt", "gs", "eih"]}, "views must be different"),

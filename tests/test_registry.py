@@ -32,7 +32,7 @@ def test_a_name_stands_for_an_object_or_for_where_it_is() -> None:
 
 
 def test_a_name_that_stands_for_nothing_is_one_sentence_with_those_there_are() -> None:
-    with pytest.raises(ConfigError, match="key: 'e' is none of pi, own, gone, bad"):
+    with pytest.raises(ConfigError, match="key: 'e' is not one of pi, own, gone, bad"):
         registry()["e"]
     assert registry().get("e", 2) == 2
     assert registry().get("own") == 1.0

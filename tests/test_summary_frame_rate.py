@@ -103,7 +103,7 @@ def test_damaged_frames_are_counted_by_view_and_are_the_reason_where_too_few_cam
     ]
     views = summarise(log)["views"]
     assert [views[view]["frames_damaged_at_camera"] for view in ("eih", "gs")] == [0, 45]
-    assert "frames arrived damaged (45 of gs) and were left out; check the" in shortfall_of(log)
+    assert "Frames arrived damaged (45 of gs) and were left out: check the" in shortfall_of(log)
 
 
 def test_what_to_ask_for_instead_is_a_rate_that_run_takes() -> None:

@@ -23,7 +23,7 @@ from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
 from tams_app.config import Config, LensConfig
-from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
@@ -218,7 +218,7 @@ def chosen_steps(only: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in only.split(","))
     for name in names:
         if name not in STEPS:
-            raise ConfigError(f"--only: {name!r} is none of {', '.join(STEPS)}")
+            raise ConfigError(f"--only: {not_one_of(name, STEPS)}")
     return names
 
 

@@ -84,7 +84,7 @@ class ClipFolder:
         try:
             return _Index.model_validate(read_yaml(index)).sessions
         except ValidationError as error:
-            raise ConfigError(f"{index}: {describe_validation_error(error)}") from error
+            raise ConfigError(f"{index}: {describe_validation_error(error, _Index)}") from error
 
     def there(self) -> dict[str, CutSession]:
         """The same, without the clips that were not finished or are gone."""

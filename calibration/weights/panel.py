@@ -10,7 +10,7 @@ import numpy as np
 from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
 from hw.sim.operator.rater import NOISE, PANELS, rate
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, TamsError
+from tams_app.errors import ConfigError, TamsError, not_one_of
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 
@@ -83,7 +83,7 @@ def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: in
     holds other ratings: of people, or of a panel of another kind or seed.
     """
     if panel not in PANELS:
-        raise ConfigError(f"--panel: {panel!r} is none of {', '.join(PANELS)}")
+        raise ConfigError(f"--panel: {not_one_of(panel, PANELS)}")
     if unknown := set(PANELS[panel].values()) - set(views):
         raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
     expected = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}

@@ -157,7 +157,7 @@ class RatingFolder:
         try:
             sheet = Sheet.model_validate(read_yaml(file))
         except ValidationError as error:
-            raise ConfigError(f"{file}: {describe_validation_error(error)}") from error
+            raise ConfigError(f"{file}: {describe_validation_error(error, Sheet)}") from error
         if sheet.rater != file.stem:
             raise ConfigError(f"{file}: rater: is {sheet.rater}; the file must bear that name")
         self._check(file, sheet.answers)

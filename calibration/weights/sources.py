@@ -186,5 +186,5 @@ def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
     except ValidationError as error:
         raise UnreadableLogError(
             f"{folder}: was recorded by another version of TAMS: video."
-            f"{describe_validation_error(error)}; give another session"
+            f"{describe_validation_error(error, VideoConfig)}; give another session"
         ) from error

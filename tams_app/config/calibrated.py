@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.config.places import writable_directory
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 
 FOLDER = "calibration"
 IN_FORCE = "in-force.yaml"
@@ -51,7 +51,7 @@ def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:
     files = {}
     for kind, name in read(index).items():
         if kind not in KEYS_BY_KIND:
-            raise ConfigError(f"{index}: {kind}: is none of {', '.join(KEYS_BY_KIND)}")
+            raise ConfigError(f"{index}: {not_one_of(kind, KEYS_BY_KIND)}")
         if not isinstance(name, str) or Path(name).name != name:
             raise ConfigError(f"{index}: {kind}: must be the name of a file in this folder")
         path = folder / name

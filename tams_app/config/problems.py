@@ -13,6 +13,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from tams_app.errors import not_one_of
+
 _LONGEST_VALUE = 60
 _MOST_REPORTED = 50
 # What a configuration of one's own usually includes.
@@ -34,7 +36,7 @@ class Problem:
         return f"{self.key}: {self.reason}" if self.key else self.reason
 
 
-def find_problems(error: ValidationError, model: type[BaseModel] | None = None) -> list[Problem]:
+def find_problems(error: ValidationError, model: type[BaseModel]) -> list[Problem]:
     """All mistakes, unknown keys first, for they may explain the rest; at most 50 are named.
 
     `model`: whose keys an unknown one is compared with, for what may have been meant.
@@ -45,9 +47,9 @@ def find_problems(error: ValidationError, model: type[BaseModel] | None = None) 
     return [*problems, Problem("", f"and {more} more")] if more else problems
 
 
-def describe_validation_error(error: ValidationError) -> str:
+def describe_validation_error(error: ValidationError, model: type[BaseModel]) -> str:
     """All that is wrong, in one line."""
-    return "; ".join(map(str, find_problems(error)))
+    return "; ".join(map(str, find_problems(error, model)))
 
 
 def sections(hint: Any) -> Iterator[type[BaseModel]]:
@@ -62,14 +64,16 @@ def _key(detail: ErrorDetails) -> str:
     return ".".join(str(part) for part in detail["loc"] if part != "[key]")  # for a wrong key
 
 
-def _reason(detail: ErrorDetails, model: type[BaseModel] | None) -> str:
+def _reason(detail: ErrorDetails, model: type[BaseModel]) -> str:
     key, kind = _key(detail), detail["type"]
     if kind == "missing":
         file = _INCLUDED.get(key)
         return f"is missing; `include: [{file}]` brings ours" if file else "is missing"
     if kind == "extra_forbidden":
-        meant = "" if model is None else _meant(detail, model)
+        meant = _meant(detail, model)
         reason = f"no such key, did you mean {meant}?" if meant else "no such key"
+    elif kind in ("literal_error", "enum") and isinstance(detail["input"], str):
+        return not_one_of(detail["input"], re.findall("'([^']*)'", detail["ctx"]["expected"]))
     elif kind == "model_type":
         reason = "must hold keys and values"
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -25,6 +26,7 @@ from tams_app.config.motion import (
 )
 from tams_app.config.section import NonNegative, Positive, Section, Triple, Word
 from tams_app.config.streaming import Network, PolicyConfig, RepairMode, VideoConfig
+from tams_app.errors import not_one_of
 from tams_app.records import Phase
 
 OperatorKind = Literal["auto", "seeing", "scripted"]
@@ -171,7 +173,11 @@ class RecordingConfig(Section):
     min_free_mb: NonNegative = 500.0
     """Free disk space that a session wants at its start; it ends below a tenth of that."""
     episodes: bool = False
-    """Whether a session is a row of episodes, which the operator begins, keeps and discards."""
+    """Whether a session is divided into episodes, which the operator begins, keeps and discards."""
+    episode_count: Annotated[int, Field(ge=0)] = 0
+    """With `episodes`: the session ends when so many are kept; 0: any number."""
+    episode_limit_s: Positive = 120.0
+    """With `episodes`: the longest that one may take; it then ends, and is kept."""
     countdown_s: Annotated[float, Field(ge=0, le=60)] = 3.0
     """With `episodes`: time from the request to the begin of an episode."""
 
@@ -276,15 +282,21 @@ class Config(Section):
 
     @model_validator(mode="after")
     def _views_have_weights(self) -> Self:
-        weighted = set(self.policy.weights.matrix[Phase.REACH])
-        if weighted != set(self.video.views):
-            raise ValueError(f"policy.weights name {sorted(weighted)}, video.views do not")
-        if set(self.policy.allocation.static_weights) != set(self.video.views):
-            raise ValueError("policy.allocation.static_weights must name each of video.views")
+        self._check_views("policy.weights.matrix", self.policy.weights.matrix[Phase.REACH])
+        self._check_views("policy.allocation.static_weights", self.policy.allocation.static_weights)
         return self
 
     @model_validator(mode="after")
     def _views_have_cameras(self) -> Self:
-        if not self.rig.enabled and set(self.cameras) != set(self.video.views):
-            raise ValueError("cameras must name each of video.views, and nothing else")
+        if not self.rig.enabled:
+            self._check_views("cameras", self.cameras)
         return self
+
+    def _check_views(self, key: str, names: Iterable[str]) -> None:
+        """ValueError unless the names are those of `video.views`."""
+        views, given = self.video.views, list(names)
+        for name in given:
+            if name not in views:
+                raise ValueError(f"{key}: {not_one_of(name, views)} (video.views)")
+        if lacking := [view for view in views if view not in given]:
+            raise ValueError(f"{key} lacks {', '.join(lacking)} of video.views")

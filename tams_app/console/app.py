@@ -96,6 +96,7 @@ def run_and_report(
     """
     check_viewers(config)
     console = Console()
+    console.print("starting …", highlight=False)
     while _run_once(config, make, console, may_repeat):
         console.print("starting again …", highlight=False)
     return 0

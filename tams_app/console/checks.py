@@ -24,6 +24,7 @@ _RENDER = (
     "from hw.sim.layout import draw_layout; from hw.sim.world.scene_renderer import SceneRenderer; "
     "SceneRenderer(draw_layout(0)).close()"
 )
+_PLACE = ("limits.", "arm.tcp_offset")  # keys without which the arm may hit something
 _WINDOW = "from tams_app.faces.window.toolkit import load; load()"
 
 
@@ -49,9 +50,9 @@ def configuration(config: Config) -> Iterator[Finding]:
     from tams_app.robot.build import check_names, check_ready_pose
 
     names: dict[str, Callable[[], object]] = {
-        "Names": lambda: check_names(config),
-        "Faces": lambda: check_faces(config),
-        "Ready pose": lambda: check_ready_pose(config),
+        "Configured strategy, network and devices": lambda: check_names(config),
+        "Configured displays and sounds": lambda: check_faces(config),
+        "Ready pose inside the workspace": lambda: check_ready_pose(config),
     }
     for what, look in names.items():
         try:
@@ -74,7 +75,7 @@ def codecs(config: Config) -> Iterator[Finding]:
     found = choose_codecs(config.video, starts_at_capacity(config))
     names = f"{found.encoder.element}, {found.decoder.element}"
     fix = "; ".join(found.remarks)
-    yield Finding("Video codecs", not found.remarks, names, fix, essential=False)
+    yield Finding("Video encoder and decoder", not found.remarks, names, fix, essential=False)
 
 
 def rendering(config: Config) -> Iterator[Finding]:
@@ -83,7 +84,7 @@ def rendering(config: Config) -> Iterator[Finding]:
         return
     reason = tried(_RENDER)
     fix = "apt-get install libegl1 libgl1-mesa-dri libosmesa6"
-    yield Finding("MuJoCo rendering", not reason, reason, fix)
+    yield Finding("Images of simulated cameras", not reason, reason, fix)
 
 
 def realtime(config: Config) -> Iterator[Finding]:
@@ -97,7 +98,7 @@ def realtime(config: Config) -> Iterator[Finding]:
     trial.start()
     trial.stop()
     yield Finding(
-        "Real-time priority",
+        "Real-time priority of the control loop",
         granted[0] == "fifo" or priority == 0,
         granted[0],
         "add the line `@realtime - rtprio 98` to /etc/security/limits.d/realtime.conf, "
@@ -224,14 +225,14 @@ def predictive_display(config: Config) -> Iterator[Finding]:
 def network_emulation(_: Config) -> Iterator[Finding]:
     """`tc` and netem, which only `run_tams.py network` on hardware needs."""
     yield Finding(
-        "tc",
+        "Network emulation: tc",
         shutil.which("tc", path=f"{os.environ.get('PATH', '')}:/sbin:/usr/sbin") is not None,
         "",
         "apt-get install iproute2; only `run_tams.py network` needs it",
         essential=False,
     )
     yield Finding(
-        "Kernel netem",
+        "Network emulation: netem in the kernel",
         kernel_has_netem(Path("/")),
         platform.release(),
         "use a kernel with sch_netem; only `run_tams.py network` needs it",
@@ -248,12 +249,13 @@ def marked_keys(path: Path) -> Check:
         if config.rig.enabled:
             return
         left = unset_keys(path)
-        named = ", ".join(f"{key} (line {line})" for key, line in left.items())
-        fix = (
-            f"in {path} these are still as in our {TEMPLATE.name}: {named}; set them, or take the "
-            "mark SET away where the value is right"
-        )
-        yield Finding("Keys marked SET", not left, "", fix, essential=False)
+        for what, essential in (("Your workspace and TCP", True), ("Other keys marked SET", False)):
+            keys = [key for key in left if key.startswith(_PLACE) == essential]
+            fix = (
+                f"{', '.join(f'{key} (line {left[key]})' for key in keys)} in {path} still as in "
+                f"our {TEMPLATE.name}: set, or remove the mark SET where the value is right"
+            )
+            yield Finding(what, not keys, "", fix, essential)
 
     return keys_marked_set
 

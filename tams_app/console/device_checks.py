@@ -78,7 +78,7 @@ def headset(config: Config) -> Iterator[Finding]:
         return
     reason = tried(_TEXTURE)
     fix = "apt-get install libgl1 libgl1-mesa-dri, or set headset.show to never"
-    yield Finding("Headset drawing", not reason, reason, fix)
+    yield Finding("OpenGL for the headset", not reason, reason, fix)
 
 
 def cameras(config: Config) -> Iterator[Finding]:

@@ -58,7 +58,7 @@ def export(
         ),
     ] = False,
 ) -> None:
-    """Convert session logs for other programs: a rosbag2 or a LeRobot dataset."""
+    """Convert session logs to rosbag2 or a LeRobot dataset."""
     from tams_app.console.report import session_log
     from tams_app.printing import Console
 

@@ -16,7 +16,7 @@ from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import refuse_existing
 
 log_app = typer.Typer(
-    no_args_is_help=True, rich_markup_mode=None, help="Look into the logs of sessions."
+    no_args_is_help=True, rich_markup_mode=None, help="List and read session logs."
 )
 
 
@@ -99,7 +99,7 @@ def list_sessions(
     ] = Path("logs"),
     as_json: JsonOption = False,
 ) -> None:
-    """List the sessions in a folder and their outcomes (from summary.json)."""
+    """List the sessions in a folder and their outcomes."""
     from rich.table import Table
 
     from tams_app.printing import Console
@@ -130,7 +130,7 @@ def show(
     ] = "",
     as_json: JsonOption = False,
 ) -> None:
-    """List the topics of a session's log: messages, size, first and last time."""
+    """List a log's topics with their messages, size and times."""
     from dataclasses import asdict
 
     from rich.table import Table
@@ -168,7 +168,7 @@ def to_csv(
     topic: TopicArgument,
     out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
 ) -> None:
-    """Write one topic of a session's log as CSV, nested fields as columns."""
+    """Write one topic of a log as CSV, nested fields as columns."""
     from tams_app.console.report import session_log
     from tams_app.recording.tables import columns_of, write_csv
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, get_args
@@ -16,7 +17,11 @@ from tams_app.policy.budget import BUDGETS
 
 FOXGLOVE = "127.0.0.1:8765"
 ROS2 = "0"
-_BARE = {"--foxglove": FOXGLOVE, "--ros2": ROS2}  # what an option without a value stands for
+_BARE = {
+    "--foxglove": FOXGLOVE,
+    "--ros2": ROS2,
+    "--episodes": "0",  # any number
+}  # what an option without a value stands for
 
 
 def network_names(ctx: typer.Context) -> list[str]:
@@ -81,7 +86,10 @@ ReferenceOption = Annotated[
     bool, typer.Option("--record-reference", help="Also record the camera images without loss.")
 ]
 EpisodesOption = Annotated[
-    bool, typer.Option("--episodes", help="A row of episodes, each kept or discarded by key.")
+    int | None,
+    typer.Option(
+        min=0, metavar="[N]", help="Record episodes, kept or discarded by key; end when N are kept."
+    ),
 ]
 PredictOption = Annotated[
     str | None,
@@ -120,38 +128,37 @@ KeysOption = Annotated[
 ]
 
 
-def arm_overrides(
-    *,
-    sim: bool,
-    strategy: str | None,
-    preset: str | None,
-    network: str | None,
-    budget: str | None,
-    seconds: float | None,
-    seed: int | None,
-    fps: int | None,
-    record_reference: bool,
-    episodes: bool,
-    foxglove: str | None,
-    ros2: int | None,
-    out: Path | None,
-) -> dict[str, Any]:
-    """The overrides of the configuration file by the options of a command with an arm."""
-    return {
-        "rig.enabled": True if sim else None,
-        "strategy": strategy,
-        "preset": preset,
-        "network": network,
-        "policy.budget.mode": budget,
-        "seconds": seconds,
-        "seed": seed,
-        "video.fps": fps,
-        "rig.fixed_fps": None if fps is None else True,
-        "recording.record_reference": True if record_reference else None,
-        "recording.episodes": True if episodes else None,
-        "recording.foxglove": foxglove,
-        "recording.ros2": ros2,
+_KEYS = {  # of the configuration, by the option that sets it
+    "sim": "rig.enabled",
+    "strategy": "strategy",
+    "preset": "preset",
+    "network": "network",
+    "budget": "policy.budget.mode",
+    "seconds": "seconds",
+    "seed": "seed",
+    "fps": "video.fps",
+    "record_reference": "recording.record_reference",
+    "episodes": "recording.episode_count",
+    "foxglove": "recording.foxglove",
+    "ros2": "recording.ros2",
+    "out": "recording.directory",
+    "headless": "headless",
+    "hand": "controller.device",
+    "operator": "rig.operator.kind",
+    "predict": "view.predict",
+}
+
+
+def overrides_of(given: Mapping[str, Any]) -> dict[str, Any]:
+    """The overrides of the configuration file by a command's options, which are `given` by name."""
+    overrides = {
+        key: given.get(name) for name, key in _KEYS.items() if given.get(name) is not False
+    }
+    out = given.get("out")
+    return overrides | {
         "recording.directory": str(out) if out else None,
+        "rig.fixed_fps": None if given.get("fps") is None else True,
+        "recording.episodes": None if given.get("episodes") is None else True,
     }
 
 

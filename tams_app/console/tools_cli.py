@@ -11,7 +11,7 @@ import typer
 
 from tams_app.config import load_config
 from tams_app.console.options import JsonOption, PresetOption, StrategyOption, network_names
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 from tams_app.outputs import write_file
 from tams_app.policy.allocation import make_strategy
 from tams_app.study.cli import ConfigOption
@@ -84,7 +84,7 @@ def phases(
     preset: PresetOption = None,
     config: ConfigOption = None,
 ) -> None:
-    """Label the task phases in a CSV table of speeds (Algorithm 1 of the paper).
+    """Label the task phases in a table of speeds (Algorithm 1).
 
     Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
     """
@@ -138,13 +138,13 @@ def allocate(
     as_json: JsonOption = False,
     config: ConfigOption = None,
 ) -> None:
-    """Print the bitrate that a strategy gives each view at the start of a phase."""
+    """Print the bitrate that a strategy gives each view in a phase."""
     from tams_app.records import Phase
 
     settings = load_config(config, {"preset": preset, "policy.allocation.floor_kbps": floor_kbps})
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
-        raise ConfigError(f"--phase: {phase!r} is none of {', '.join(Phase.__members__)}")
+        raise ConfigError(f"--phase: {not_one_of(phase, _phases())}")
     chosen = make_strategy(strategy or settings.strategy, settings.policy)
     floor = settings.policy.allocation.floor_kbps
     targets = chosen.targets(Phase[name], budget_kbps)

@@ -69,7 +69,6 @@ _REPLAY = {  # what was, without what helps
     "engaged": ("The arm followed the operator's hand.", ""),
     "link lost": ("The robot stopped by itself.", ""),
 }
-_PRESS_ENTER = "Press Enter to arm"
 _SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
 _PRESS_AGAIN = "{release}, then press and hold {deadman} again"
 _STARTING = ("The session starts.", "F1 lists all keys")
@@ -125,7 +124,7 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
     if shift_is_dead and hand == "keyboard" and state.arming == "ready":
         return replace(banner, key=_SHIFT_IS_DEAD)
     if state.arming == "disarmed" and state.deadman is False:
-        return replace(banner, key=_PRESS_ENTER)
+        return replace(banner, key="Press Enter to arm")
     if state.arming == "ready" and state.deadman:  # pressed while something was in the way
         return replace(banner, key=words.told(_PRESS_AGAIN))
     moves = words.moves if state.arming == "ready" else ""

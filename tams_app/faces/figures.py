@@ -6,7 +6,7 @@ from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Facts, Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
-from tams_app.video.core.stages import remedy_of, stage_words
+from tams_app.video.core.stages import REMEDIES, stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
 NOTABLE_MS = 25  # apart from the network: below it there is little to gain
@@ -79,9 +79,10 @@ def slowest_text(state: SessionState) -> str:
     if own is None or own.total_ms < NOTABLE_MS:
         return ""
     upto = " to the uplink" if view.shown_fps is None else ""
+    remedy = REMEDIES.get(own.slowest, "use fewer frames or a faster computer")
     return (
         f"{state.primary_view.upper()} {own.total_ms} ms besides the network{upto} "
-        f"({stage_words(own.slowest)} {own.slowest_ms}): {remedy_of(own.slowest)}"
+        f"({stage_words(own.slowest)} {own.slowest_ms}): {remedy}"
     )
 
 

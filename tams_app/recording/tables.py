@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tams_app.errors import UnreadableLogError
+from tams_app.errors import UnreadableLogError, not_one_of
 from tams_app.recording.mcap_stream import McapStream
-from tams_app.recording.topics import HEADER, PROFILE
+from tams_app.recording.topics import HEADER, PROFILE, TOPICS
 from tams_app.units import NS_PER_S
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def topic_counts(path: Path) -> list[TopicCount]:
 def messages_of(path: Path, topic: str) -> Iterator[dict[str, Any]]:
     """The messages of one of our topics, with the log's time in seconds as first field.
 
-    UnreadableLogError if there is none, or if they are not JSON.
+    UnreadableLogError if there is no such topic, or if its messages are not JSON.
     """
     others: set[str] = set()
     found = False
@@ -58,10 +58,8 @@ def messages_of(path: Path, topic: str) -> Iterator[dict[str, Any]]:
             raise UnreadableLogError(f"{topic} is binary, for viewers such as Foxglove")
         found = True
         yield {TIME_COLUMN: round(t_s, 6), **json.loads(data)}
-    if not found:
-        raise UnreadableLogError(
-            f"{path}: has no message of {topic or 'no name'}; it has {', '.join(sorted(others))}"
-        )
+    if not found and topic not in {known.name for known in TOPICS.values()}:
+        raise UnreadableLogError(f"{path}: {not_one_of(topic, sorted(others))}")
 
 
 def columns_of(path: Path, topic: str) -> list[str]:
@@ -69,7 +67,7 @@ def columns_of(path: Path, topic: str) -> list[str]:
 
     Nested fields become columns such as `arm.tcp.position.0`.
     """
-    columns: dict[str, None] = {}
+    columns: dict[str, None] = {TIME_COLUMN: None}
     for message in messages_of(path, topic):
         columns.update(dict.fromkeys(flat(message)))
     return list(columns)

@@ -119,13 +119,10 @@ def _draw_uplink(link: Axes, log: SessionLog, rates: Rates) -> None:
 def _draw_delay(axis: Axes, log: SessionLog, place: int, view: str) -> None:
     frames = FrameTable.of(log, view)
     shown = frames.shown_ns > 0
-    axis.plot(
-        all_since_start_s(log, frames.shown_ns[shown]),
-        (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS,
-        color=view_colour(place),
-        lw=1,
-        label=view.upper(),
-    )
+    t_s = all_since_start_s(log, frames.shown_ns[shown])
+    delay_ms = (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS
+    curve = plots.broken(t_s, delay_ms)
+    axis.plot(*curve, color=view_colour(place), lw=1, label=view.upper())
 
 
 def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
@@ -137,8 +134,9 @@ def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
     seconds = np.floor(t_s / _QUALITY_WINDOW_S)
     values = np.array([value for _, value in scored])
     ends = np.unique(seconds)
-    means = [float(values[seconds == end].mean()) for end in ends]
-    axis.plot((ends + 0.5) * _QUALITY_WINDOW_S, means, color=view_colour(place), label=view.upper())
+    means = np.array([values[seconds == end].mean() for end in ends])
+    curve = plots.broken((ends + 0.5) * _QUALITY_WINDOW_S, means, _QUALITY_WINDOW_S)
+    axis.plot(*curve, ".-", ms=3, color=view_colour(place), label=view.upper())
 
 
 def _draw_stops(axis: Axes, log: SessionLog) -> None:

@@ -14,7 +14,7 @@ from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES, make_inference
@@ -62,9 +62,8 @@ def check_names(config: Config) -> None:
 def check_hand(config: Config) -> None:
     """ConfigError if the operator's device does not exist."""
     device = config.controller.device
-    if device not in ("auto", SIMULATED, *DEVICES):
-        known = ", ".join(("auto", *DEVICES, SIMULATED))
-        raise ConfigError(f"controller.device: {device!r} is none of {known}")
+    if device not in (known := ("auto", *DEVICES, SIMULATED)):
+        raise ConfigError(f"controller.device: {not_one_of(device, known)}")
 
 
 def starts_at_capacity(config: Config) -> bool:

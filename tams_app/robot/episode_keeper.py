@@ -8,11 +8,15 @@ from tams_app.recording.journal import Journal
 from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.listener import Listener
-from tams_app.task.episodes import Episodes
+from tams_app.task.episodes import ARMED_NS, Episodes
 from tams_app.units import NS_PER_S
 
 HOLD_NS = NS_PER_S
 _STATE_NS = NS_PER_S // 10
+_COMPLETE = (
+    f"all episodes are kept: the session ends in {ARMED_NS // NS_PER_S} s, once the deadman is "
+    "released; the last can still be labelled or discarded"
+)
 
 
 class LongPress:
@@ -46,14 +50,21 @@ class EpisodeKeeper(Listener):
     """
 
     def __init__(
-        self, countdown_s: float, signals: Signals, log: Journal, prepare: Callable[[], None]
+        self,
+        episodes: Episodes,
+        signals: Signals,
+        log: Journal,
+        prepare: Callable[[], None],
+        end: Callable[[str], None],
     ) -> None:
         """`signals`: has what is asked by key.
 
         `prepare` is called when an episode was asked for, before its countdown; it must not wait.
+        `end` ends the session once all that are wanted are kept.
         """
-        self._episodes = Episodes(countdown_s)
-        self._signals, self._log, self._prepare = signals, log, prepare
+        self._episodes, self._signals, self._log = episodes, signals, log
+        self._prepare, self._end = prepare, end
+        self._asked_ns = 0
         self._buttons = {EpisodeRequest.NEXT: LongPress(), EpisodeRequest.DISCARD: LongPress()}
         self.state: EpisodesState = self._episodes.state(0)
         self._state_due_ns = 0
@@ -62,6 +73,8 @@ class EpisodeKeeper(Listener):
         now_ns = tick.started_ns
         begun = self._episodes.step(now_ns)
         requests = [*self._signals.episodes(), *self._held(tick)]
+        if not requests and self._episodes.is_overdue(now_ns):
+            requests = [EpisodeRequest.NEXT]
         if begun:
             self._log.note("info", begun)
         for request in requests:
@@ -71,6 +84,13 @@ class EpisodeKeeper(Listener):
             self._log.note("info", answer.sentence)
             if answer.begins:
                 self._prepare()
+        if requests:
+            self._asked_ns = now_ns
+        if self._episodes.is_complete:
+            if requests:
+                self._log.note("info", _COMPLETE)
+            elif not tick.deadman and now_ns - self._asked_ns >= ARMED_NS:
+                self._end("all episodes are kept")
         if begun or requests or now_ns >= self._state_due_ns:
             self._state_due_ns = now_ns + _STATE_NS
             self.state = self._episodes.state(now_ns)

@@ -30,6 +30,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
+from tams_app.task.episodes import Episodes
 from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
@@ -75,7 +76,13 @@ class RobotSide:
         self._board = StatusBoard(config.video.views, weights, config.video.fps)
         keeping = config.recording
         self._episodes = (
-            EpisodeKeeper(keeping.countdown_s, signals, log, self._put_back)
+            EpisodeKeeper(
+                Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count),
+                signals,
+                log,
+                self._put_back,
+                ending.end,
+            )
             if keeping.episodes
             else None
         )

@@ -57,8 +57,8 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
     They are passed in because a study knows no session and no console.
     """
     app = typer.Typer(
-        help="Plan, run and report a study: every strategy on every network, with simulated or "
-        "real operators. See docs/STUDY.md.",
+        help="Plan, run and report a study (docs/STUDY.md). Every strategy is tried on every "
+        "network, with simulated or real operators.",
     )
 
     @app.command()
@@ -81,7 +81,7 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
             str | None, typer.Option(help="Who is present; default the first with trials left.")
         ] = None,
     ) -> None:
-        """Run the remaining trials of a study, planning it first if necessary.
+        """Run a study's remaining trials, after planning it if needed.
 
         It can be stopped at any time; the same command continues it.
         """
@@ -113,7 +113,7 @@ def plan(
     out: OutOption = None,
     preset: PresetOption = None,
 ) -> None:
-    """Plan a new study: which participant does which trials, in which order, with which seeds."""
+    """Plan a new study: participants, trials, order and seeds."""
     settings = load_config(config, {"preset": preset, **_options(sim, repetitions, practice, seed)})
     from tams_app.study.commands import plan_study
 
@@ -124,7 +124,7 @@ def show(
     folder: Folder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
 ) -> None:
-    """Show each participant's progress, and which trials failed or are void."""
+    """Show progress, and which trials failed or are void."""
     from tams_app.study.commands import show_study
 
     raise typer.Exit(show_study(_folder(folder), _console(), as_json))
@@ -135,7 +135,7 @@ def void(
     reason: Annotated[str, typer.Option(help="Why the trial does not count; kept with its data.")],
     folder: Folder = None,
 ) -> None:
-    """Void the last attempt at a trial: its data are kept, and the trial is repeated."""
+    """Void the last attempt at a trial; it is kept, and repeated."""
     from tams_app.study.commands import void_trial
 
     raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
@@ -169,7 +169,7 @@ def report(
         Path | None, typer.Option(help="The configuration of the study of --from-tables.")
     ] = None,
 ) -> None:
-    """Create tables (CSV, Parquet), figures and the report (HTML) from the trials so far."""
+    """Create tables, figures and the HTML report from the trials so far."""
     from tams_app.study import commands
 
     if from_tables is not None and folder is not None:

@@ -103,7 +103,7 @@ def run_simulated(
             return 0
         pool = _pool(runner, workers, dask)
         try:
-            with TrialsProgress(console, len(plan.left)) as display:
+            with TrialsProgress(console, len(plan.left), pool.slots) as display:
                 tally = run_unattended(study, pool, display)
         except KeyboardInterrupt:
             _show_how_to_go_on(study, console)

@@ -66,7 +66,7 @@ class StudyFolder:
         except OSError as error:
             raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
         except ValidationError as error:
-            raise ConfigError(f"{path}: {describe_validation_error(error)}") from error
+            raise ConfigError(f"{path}: {describe_validation_error(error, Plan)}") from error
 
     def save(self, plan: Plan) -> None:
         """Put `plan` in the place of the old one in one step."""

@@ -12,7 +12,7 @@ from itertools import product
 from typing import NamedTuple
 
 from tams_app.config import Config
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES
@@ -30,12 +30,11 @@ def make_plan(config: Config, participants: int) -> Plan:
     for strategy in study.strategies:
         make_strategy(strategy, config.policy)
     if study.budget not in BUDGETS:
-        raise ConfigError(f"study.budget: {study.budget!r} is none of {', '.join(BUDGETS)}")
+        raise ConfigError(f"study.budget: {not_one_of(study.budget, BUDGETS)}")
     _ = INFERENCES[config.policy.phases.inference]
     for network in study.networks:
         if network not in config.networks:
-            names = ", ".join(config.networks)
-            raise ConfigError(f"study.networks: {network!r} is none of {names}")
+            raise ConfigError(f"study.networks: {not_one_of(network, config.networks)}")
     cells = conditions(study.strategies, study.networks)
     rows = sequences_needed(len(cells))
     people = tuple(

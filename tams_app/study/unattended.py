@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Protocol
@@ -12,15 +13,12 @@ from rich.progress import (
     Progress,
     TextColumn,
     TimeElapsedColumn,
-    TimeRemainingColumn,
 )
 
 from tams_app.printing import Console
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.trial_process import Job, TrialPool
-
-_SPEED_OVER_S = 3600.0  # the time left is judged by the trials of the last hour
 
 
 @dataclass(slots=True)
@@ -86,27 +84,30 @@ def _report(tally: Tally, display: ProgressDisplay, trial_id: str, attempt: Atte
 class TrialsProgress(Progress):
     """A bar with trials done, time taken and time left."""
 
-    def __init__(self, console: Console, total: int) -> None:
+    def __init__(self, console: Console, total: int, slots: int = 1) -> None:
+        """`slots`: how many run at a time; the time left is trials left × their mean / slots."""
         super().__init__(
             TextColumn("trials"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),
             console=console,
-            speed_estimate_period=_SPEED_OVER_S,
         )
-        self._trials = self.add_task("trials", total=total)
+        self._trials = self.add_task("trials", total=total, left="")
+        self._begun_s = deque([self.get_time()] * slots)
+        self._took_s = 0.0  # all that have ended
 
     def notify(self, text: str) -> None:
         self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def trial_ended(self) -> None:
+        task, now_s = self.tasks[self._trials], self.get_time()
+        self._took_s += now_s - self._begun_s.popleft()  # the sum is right whichever it was
+        self._begun_s.append(now_s)
         self.advance(self._trials)
+        left_s = self._took_s / task.completed * (task.remaining or 0) / len(self._begun_s)
+        left = f"about {timedelta(seconds=round(left_s))} left"
+        self.update(self._trials, left=left)
         if not self.console.is_terminal:  # a log file: no bar, a line each
-            task = self.tasks[self._trials]
-            line = f"{task.completed:.0f} of {task.total:.0f} trials"
-            if task.time_remaining is not None:  # one trial alone gives no speed
-                line += f", {timedelta(seconds=round(task.time_remaining))} left"
-            self.notify(line)
+            self.notify(f"{task.completed:.0f} of {task.total:.0f} trials, {left}")

@@ -6,6 +6,7 @@ it. What would be lost is discarded by the second of two requests only.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -13,6 +14,7 @@ from tams_app.records import Episode, EpisodeRequest, EpisodesState, EpisodeStat
 from tams_app.units import NS_PER_S
 
 ARMED_NS = 5 * NS_PER_S  # for so long a second request counts; a controller's needs more than one
+WARNED_NS = 10 * NS_PER_S  # so long before the time limit of an episode it is announced
 SHOWN = 5  # episodes that have ended, on the screen
 
 
@@ -40,9 +42,14 @@ class Episodes:
     scene in order meanwhile.
     """
 
-    def __init__(self, countdown_s: float) -> None:
-        """`countdown_s`: from the request to the begin of an episode."""
+    def __init__(self, countdown_s: float, limit_s: float = math.inf, wanted: int = 0) -> None:
+        """`countdown_s`: from the request to the begin of an episode.
+
+        `limit_s`: the longest that one may take. `wanted`: how many are to be kept; 0: any number.
+        """
         self._countdown_ns = round(countdown_s * NS_PER_S)
+        self._limit_s, self._wanted = limit_s, wanted
+        self._warn_ns = math.inf
         self._due_ns: int | None = None  # of the begin, in a countdown
         self._start_ns: int | None = None  # of the one that is recorded
         self._armed: _Armed | None = None
@@ -59,13 +66,28 @@ class Episodes:
         return len(self._ended) + 1
 
     def step(self, now_ns: int) -> str:
-        """Let time pass; a sentence if an episode has begun, else ""."""
+        """Let time pass; a sentence if an episode has begun or ends soon, else ""."""
         if self._armed is not None and now_ns >= self._armed.until_ns:
             self._armed = None
+        if self._start_ns is not None and now_ns >= self._warn_ns:
+            self._warn_ns = math.inf
+            left_s = self._limit_s - (now_ns - self._start_ns) / NS_PER_S
+            return f"episode {self.number} ends in {left_s:.0f} s, at its time limit, and is kept"
         if self._due_ns is None or now_ns < self._due_ns:
             return ""
         self._start_ns, self._due_ns = self._due_ns, None
+        self._warn_ns = self._start_ns + self._limit_s * NS_PER_S - WARNED_NS
         return f"episode {self.number} is recorded"
+
+    def is_overdue(self, now_ns: int) -> bool:
+        """True if the one that is recorded has reached its time limit."""
+        return self._start_ns is not None and now_ns - self._start_ns >= self._limit_s * NS_PER_S
+
+    @property
+    def is_complete(self) -> bool:
+        """True if as many are kept as are wanted, and none is begun."""
+        is_idle = self._start_ns is None and self._due_ns is None
+        return is_idle and 0 < self._wanted <= sum(one.kept for one in self._ended)
 
     def ask(self, now_ns: int, request: EpisodeRequest) -> Answer:
         """Carry out a request; `step` has been called for `now_ns`."""

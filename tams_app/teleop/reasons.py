@@ -250,7 +250,7 @@ class Reason(Enum):
     )
     WORKSPACE = _hold(
         "workspace limit",
-        "The arm is at the edge of its workspace: {release} and move back inside.",
+        "The edge of the workspace holds the arm: {release} and move back inside.",
     )
     ROTATION_LIMIT = _hold(
         "rotation limit",

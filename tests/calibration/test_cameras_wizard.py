@@ -130,7 +130,7 @@ def test_options_that_make_no_sense_are_one_sentence(rig, tmp_path):
     for options, words in (
         ({}, "give --sim, or --config"),
         ({"sim": True, "logs": [tmp_path]}, "exclude each other"),
-        ({"sim": True, "only": "which,colour"}, "'colour' is none of which, focus"),
+        ({"sim": True, "only": "which,colour"}, "'colour' is not one of which, focus"),
         ({"sim": True, "figure": tmp_path / "found.gif"}, r"drawn to \.png or \.jpg"),
         ({"sim": True, "figure": tmp_path / "no/found.png"}, "there is no folder"),
         ({"logs": [tmp_path] * 2, "figure": tmp_path / "a.png"}, "drawn over it"),

@@ -93,10 +93,12 @@ def test_the_doctor_finds_the_file_in_order_but_for_what_is_left_to_set(tmp_path
     write_first_file(ScriptedUI(), path, ALL, cameras)
     made = load_config(path)
     assert all(one.ok for one in configuration(made))
-    (left,) = marked_keys(path)(made)
-    assert (left.ok, left.essential) == (False, False)
-    assert f"in {path} these are still as in our lite6.yaml" in left.fix
-    assert "limits.floor_mm (line " in left.fix
+    place, other = marked_keys(path)(made)
+    assert (place.is_broken, other.ok, other.is_broken) == (True, False, False)
+    assert f"in {path} still as in our lite6.yaml" in place.fix
+    for key in ("limits.box_min_mm", "limits.floor_mm", "arm.tcp_offset_mm_deg"):
+        assert f"{key} (line " in place.fix
+    assert "arm.tcp_load_kg (line " in other.fix
     path.write_text(path.read_text().replace("# SET", "# set"))
     assert all(one.ok for one in marked_keys(path)(made))
     assert not list(marked_keys(path)(load_config()))  # of the rig nothing is to be set
@@ -142,11 +144,11 @@ def test_without_a_terminal_each_option_that_is_needed_is_named(tmp_path: Path) 
 @pytest.mark.parametrize(
     ("changed", "sentence"),
     [
-        ({"hand": "broom"}, "controller.device: 'broom' is none of"),
+        ({"hand": "broom"}, "controller.device: 'broom' is not one of"),
         ({"side": "both"}, "controller.hand"),
-        ({"model": "lite7"}, "'lite7' is none of lite6"),
+        ({"model": "lite7"}, "'lite7' is not one of lite6"),
         ({"cameras": ("eih",)}, "'eih' is not VIEW=SERIAL_OR_PATH"),
-        ({"cameras": ("top=1",)}, "with one of eih, gt, gs"),
+        ({"cameras": ("top=1",)}, "'top' is not one of eih, gt, gs"),
     ],
 )
 def test_an_answer_that_cannot_be_is_refused_and_nothing_is_written(

@@ -178,7 +178,7 @@ def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path)
         ({"ratings": "none"}, "is no folder of rating files"),
         ({"ratings": "empty"}, "holds no ratings yet"),
         ({"ratings": "empty", "sim": True}, "leave out --sim"),
-        ({"panel": "nice", "sim": True}, "'nice' is none of paper, indifferent"),
+        ({"panel": "nice", "sim": True}, "'nice' is not one of paper, indifferent"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_what_to_do(config, tmp_path, changes, reason):

@@ -185,7 +185,7 @@ def test_the_first_line_comes_before_anything_of_a_session_is_loaded(command):
         check=True,
     )
     first, second = done.stdout.splitlines()
-    assert first.startswith("starting: ")
+    assert first == "loading …"
     assert second == "loading"
 
 

@@ -187,10 +187,10 @@ def test_the_configuration_as_shipped_is_in_order() -> None:
 @pytest.mark.parametrize(
     ("key", "value", "what"),
     [
-        ("network", "s9", "Names"),
-        ("policy.budget.mode", "guess", "Names"),
-        ("faces", ["windw"], "Faces"),
-        ("strategy", "clever", "Names"),
+        ("network", "s9", "Configured strategy, network and devices"),
+        ("policy.budget.mode", "guess", "Configured strategy, network and devices"),
+        ("faces", ["windw"], "Configured displays and sounds"),
+        ("strategy", "clever", "Configured strategy, network and devices"),
     ],
 )
 def test_a_name_that_run_would_refuse_is_found(key: str, value: Any, what: str) -> None:

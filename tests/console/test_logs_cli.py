@@ -127,8 +127,8 @@ def test_what_a_log_lacks_is_a_sentence_beside_the_output(
         (("show", "{logs}/empty"), "holds no session.mcap"),
         (("show", "{logs}/nowhere"), "there is no such folder"),
         (("list", "{logs}/nowhere"), "cannot be read"),
-        (("csv", "{logs}/20260101-100000-run", "/nothing"), "has no message of /nothing; it has"),
-        (("show", "{logs}/20260101-100000-run", "--topic", "tick"), "has no message of tick"),
+        (("csv", "{logs}/20260101-100000-run", "/nothing"), "'/nothing' is not one of /"),
+        (("show", "{logs}/20260101-100000-run", "--topic", "tick"), "did you mean /tick?"),
     ],
 )
 def test_what_is_not_there_is_one_sentence(logs: Path, out, arguments, sentence: str) -> None:
@@ -136,6 +136,12 @@ def test_what_is_not_there_is_one_sentence(logs: Path, out, arguments, sentence:
     assert code in (1, 2)
     assert sentence in error
     assert len(error.splitlines()) == 1
+
+
+def test_a_topic_without_messages_is_empty_and_no_error(logs: Path, out) -> None:
+    session = f"{logs}/20260101-100000-run"
+    assert out("show", session, "--topic", "/episode") == (0, "", "")
+    assert out("csv", session, "/episode")[:2] == (0, "log_t_s\r\n")
 
 
 def test_flat_keeps_every_value_under_its_path() -> None:

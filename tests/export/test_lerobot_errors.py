@@ -211,7 +211,7 @@ def test_wrong_use_is_a_sentence(tmp_path: Path, export: Export, capsys: Any) ->
     code, _, error = export(tmp_path / "nowhere")
     assert (code, "there is no such folder" in error) == (2, True)
     assert _main(["export", str(session), "--format", "papyrus"]) == 2
-    assert "'papyrus' is none of" in capsys.readouterr().err
+    assert "'papyrus' is not one of" in capsys.readouterr().err
 
 
 def test_a_missing_package_is_named_with_what_installs_it(

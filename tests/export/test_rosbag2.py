@@ -223,7 +223,7 @@ def test_a_format_that_there_is_not_is_told_with_those_that_there_are(
     session: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert _main(["export", str(session), "--format", "rosbag1"]) == 2
-    assert "'rosbag1' is none of rosbag2" in capsys.readouterr().err
+    assert "'rosbag1' is not one of rosbag2" in capsys.readouterr().err
 
 
 def test_without_the_extra_it_is_said_what_to_install(

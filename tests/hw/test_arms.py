@@ -61,5 +61,5 @@ def test_more_than_the_arm_can_do_is_refused_with_its_bound(
 
 
 def test_an_unknown_model_is_refused_with_those_that_are_known() -> None:
-    with pytest.raises(ConfigError, match="'lite7' is none of lite6"):
+    with pytest.raises(ConfigError, match="'lite7' is not one of lite6"):
         arm_kind("lite7")

@@ -59,6 +59,6 @@ def test_a_camera_is_called_what_it_was_asked_by() -> None:
 
 def test_a_source_that_does_not_exist_is_one_sentence() -> None:
     with pytest.raises(
-        ConfigError, match=r"cameras\.VIEW\.source: 'webcam' is none of v4l2, file,"
+        ConfigError, match=r"cameras\.VIEW\.source: 'webcam' is not one of v4l2, file,"
     ):
         make(source="webcam")

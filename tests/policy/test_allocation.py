@@ -91,7 +91,7 @@ def test_every_strategy_shares_all_of_the_bits_among_all_views(name, phase):
 def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
     with pytest.raises(ConfigError) as refused:
         make_strategy("best", POLICY)
-    assert str(refused.value).endswith(f"'best' is none of {', '.join(STRATEGIES)}")
+    assert str(refused.value).endswith(f"'best' is not one of {', '.join(STRATEGIES)}")
 
 
 def test_what_a_caller_does_to_the_targets_changes_no_later_ones():

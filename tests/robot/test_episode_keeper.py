@@ -9,6 +9,7 @@ import pytest
 from tams_app.records import ControllerStatus, Episode, EpisodeRequest
 from tams_app.robot.control import Signals
 from tams_app.robot.episode_keeper import HOLD_NS, EpisodeKeeper
+from tams_app.task.episodes import ARMED_NS, Episodes
 from tests.session.exchange import MemoryLog
 from tests.synthetic_session import PERIOD_NS, tick
 
@@ -21,10 +22,14 @@ UP = {"a": False, "b": False, "status": ControllerStatus.OK}
 class Kept:
     """A keeper, its log, and the ticks that it receives."""
 
-    def __init__(self, countdown_s: float = 0.0) -> None:
+    def __init__(self, countdown_s: float = 0.0, limit_s: float = 120.0, wanted: int = 0) -> None:
         self.signals, self.log = Signals(), MemoryLog()
         self.prepared = 0
-        self.keeper = EpisodeKeeper(countdown_s, self.signals, self.log, self._prepare)
+        self.ended: list[str] = []
+        episodes = Episodes(countdown_s, limit_s, wanted)
+        self.keeper = EpisodeKeeper(
+            episodes, self.signals, self.log, self._prepare, self.ended.append
+        )
         self.number = 0
 
     def ticks(self, number: int = 1, *, deadman: bool = False, **hand: object) -> None:
@@ -66,6 +71,34 @@ def test_a_key_begins_an_episode_and_ends_it_at_the_ticks_after_it() -> None:
         "episode 1 is recorded",
         "episode 1, 0.0 s: kept",
     ]
+
+
+def test_an_episode_ends_at_its_time_limit_and_is_kept() -> None:
+    kept = Kept(limit_s=0.5)
+    kept.ask(EpisodeRequest.NEXT)
+    kept.ticks(59)
+    assert kept.doing == "recording"
+    kept.ticks(2)
+    assert kept.doing == "idle"
+    (episode,) = kept.log.of(Episode)
+    assert episode.kept
+    assert (episode.end_ns - episode.start_ns) / 1e9 == pytest.approx(0.5, abs=0.01)
+    kept.ticks(20)
+    assert kept.doing == "idle"
+
+
+def test_the_session_ends_once_as_many_are_kept_as_are_wanted_and_the_deadman_is_up() -> None:
+    kept, pause = Kept(wanted=2), ARMED_NS // PERIOD_NS + 2
+    discard = EpisodeRequest.DISCARD
+    kept.ask(*(EpisodeRequest.NEXT,) * 4, discard, discard)  # the second is not kept
+    kept.ticks(pause)
+    assert not kept.ended
+    kept.ask(EpisodeRequest.NEXT, EpisodeRequest.NEXT)
+    assert "all episodes are kept: the session ends in 5 s" in kept.log.notes[-1]
+    kept.ticks(pause, deadman=True)
+    assert not kept.ended
+    kept.ticks()
+    assert kept.ended == ["all episodes are kept"]
 
 
 def test_holding_a_begins_and_keeps_an_episode_and_holding_b_twice_discards_it() -> None:

@@ -106,10 +106,13 @@ def test_conditions_are_data() -> None:
 @pytest.mark.parametrize(
     ("overrides", "sentence"),
     [
-        ({"study__networks": ["s9"]}, "study.networks: 's9' is none of s1, s2, s3, none"),
-        ({"study__strategies": ["equal", "tams", "best"]}, "'best' is none of"),
-        ({"study__budget": "guess"}, "study.budget: 'guess' is none of oracle, sender, feedback"),
-        ({"policy__phases__inference": "guess"}, "policy.phases.inference: 'guess' is none of"),
+        ({"study__networks": ["s9"]}, "study.networks: 's9' is not one of s1, s2, s3, none"),
+        ({"study__strategies": ["equal", "tams", "best"]}, "'best' is not one of"),
+        (
+            {"study__budget": "guess"},
+            "study.budget: 'guess' is not one of oracle, sender, feedback",
+        ),
+        ({"policy__phases__inference": "guess"}, "policy.phases.inference: 'guess' is not one of"),
     ],
 )
 def test_unknown_names_are_refused_with_the_valid_ones(

@@ -22,7 +22,7 @@ from tams_app.recording import FrameSent, SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.recording.writer import DirectRecorder
-from tams_app.records import Episode, Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.records import Episode, FrameQuality, Note, Phase, PhaseChange, ShownFrame, StopRecord
 from tams_app.report.figures import phase_stretches
 from tams_app.report.plots import THEME, to_svg
 from tams_app.report.session_page import stills_of, write_page
@@ -324,6 +324,26 @@ def test_the_uplink_s_row_has_no_colour_of_a_view() -> None:
         "emulated capacity": palette.EMULATED_CAPACITY,
     }
     assert not set(drawn.values()) & set(palette.VIEW_COLOURS)
+
+
+def test_no_line_is_drawn_through_seconds_without_a_sample() -> None:
+    log = Synthetic(8.0).log()
+    away = range(second(2.0), second(6.0))
+    log.shown = [one for one in log.shown if one.shown_ns not in away]
+    log.quality = [
+        FrameQuality("gt", one.index, one.capture_ns, None, None, False, None, None, None, 0.9)
+        for one in log.captured
+        if one.capture_ns not in away
+    ]
+    *_, delay, quality = timeline_figure(log).axes[:7]
+    names = [view.upper() for view in VIEWS]
+    for axis in (delay, quality):
+        lines = [line for line in axis.lines if line.get_label() in names]
+        assert lines
+        for line in lines:
+            t_s, values = line.get_data()
+            assert not ((t_s[:-1] < 2.6) & (t_s[1:] > 5.4)).any()
+            assert np.isnan(values).sum() == 1
 
 
 def test_a_session_without_video_has_a_figure_too() -> None:

@@ -7,6 +7,7 @@ import os
 import re
 import signal
 import time
+from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -176,5 +177,18 @@ def test_in_a_log_file_each_trial_is_a_line() -> None:
     with TrialsProgress(Console(file=output, width=120), 3) as display:
         display.trial_ended()
         display.trial_ended()
-    assert re.search(r"^1 of 3 trials$", output.getvalue(), re.MULTILINE)
+    assert re.search(r"^1 of 3 trials, about .* left$", output.getvalue(), re.MULTILINE)
     assert re.search(r"^2 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)
+
+
+def test_the_time_left_is_that_of_the_trials_left_at_their_mean_over_the_workers() -> None:
+    output, now_s = io.StringIO(), [100.0]
+    display = TrialsProgress(Console(file=output, width=120), 20, slots=2)
+    display.get_time = lambda: now_s[0]
+    display._begun_s = deque([100.0, 100.0])
+    for ended_s in (110.0, 110.1, 120.0, 120.2):  # two at a time, 10 s each
+        now_s[0] = ended_s
+        display.trial_ended()
+    told = re.findall(r"about 0:0(\d):(\d\d) left", output.getvalue())
+    left_s = [60 * int(minutes) + int(seconds) for minutes, seconds in told]
+    assert left_s == pytest.approx([95, 90, 85, 80], abs=2)

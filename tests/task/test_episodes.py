@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -21,8 +22,8 @@ SUCCESS, FAILURE = EpisodeRequest.SUCCESS, EpisodeRequest.FAILURE
 class Played:
     """Episodes with their clock, and what their log keeps."""
 
-    def __init__(self, countdown_s: float = 3.0) -> None:
-        self.episodes = Episodes(countdown_s)
+    def __init__(self, countdown_s: float = 3.0, limit_s: float = math.inf) -> None:
+        self.episodes = Episodes(countdown_s, limit_s)
         self.now_ns = 0
         self.log: list[Episode] = []
         self.sentences: list[str] = []
@@ -46,6 +47,18 @@ class Played:
     @property
     def doing(self) -> str:
         return self.episodes.state(self.now_ns).doing
+
+
+def test_the_time_limit_of_an_episode_is_announced_before_it_comes() -> None:
+    played = Played(limit_s=120.0)
+    played.record(109.9)
+    assert played.sentences[-1] == "episode 1 is recorded"
+    played.wait(0.2)
+    assert played.sentences[-1] == "episode 1 ends in 10 s, at its time limit, and is kept"
+    played.wait(9.8)
+    assert not played.episodes.is_overdue(played.now_ns)
+    played.wait(0.2)
+    assert played.episodes.is_overdue(played.now_ns)
 
 
 def test_an_episode_begins_when_its_countdown_is_over_and_ends_kept() -> None:

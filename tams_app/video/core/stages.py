@@ -23,7 +23,7 @@ STAGES = {
 }
 DISPLAY = "display"  # from the decoded frame to its drawing; only a window knows it
 _WORDS = {**STAGES, DISPLAY: "display"}
-_REMEDIES = {
+REMEDIES = {  # where it is not a faster computer
     "camera": "shorten the exposure or, when simulated, use fewer frames or a GPU",
     "sender": "the uplink is slow",
     DISPLAY: "use fewer frames or a GPU",
@@ -34,11 +34,6 @@ _WEIGHT = 1 / 16  # of a new frame in a mean: about half a second at 30 frames a
 def stage_words(stage: str) -> str:
     """A stage in words; one that only the other side knows has none."""
     return _WORDS.get(stage, "another stage")
-
-
-def remedy_of(stage: str) -> str:
-    """What makes a stage faster, in words."""
-    return _REMEDIES.get(stage, "use fewer frames or a faster computer")
 
 
 def slowest_stage(ms: Mapping[str, float | None]) -> str | None:

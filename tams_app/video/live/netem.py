@@ -17,7 +17,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from tams_app.config import Config, Network
-from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.video.core.link import good_to_bad
 from tams_app.video.live.networks import resolve_network
 
@@ -187,7 +187,7 @@ def run_network(
     Only apply, rate (the rate alone) and remove change anything. ConfigError, SetupError.
     """
     if action not in ACTIONS:
-        raise ConfigError(f"--action {action}: choose one of {', '.join(ACTIONS)}")
+        raise ConfigError(f"--action: {not_one_of(action, ACTIONS)}")
     network = resolve_network(config, name)
     if action == "show":
         notify(show(interface, runner))

@@ -12,7 +12,7 @@ from tams_app.capacity import (
     UnlimitedCapacity,
 )
 from tams_app.config import CONFIG_DIRECTORY, Config, Network
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, not_one_of
 from tams_app.video.live.traces import parse_trace
 
 
@@ -26,8 +26,9 @@ def resolve_network(config: Config, name: str) -> Network:
     network = config.networks.get(name)
     if network is None:
         if _find(name) is None:
-            names = ", ".join(config.networks)
-            raise ConfigError(f"network {name!r} is neither one of {names} nor a trace file")
+            raise ConfigError(
+                f"network: no such trace file, and {not_one_of(name, config.networks)}"
+            )
         network = Network(trace=name)
     if network.trace is None:
         return network
