@@ -79,7 +79,7 @@ def slowest_text(state: SessionState) -> str:
     if own is None or own.total_ms < NOTABLE_MS:
         return ""
     upto = " to the uplink" if view.shown_fps is None else ""
-    remedy = REMEDIES.get(own.slowest, "use fewer frames or a faster computer")
+    remedy = REMEDIES.get(own.slowest, "use fewer frames")
     return (
         f"{state.primary_view.upper()} {own.total_ms} ms besides the network{upto} "
         f"({stage_words(own.slowest)} {own.slowest_ms}): {remedy}"

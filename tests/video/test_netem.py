@@ -94,7 +94,7 @@ def test_what_tc_cannot_do_is_refused_in_a_sentence():
         netem.commands(Network(), "eth7")
     with pytest.raises(ConfigError, match="no rate to set"):
         netem.commands(Network(latency_ms=5), "eth7", rate_only=True)
-    with pytest.raises(ConfigError, match="choose one of print, apply, rate, remove, show"):
+    with pytest.raises(ConfigError, match="is not one of print, apply, rate, remove, show"):
         netem.run_network(load_config(), "s2", "eth7", "destroy", print)
 
 

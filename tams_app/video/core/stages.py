@@ -23,8 +23,8 @@ STAGES = {
 }
 DISPLAY = "display"  # from the decoded frame to its drawing; only a window knows it
 _WORDS = {**STAGES, DISPLAY: "display"}
-REMEDIES = {  # where it is not a faster computer
-    "camera": "shorten the exposure or, when simulated, use fewer frames or a GPU",
+REMEDIES = {  # short: the line has 80 columns
+    "camera": "use less exposure or fewer frames",
     "sender": "the uplink is slow",
     DISPLAY: "use fewer frames or a GPU",
 }

@@ -69,7 +69,7 @@ def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
 def test_what_makes_the_primary_view_late_is_named() -> None:
     own = LatencyState(40, "encoder", 22)
     late = replace(STATE, primary_view="gt", views={"gt": ViewState(shown_fps=30.0, own=own)})
-    told = "GT 40 ms besides the network (encoder 22): use fewer frames or a faster computer"
+    told = "GT 40 ms besides the network (encoder 22): use fewer frames"
     assert told in status_words(late).plain
     assert status_words(late).why == told
     assert "besides" not in status_words(STATE).plain

@@ -353,8 +353,7 @@ def test_the_robot_s_side_says_how_far_it_knows_a_frame_s_way() -> None:
     there = seen(LatencyState(31, "camera", 20))
     there = replace(there, views={"eih": replace(there.views["eih"], shown_fps=None)})
     assert slowest_text(there) == (
-        "EIH 31 ms besides the network to the uplink (camera 20): "
-        "shorten the exposure or, when simulated, use fewer frames or a GPU"
+        "EIH 31 ms besides the network to the uplink (camera 20): use less exposure or fewer frames"
     )
 
 
