@@ -101,12 +101,13 @@ class PhaseTracker:
         """One control period.
 
         The first step has no gripper edge, unless `begins_open`. A gripper of unknown state is
-        taken for open then, so that the first command to close it is an edge.
+        taken for open, so that the next command to close it is an edge. Where it was closed and is
+        not known any more, nothing is claimed to be held, and Reach begins.
 
         Args:
             speed: v̄_t [m/s].
             vertical_speed: v̄_{z,t}, positive upwards [m/s].
-            closed: g_t; None (not known) counts as unchanged.
+            closed: g_t; None: not known.
             period_s: Δt [s].
 
         Returns:
@@ -115,7 +116,10 @@ class PhaseTracker:
         if self._closed is None:
             self._closed = bool(closed)
         was_closed = self._closed
-        self._closed = was_closed if closed is None else closed
+        self._closed = bool(closed)
+        if closed is None and was_closed:
+            self._descending_s, self.phase = 0.0, Phase.REACH
+            return PhaseDecision(self.phase, self._descending_s, "gripper not known any more")
         decision = infer_phase(
             self._parameters,
             speed=speed,

@@ -123,10 +123,20 @@ def test_the_first_command_to_a_gripper_of_unknown_state_is_an_edge():
     assert run(tracker, 0.1, True, 0.0, 0.0) is Phase.GRASP
 
 
-def test_a_gripper_state_that_becomes_unknown_is_no_edge():
+@pytest.mark.parametrize("speed", [0.0, 0.1])
+def test_a_gripper_that_is_not_known_any_more_is_not_claimed_to_hold_anything(speed):
     tracker = PhaseTracker(PARAMETERS)
-    assert run(tracker, 0.1, True, 0.1, 0.0) is Phase.TRANSPORT
-    assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.TRANSPORT
+    assert run(tracker, 0.1, True, 0.1, -0.1) is Phase.TRANSPORT
+    decision = tracker.step(speed=speed, vertical_speed=-0.1, closed=None, period_s=0.01)
+    assert (decision.phase, decision.reason) == (Phase.REACH, "gripper not known any more")
+    assert run(tracker, 1.0, None, speed, 0.0) is Phase.REACH
+    assert run(tracker, 0.1, True, 0.0, 0.0) is Phase.GRASP
+
+
+def test_a_gripper_that_is_open_and_then_not_known_releases_nothing():
+    tracker = PhaseTracker(PARAMETERS)
+    assert run(tracker, 0.1, False, 0.1, 0.0) is Phase.REACH
+    assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.REACH
 
 
 def test_smoothed_speed_starts_at_the_first_velocity():
