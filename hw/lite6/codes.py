@@ -87,6 +87,10 @@ class ErrorCode(IntEnum):
     LINEAR_OVERSPEED = 60
 
 
+# 10 plus the joint; they stay until the motors are enabled anew (UFACTORY in xarm_ros issue 114)
+DRIVE_ERRORS = range(10, 18)
+
+
 class Code(IntEnum):
     """Return codes of SDK calls that are distinguished here."""
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hw.arm import Plant, TcpBoundary
-from hw.lite6.codes import ErrorCode, Mode, State, StateCommand
+from hw.lite6.codes import DRIVE_ERRORS, ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, pose_from_mm_rpy
 from hw.sim.controller.joint_moves import MoveQueue
 from hw.sim.controller.joint_servo import (
@@ -38,8 +38,15 @@ class ControllerSettings:
     fence: bool = False
     boundary: TcpBoundary = _WIDEST
     self_collision_check: bool = True
-    simulation_robot: bool = False  # only pretends to move; the model reports it, no more
     tool_outputs: int = 0  # bit n is tool output n
+    clear_outputs_on_stop: bool = False
+    # what another program may have set; the model reports it, no more
+    simulation_robot: bool = False  # only pretends to move
+    reduced: tuple[float, float] | None = None  # its speeds [mm/s, rad/s]; None: off
+    collision_rebound: bool = False
+    approximate_motion: bool = False  # passes singularities beside the path
+    gravity: tuple[float, ...] = (0.0, 0.0, -1.0)
+    world_offset: tuple[float, ...] = (0.0,) * 6  # x, y, z [mm], roll, pitch, yaw [rad]
 
     @property
     def closing(self) -> bool | None:
@@ -65,6 +72,9 @@ class ControllerCore:
         self.enabled = False
         self.error_code: int = 0
         self.warning_code: int = 0
+        self.drive_codes: tuple[int, ...] = (0,) * 6  # errors of the joints' own drives
+        self.temperatures_c: tuple[int, ...] = (30,) * 6  # of the joints' motors
+        self._drives_refuse = False
         self._state = State.STOPPED
         self._emergency_stop = False
         self._plant = plant
@@ -132,6 +142,13 @@ class ControllerCore:
             self.error_code = int(code)
         self._halt(State.STOPPED)
 
+    def raise_drive_error(self, joint: int, code: int) -> None:
+        """An error of the drive of `joint`, from 1; it stays until the motors are enabled anew."""
+        self.drive_codes = tuple(code if n == joint else 0 for n in range(1, 7))
+        self._drives_refuse = True
+        self.enabled = False
+        self.raise_error(DRIVE_ERRORS.start + joint)
+
     def raise_warning(self, code: int) -> None:
         """Show warning `code`, 0 for none; it stops nothing."""
         self.warning_code = code
@@ -152,10 +169,14 @@ class ControllerCore:
 
     def clean_error(self) -> None:
         """Clear the error; the arm stays stopped. The pressed button cannot be cleared."""
+        if self._drives_refuse:
+            return
+        self.drive_codes = (0,) * 6
         self.error_code = ErrorCode.EMERGENCY_STOP if self._emergency_stop else 0
 
     def enable(self, on: bool) -> None:
         if on and (self._emergency_stop or self.error_code):
+            self._drives_refuse &= self._emergency_stop
             return
         self.enabled = on
         if not on:
@@ -267,6 +288,8 @@ class ControllerCore:
     def _halt(self, state: State) -> None:
         """Forget all motion and brake."""
         self._state = state
+        if state is State.STOPPED and self.settings.clear_outputs_on_stop:
+            self.settings.tool_outputs = 0
         self._braking = True
         self._moves.clear()
         self._twist_servo.clear()

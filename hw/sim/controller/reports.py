@@ -17,7 +17,6 @@ from hw.sim.controller.joint_servo import MAX_JOINT_ACCELERATION
 
 _WHOLE_BRAKES = 0xFF
 _TEACH_SENSITIVITY = 3
-_TEMPERATURE_C = 30
 _JOINT_CENTIVOLTS = 4800
 _NO_TORQUES = bytes(7 * 4)  # nothing in the model estimates them
 
@@ -76,7 +75,7 @@ def _status(box: ControllerCore) -> bytes:
         + struct.pack("<6f", *settings.tcp_offset)
         + struct.pack("<4f", *settings.load)
         + bytes([settings.collision_sensitivity, _TEACH_SENSITIVITY])
-        + struct.pack("<3f", 0.0, 0.0, -1.0)  # gravity
+        + struct.pack("<3f", *settings.gravity)
     )
 
 
@@ -92,20 +91,22 @@ def _identity_and_limits(box: ControllerCore) -> bytes:
 
 
 def _sensors(box: ControllerCore) -> bytes:
-    servo_and_tool_codes = bytes(16)
-    counter, world_offset, io_reset = bytes(4), bytes(24), bytes(2)
+    settings = box.settings
+    drive_codes = bytes(byte for code in box.drive_codes for byte in (bool(code), code))
+    seventh_drive_and_tool_codes, counter = bytes(4), bytes(4)
     collision_tool = bytes(1 + 24)
     currents = bytes(28)
     control_box_io = bytes(2 + 16 + 32)
     force_sensor = bytes(48)
     return (
-        servo_and_tool_codes
-        + bytes([_TEMPERATURE_C] * 7)
+        drive_codes
+        + seventh_drive_and_tool_codes
+        + struct.pack("7b", *box.temperatures_c, 0)
         + struct.pack("<8f", box.tcp_speed_mm_s, *box.joint_speeds, 0.0)
         + counter
-        + world_offset
-        + io_reset
-        + bytes([box.settings.simulation_robot, box.settings.self_collision_check])
+        + struct.pack("<6f", *settings.world_offset)
+        + bytes([0, settings.clear_outputs_on_stop])  # of control box and tool
+        + bytes([settings.simulation_robot, settings.self_collision_check])
         + collision_tool
         + struct.pack(">7H", *[_JOINT_CENTIVOLTS] * 7)
         + currents
@@ -117,10 +118,11 @@ def _sensors(box: ControllerCore) -> bytes:
 def _safety(box: ControllerCore) -> bytes:
     settings = box.settings
     identification_progress, monitored_device = bytes(1), bytes(13)
+    switches = settings.fence << 1 | settings.approximate_motion << 3  # of several
     return (
         identification_progress
         + struct.pack("<3f", *rotation_vector(box.tcp[:3, :3]))
-        + bytes([settings.fence << 1])
+        + bytes([switches])
         + pack_reduced_mode(settings)
         + monitored_device
     )
@@ -136,11 +138,11 @@ def pack_reduced_mode(settings: ControllerSettings) -> bytes:
     ]
     ranges = [angle for pair in zip(JOINT_LOWER, JOINT_UPPER, strict=True) for angle in pair]
     return (
-        bytes(1)  # reduced mode is off
+        bytes([settings.reduced is not None])
         + struct.pack(">6h", *edges)
-        + struct.pack("<2f", 500.0, math.pi)
+        + struct.pack("<2f", *settings.reduced or (500.0, math.pi))
         + struct.pack("<14f", *ranges, 0.0, 0.0)
-        + bytes([settings.fence, 0])  # 0: no rebound from collisions
+        + bytes([settings.fence, settings.collision_rebound])
     )
 
 

@@ -86,7 +86,7 @@ def test_the_rich_report_tells_identity_limits_and_safety() -> None:
     np.testing.assert_allclose(report.reduced_joint_limits[2], [-0.0611, 5.236], atol=1e-3)
     np.testing.assert_allclose(report.target_joint_speed[:6], model.joint_speeds, atol=1e-6)
     assert report.target_tcp_speed > 10
-    assert report.temperatures == [30] * 7
+    assert report.temperatures == [30] * 6 + [0]
     assert report.joint_voltages == [4800] * 7
 
 
