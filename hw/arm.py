@@ -6,6 +6,7 @@ configuration names in `arm.model`.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -230,6 +231,8 @@ class ArmLimits:
     """Height of the shoulder above the base [mm]."""
     stretched_mm: float
     """From the shoulder to the flange of the stretched arm [mm]."""
+    hot_motor_c: float = math.inf
+    """From this temperature of a joint's motor on [°C] the operator is warned."""
 
 
 @dataclass(frozen=True, slots=True)

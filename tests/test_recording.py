@@ -299,7 +299,8 @@ def test_a_flipped_bit_anywhere_is_told_as_damage_and_never_read_as_data(
         log = read_log(flipped)
         told += not log.complete
         numbers = [record.link.sent for record in log.ticks]
-        assert (numbers == list(range(600))) == log.complete  # between chunks nothing is lost
+        # damage between chunks is told, and loses nothing
+        assert numbers == list(range(600)) or not log.complete
         assert sorted(set(numbers)) == numbers
         assert len(numbers) >= 500  # of six chunks one at most is lost
         assert all(same(record, tick(record.link.sent)) for record in log.ticks[::25])

@@ -100,9 +100,10 @@ class Lite6(Arm):
             tcp=motion.tcp,
             activity=activity_of(motion.state),
             servo=servo_of(motion.mode),
-            fault=arm_fault(status.error_code),
+            fault=arm_fault(status.error_code, status.drive_codes),
             warning_code=status.warning_code,
             gripper_closed=connection.sender.gripper_closed,
+            hottest_motor_c=max(status.temperatures_c),
         )
 
     def link(self) -> CommandLink:
@@ -175,7 +176,6 @@ class Lite6(Arm):
                 renewed.stop.request_stop()
         try:
             renewed.clear_errors()
-            renewed.configure()
             renewed.take_scheduling(broken)
             with self._stop_lock:
                 if self._connection is not broken:

@@ -26,6 +26,8 @@ LIMITS = ArmLimits(
     # FINDINGS 8: 200, then 87 and 227.6 at a right angle, then 61.5
     shoulder_mm=243.3,
     stretched_mm=200.0 + math.hypot(87.0, 227.6) + 61.5,
+    # ours: below 75 °C, seen without error S15 (xArm-Python-SDK issue 106), as none is published
+    hot_motor_c=70.0,
 )
 _SERVOS = {Mode.CARTESIAN_VELOCITY.value: ServoMode.VELOCITY, Mode.SERVO.value: ServoMode.POSE}
 _ACTIVITIES = {
@@ -34,6 +36,7 @@ _ACTIVITIES = {
     State.STANDBY.value: Activity.IDLE,
     State.PAUSED.value: Activity.PAUSED,
 }
+OUTPUTS_DIFFER = "The gripper's outputs are not what was commanded; check its plug at the flange."
 _FARTHEST_MM = 9999  # registers 52 and 53 hold more; nothing of the arm gets there
 _MM_PER_M = 1000.0
 

@@ -11,7 +11,8 @@ import re
 from hw.arm import FoundArm
 from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
 from hw.lite6.errors import standing_error_sentence
-from hw.lite6.report import read_simulation_flag
+from hw.lite6.report import StatusReport, read_status
+from hw.lite6.settings import foreign_refusal, other_settings
 from hw.lite6.uxbus import UxbusClient
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
@@ -53,18 +54,28 @@ def _ask(config: ArmConfig, timeout_s: float) -> tuple[str, str]:
         raise DeviceError(f"The arm at {host} does not say what it is; update its firmware.")
     axes, kind, *numbers = (int(number) for number in found.group(1, 2, 5, 6, 7))
     try:
-        simulated = read_simulation_flag(host, config.report_port)
-        problem = unfitness(axes, kind, tuple(numbers), simulated)
+        status = read_status(host, config.report_port)
+        problem = unfitness(axes, kind, tuple(numbers)) or foreign_refusal(status)
+        notes = _notes(config, status)
     except DeviceError as silence:
-        problem = str(silence)
+        problem, notes = str(silence), ""
     problem = problem or standing_error_sentence(error_codes[0])
     what = "Lite 6" if (axes, kind) == (AXES, LITE6_TYPE) else f"{axes} axes, type {kind}"
     known = state[0] in State.__members__.values()
     doing = State(state[0]).name.lower() if known else f"state {state[0]}"
-    return problem, f"{what} {found.group(3).strip()}, firmware {_dotted(tuple(numbers))}, {doing}"
+    named = f"{what} {found.group(3).strip()}, firmware {_dotted(tuple(numbers))}"
+    return problem, f"{named}, {doing}{notes}"
 
 
-def unfitness(axes: int, device_type: int, firmware: tuple[int, ...], simulated: bool) -> str:
+def _notes(config: ArmConfig, status: StatusReport) -> str:
+    """What else the operator may want to know of it."""
+    others = ", ".join(other_settings(config, None, status))
+    replaced = f"; connecting replaces its {others}" if others else ""
+    opened = "; a stop switches its gripper off" if status.clears_outputs else ""
+    return f", motors at most {max(status.temperatures_c)} °C{replaced}{opened}"
+
+
+def unfitness(axes: int, device_type: int, firmware: tuple[int, ...]) -> str:
     """The reason why TAMS cannot use this arm, in one sentence; "" if it can."""
     if (axes, device_type) != (AXES, LITE6_TYPE):
         return (
@@ -75,8 +86,6 @@ def unfitness(axes: int, device_type: int, firmware: tuple[int, ...], simulated:
             f"The arm's firmware {_dotted(firmware)} is older than {_dotted(MIN_FIRMWARE)} and "
             "would not stop by itself when commands cease; update it with UFACTORY Studio."
         )
-    if simulated:
-        return "The arm only pretends to move; switch its simulation mode off in UFACTORY Studio."
     return ""
 
 

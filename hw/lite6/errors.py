@@ -5,19 +5,24 @@ After UFACTORY's user manual.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from hw.lite6.codes import DRIVE_ERRORS
 from tams_app.records import ArmFault
 
 _RELEASE = "release the emergency stop"
 _RESTART = "switch the control box off and on"
+_REPOWER = "press and release the emergency stop, or call UFACTORY"
 _UNKNOWN = ("", "look it up in UFACTORY's user manual")
+_OVERHEATED = 15  # of a drive's own errors (manual of UFACTORY Studio, 12.2)
 
 # meaning and remedy, in a few words each, without a full stop
 CONTROLLER_ERRORS = {
     1: ("emergency stop button pressed", _RELEASE),
     2: ("emergency stop pressed", _RELEASE),
     3: ("emergency stop of the three-state switch pressed", _RELEASE),
-    10: ("joint motor failed", _RESTART),
-    **{10 + n: (f"motor of joint {n} failed", _RESTART) for n in range(1, 7)},
+    10: ("joint motor failed", _REPOWER),
+    **{10 + n: (f"motor of joint {n} failed", _REPOWER) for n in range(1, 7)},
     19: ("gripper does not answer", "check its plug at the flange"),
     21: ("pose out of reach", "keep away from the edge of the workspace"),
     22: ("self-collision", "move the arm clear with `home` or by hand guiding"),
@@ -33,18 +38,23 @@ CONTROLLER_ERRORS = {
 }
 
 
-def arm_fault(code: int) -> ArmFault | None:
-    """Error `code` of the controller's report; None for 0."""
+def arm_fault(code: int, drive_codes: Sequence[int] = ()) -> ArmFault | None:
+    """Error `code` of the controller's report, and those of the joints' drives; None for 0."""
     if not code:
         return None
     meaning, remedy = CONTROLLER_ERRORS.get(code, _UNKNOWN)
+    drive = max(drive_codes, default=0) if code in DRIVE_ERRORS else 0
+    if drive == _OVERHEATED:
+        meaning, remedy = f"{meaning}, S{drive} overheated", "let the arm cool down"
+    elif drive:
+        meaning = f"{meaning}, S{drive}"
     named = f"C{int(code)} ({meaning})" if meaning else f"C{int(code)}"
     return ArmFault(int(code), f"{named}: {remedy}")
 
 
-def error_sentence(code: int) -> str:
+def error_sentence(code: int, drive_codes: Sequence[int] = ()) -> str:
     """One sentence for error `code`; "" for 0."""
-    fault = arm_fault(code)
+    fault = arm_fault(code, drive_codes)
     return fault.sentence if fault is not None else ""
 
 

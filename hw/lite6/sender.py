@@ -8,36 +8,27 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
-from hw.lite6.commands import twist_refusal
+from hw.lite6.commands import OUTPUTS_DIFFER, twist_refusal
 from hw.lite6.errors import error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import times
 
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
 GRIPPER_ATTEMPTS = 3
 READ_BACK_AFTER_NS = 50 * NS_PER_MS
+READ_AGAIN_NS = NS_PER_S  # no report has the tool's outputs, which others may switch
 _OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
 _MM_PER_M = 1000.0
 _NO_FAILURE = ("", LinkFault.NONE)
-
-
-@dataclass(slots=True)
-class _ReadBack:
-    """A gripper command whose effect is still to be read back."""
-
-    closed: bool
-    due_ns: int
-    attempts_left: int = GRIPPER_ATTEMPTS
 
 
 class CommandSender:
@@ -68,7 +59,8 @@ class CommandSender:
         self._slow_after_ns = slow_after_ns
         self._on_error = on_error
         self._misses = 0
-        self._read_back: _ReadBack | None = None
+        self._read_back: bool | None = None  # a gripper command whose effect is still to be read
+        self._attempts_left = 0
         self._worker = Worker("arm-sender", self._run, self._on_death)
         self._sent = 0
         self._slow = 0
@@ -76,13 +68,26 @@ class CommandSender:
         self._round_trip_ns = 0
         self._failure: tuple[str, LinkFault] = _NO_FAILURE
         self._death = ""  # of the thread, which nothing but a new connection brings back
-        self.gripper_closed: bool | None = None
+        self._doubts = 0
+        self._gripper: tuple[bool | None, int] = (None, 0)  # what it does, after so many doubts
+        self._gripper_due_ns = 0  # to be read again
         self.native_id: int | None = None
 
     def start(self) -> None:
         """Read the gripper back, then send."""
-        self.gripper_closed = self._read_gripper()
+        self._check_gripper(opening=0)
         self._worker.start()
+
+    @property
+    def gripper_closed(self) -> bool | None:
+        """What the tool's outputs drive it to; None: nothing, or it is not known any more."""
+        closed, doubts = self._gripper
+        return closed if doubts == self._doubts else None
+
+    def doubt_gripper(self) -> None:
+        """Something happened that may have switched its outputs: it is not known until read."""
+        self._doubts += 1
+        self._gripper_due_ns = 0
 
     def open(self) -> None:
         """Begin anew without failure."""
@@ -94,6 +99,7 @@ class CommandSender:
         """The operator has dealt with it; the end of the thread stays a failure."""
         self._misses = 0
         self._failure = _NO_FAILURE
+        self._gripper_due_ns = 0  # in an error it cannot be read
 
     @property
     def link(self) -> CommandLink:
@@ -142,6 +148,7 @@ class CommandSender:
         # firmware that knows the switch would otherwise queue the outputs behind motion
         sync = self._api.version_number < (2, 4, 101)
         call = self._api.close_lite6_gripper if closed else self._api.open_lite6_gripper
+        doubts = self._doubts
         for _ in range(GRIPPER_ATTEMPTS):
             if not self._outbox.is_current(opening):  # stopped, or the last attempt was a failure
                 return
@@ -151,40 +158,43 @@ class CommandSender:
                 self._moved(opening, "a gripper command", code)
             elif code in (Code.OK, Code.WARNING):
                 self._misses = 0
-                self.gripper_closed = closed
-                self._read_back = _ReadBack(closed, self._clock.now_ns() + READ_BACK_AFTER_NS)
+                self._gripper = closed, doubts
+                self._read_back, self._attempts_left = closed, GRIPPER_ATTEMPTS
+                self._gripper_due_ns = self._clock.now_ns() + READ_BACK_AFTER_NS
                 return
         sentence = return_code_sentence(code, "a gripper command")
         self._fail(opening, sentence, LinkFault.GRIPPER)
 
     def _check_gripper(self, opening: int) -> None:
-        """Compare the tool outputs with the last command, when that is due."""
-        read_back = self._read_back
-        if read_back is None or self._clock.now_ns() < read_back.due_ns:
+        """Read the tool outputs when that is due, and compare them with the last command."""
+        if self._clock.now_ns() < self._gripper_due_ns or self._misses:
+            return  # not due, or nothing may get through: motion shows that sooner
+        doubts, read_back = self._doubts, self._read_back
+        code, driven = self._read_gripper()
+        is_read = code in (Code.OK, Code.WARNING)
+        if code in NOTHING_GETS_THROUGH:
+            self._outcome(opening, "a look at the gripper", code)
+        self._gripper_due_ns = self._clock.now_ns() + READ_AGAIN_NS
+        differs = read_back is not None and driven is not read_back
+        self._attempts_left -= 1
+        if differs and self._attempts_left > 0:
+            self._gripper_due_ns = self._clock.now_ns() + READ_BACK_AFTER_NS
             return
-        if self._read_gripper() == read_back.closed:
-            self._read_back = None
-            return
-        read_back.attempts_left -= 1
-        read_back.due_ns = self._clock.now_ns() + READ_BACK_AFTER_NS
-        if read_back.attempts_left == 0:
-            self._read_back = None
-            self.gripper_closed = self._read_gripper()
-            self._fail(
-                opening,
-                "The gripper's outputs are not what was commanded; check its plug at the flange.",
-                LinkFault.GRIPPER,
-            )
+        self._read_back = None
+        if is_read or differs:
+            self._gripper = driven, doubts
+        if differs:
+            self._fail(opening, OUTPUTS_DIFFER, LinkFault.GRIPPER)
 
-    def _read_gripper(self) -> bool | None:
-        """The command on the tool outputs; None if they are off or unknown."""
+    def _read_gripper(self) -> tuple[int, bool | None]:
+        """The return code and the command on the tool outputs; None: they are off, or not read."""
         try:
             code, outputs = self._api.get_tgpio_output_digital()
         except ValueError:  # so the SDK fails if the connection breaks during this call
-            return None
+            return Code.INVALID, None
         if code not in (Code.OK, Code.WARNING):
-            return None
-        return {_OUTPUTS_OPEN: False, _OUTPUTS_CLOSED: True}.get(tuple(outputs[:2]))
+            return int(code), None
+        return int(code), {_OUTPUTS_OPEN: False, _OUTPUTS_CLOSED: True}.get(tuple(outputs[:2]))
 
     # --- what became of it ----------------------------------------------------------------------
 
@@ -249,6 +259,7 @@ class CommandSender:
         already.
         """
         self._outbox.shut()
+        self.doubt_gripper()
         try:
             break_off(self._api)
         finally:  # the loop is notified however this ends

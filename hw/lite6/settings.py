@@ -1,4 +1,8 @@
-"""TAMS's settings of the Lite 6's controller, and a check that the controller holds them."""
+"""Settings of the Lite 6's controller: those that TAMS makes, and those of other programs.
+
+The control box keeps what UFACTORY Studio sets (its manual, chapter 6), and moves by that whatever
+program commands it.
+"""
 
 from __future__ import annotations
 
@@ -14,6 +18,9 @@ from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 
 _TOLERANCE = 1e-3  # mm, rad, kg
+_UPRIGHT = (0.0, 0.0, -1.0)  # gravity in the base frame of an arm on a table
+_LEVEL = 0.02  # about a degree
+_LOAD = "load"
 
 
 def accept(code: int, call: str, but: Code = Code.OK) -> None:
@@ -23,7 +30,7 @@ def accept(code: int, call: str, but: Code = Code.OK) -> None:
 
 
 class Lite6Settings:
-    """Tool, sensitivity and boundary of one connected controller."""
+    """Tool, sensitivity and boundary that TAMS sets in one connected controller."""
 
     def __init__(self, api: Any, config: ArmConfig, boundary: TcpBoundary | None) -> None:
         self._api, self._config, self._boundary = api, config, boundary
@@ -52,7 +59,7 @@ class Lite6Settings:
         accept(self._api.set_self_collision_detection(True), "the self-collision check")
         offset = list(config.tcp_offset_mm_deg)
         accept(self._api.set_tcp_offset(offset, is_radian=False, wait=False), "the TCP offset")
-        self.check_boundary()
+        self.load_is_set = False
 
     def set_load(self) -> None:
         """The controller queues the load like a motion: it takes it only when ready."""
@@ -60,33 +67,68 @@ class Lite6Settings:
         accept(self._api.set_tcp_load(self._config.tcp_load_kg, centre), "the load")
         self.load_is_set = True
 
-    def check_boundary(self) -> None:
-        """DeviceError unless the controller holds the boundary, which no report contains."""
-        if self._boundary is None:
-            return
-        code, states = self._api.get_reduced_states()
-        accept(code, "reading the safety boundary")
-        edges, fence = list(states[1]), states[5]
-        if edges != boundary_edges(self._boundary) or not fence:
-            raise DeviceError(
-                "The arm did not take its safety boundary; restart its control box, and arm again."
+    def missing(self, status: StatusReport) -> str:
+        """Those that a report shows otherwise: a wrong TCP would move the wrong point."""
+        names = other_settings(self._config, self._boundary, status)
+        return ", ".join(name for name in names if name != _LOAD or self.load_is_set)
+
+    def problem(self, status: StatusReport) -> str:
+        """Why an arm that was set up must not move by this report; "" if it may."""
+        if missing := self.missing(status):
+            return (
+                f"The arm's {missing} is not what TAMS had set; close other programs that use it, "
+                "then confirm, which sets it again."
             )
-
-    def are_in(self, status: StatusReport) -> bool:
-        """True if a report shows them: a wrong TCP would move the wrong point."""
-        config = self._config
-        wanted_mm, wanted_deg = config.tcp_offset_mm_deg[:3], config.tcp_offset_mm_deg[3:]
-        load = (config.tcp_load_kg, *config.tcp_load_centre_mm)
-        return (
-            _close(status.tcp_offset[:3], wanted_mm)
-            and _close(_turns(status.tcp_offset[3:], wanted_deg), (0.0, 0.0, 0.0))
-            and status.collision_sensitivity == config.collision_sensitivity
-            and (not self.load_is_set or _close(status.load, load))
-        )
+        return foreign_refusal(status)
 
 
-def _close(values: tuple[float, ...], wanted: tuple[float, ...]) -> bool:
-    return all(abs(a - b) <= _TOLERANCE for a, b in zip(values, wanted, strict=True))
+def other_settings(
+    config: ArmConfig, boundary: TcpBoundary | None, status: StatusReport
+) -> list[str]:
+    """Names of what TAMS sets and the controller has otherwise."""
+    wanted_mm, wanted_deg = config.tcp_offset_mm_deg[:3], config.tcp_offset_mm_deg[3:]
+    turns = _turns(status.tcp_offset[3:], wanted_deg)
+    load = (config.tcp_load_kg, *config.tcp_load_centre_mm)
+    edges = None if boundary is None else tuple(boundary_edges(boundary))
+    held = {
+        "TCP offset": _close((*status.tcp_offset[:3], *turns), (*wanted_mm, 0.0, 0.0, 0.0)),
+        _LOAD: _close(status.load, load),
+        "collision sensitivity": status.collision_sensitivity == config.collision_sensitivity,
+        "self-collision check": status.self_collision_check,
+        "safety boundary": edges is None or status.boundary == edges,
+    }
+    return [name for name, is_held in held.items() if not is_held]
+
+
+def foreign_refusal(status: StatusReport) -> str:
+    """Why TAMS does not move an arm set up like this, and what to change; "" if it does.
+
+    Refused is what makes it move otherwise than commanded, or weakens what protects from it. Its
+    other settings do not matter here (sensitivity of manual mode, jerk of planned moves), or are
+    set on connecting.
+    """
+    slow = "" if status.reduced is None else f"{status.reduced[0]:g} mm/s"
+    tilted = not _close(status.gravity, _UPRIGHT, _LEVEL)
+    displaced = not _close(status.world_offset, (0.0,) * 6)
+    judged = (
+        (status.simulated, "only pretends to move", "switch its simulation mode off"),
+        (slow, f"is in reduced mode, at most {slow}", "lower limits.max_speed_mm_s, switch it off"),
+        (status.rebound, "would move back after a collision", "switch collision rebound off"),
+        (status.approximate, "leaves its path near singularities", "switch approximation off"),
+        (tilted, "counts as mounted at an angle", "mount it upright and set that"),
+        (displaced, "has base coordinates with an offset", "set that offset to zero"),
+    )
+    return " ".join(
+        f"The arm {what}; {remedy} in UFACTORY Studio."
+        for applies, what, remedy in judged
+        if applies
+    )
+
+
+def _close(
+    values: tuple[float, ...], wanted: tuple[float, ...], tolerance: float = _TOLERANCE
+) -> bool:
+    return all(abs(a - b) <= tolerance for a, b in zip(values, wanted, strict=True))
 
 
 def _turns(angles_rad: tuple[float, ...], wanted_deg: tuple[float, ...]) -> tuple[float, ...]:

@@ -8,15 +8,15 @@ from dataclasses import replace
 from typing import Any
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import Code, Mode, StateCommand
+from hw.lite6.codes import DRIVE_ERRORS, Code, Mode, StateCommand
 from hw.lite6.commands import activity_of
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import error_sentence, standing_error_sentence
 from hw.lite6.outbox import Outbox
-from hw.lite6.report import STATUS_STALE_NS, ReportReader, read_simulation_flag
+from hw.lite6.report import STATUS_STALE_NS, ReportReader, StatusReport
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender
-from hw.lite6.settings import Lite6Settings, accept
+from hw.lite6.settings import Lite6Settings, accept, foreign_refusal
 from hw.lite6.stop_channel import StopChannel
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
@@ -25,7 +25,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.realtime import copy_scheduling
 
 SETUP_REPLY_TIMEOUT_S = 1.0
-REPORT_TIMEOUT_S = 2.0  # ten periods of the normal report
+REPORT_TIMEOUT_S = 2.0  # ten periods of the rich report
 STOP_TIMEOUT_S = 0.5
 ERROR_GONE_TIMEOUT_S = 1.0  # five periods of the report that shows it
 READY_ACCELERATION_RAD_S2 = 1.0
@@ -44,6 +44,8 @@ class Lite6Connection:
         """
         self._config, self._clock = config, clock
         self._closed = False
+        self._is_set_up = False
+        self._problem = ""  # with the settings, once it was set up
         self.outbox = Outbox()
         with contextlib.ExitStack() as opened:
             self.stop = StopChannel(
@@ -53,6 +55,7 @@ class Lite6Connection:
             self._stop_at_once()
             self._others = self._open_others(slow_after_ns)
             self._settings = Lite6Settings(self.api, config, boundary)
+            self.reports.on_status = self._look_for_changes
             opened.pop_all()
 
     def _stop_at_once(self) -> None:
@@ -102,7 +105,9 @@ class Lite6Connection:
         link = self.sender.link
         lost = self.stop.failure or self.reports.failure
         if link.fault is LinkFault.LOST or not (self._closed or lost):
-            return link
+            if link.failure or not self._problem:
+                return link
+            return replace(link, failure=self._problem, fault=LinkFault.REFUSED)
         sentence = lost or link.failure or "The arm's connection is closed; connect it anew."
         return replace(link, failure=sentence, fault=LinkFault.LOST)
 
@@ -142,25 +147,23 @@ class Lite6Connection:
             self.api.set_timeout(self._config.reply_timeout_s)
 
     def configure(self) -> None:
-        """Check the error state, then set what belongs to the tool; the arm stays stopped."""
+        """Check settings and error state, then set what is TAMS's own; the arm stays stopped."""
         reports = self.reports
-        if not reports.wait_for(self._has_reported, REPORT_TIMEOUT_S):
-            raise DeviceError(
-                reports.failure or "The arm sends no reports; restart its control box."
-            )
+        self._is_set_up, self._problem = False, ""
+        if refusal := foreign_refusal(self._next_status()):
+            raise DeviceError(refusal)
         with self.with_setup_timeout():
             self._settings.set_boundary()
         self._raise_standing_error()
         with self.with_setup_timeout():
             self._settings.set()
             accept(self.api.set_state(StateCommand.STOP), "a stop")
-        asked_ns = self._clock.now_ns()
-        if not reports.wait_for(lambda: self._settings_are_back(asked_ns), REPORT_TIMEOUT_S):
+        if not reports.next_status(REPORT_TIMEOUT_S, lambda now: not self._settings.missing(now)):
+            missing = "" if reports.status is None else self._settings.missing(reports.status)
             raise DeviceError(
-                reports.failure
-                or "The arm did not take its TCP offset or collision sensitivity; "
-                "restart its control box."
+                reports.failure or f"The arm did not take its {missing}; restart its control box."
             )
+        self._is_set_up = True
 
     def make_ready(self, mode: Mode) -> None:
         """Release the brakes and enter `mode`, as the reports confirm; or DeviceError."""
@@ -168,21 +171,28 @@ class Lite6Connection:
         if link.fault is LinkFault.LOST:  # the SDK would wait five seconds for a reply
             raise DeviceError(link.failure)
         self.raise_error()
+        if not self._is_set_up:
+            self.configure()
+        if problem := self._settings.problem(self._next_status()):
+            raise DeviceError(problem)
+        self._is_set_up = False  # what is reported meanwhile may be from before
         with self.with_setup_timeout():
-            self._settings.check_boundary()
             accept(self.api.motion_enable(True), "the release of the brakes")
             if not self._settings.load_is_set:
                 self._enter(Mode.POSITION)
                 self._settings.set_load()
             self._enter(mode)
         asked_ns = self._clock.now_ns()
-        if not self.reports.wait_for(lambda: self._is_ready(mode, asked_ns), REPORT_TIMEOUT_S):
+        if not self.reports.next_status(
+            REPORT_TIMEOUT_S, lambda status: self._is_ready(mode, status, asked_ns)
+        ):
             self.raise_error()
             raise DeviceError(
                 self.reports.failure
                 or f"The arm did not get ready in mode {mode.value} with its settings; "
                 "clear errors and try again."
             )
+        self._is_set_up, self._problem = True, ""
 
     def begin_move(self, goal: Vector, speed: float) -> None:
         """Move the joints to `goal` [rad] at `speed` [rad/s], without waiting; when ready."""
@@ -197,64 +207,70 @@ class Lite6Connection:
         accept(code, "the move")
 
     def clear_errors(self) -> None:
-        """Clear the controller's error and the link's failure; DeviceError if it persists."""
+        """Clear error and failure, and set up what is not; DeviceError if the error persists."""
         self.outbox.shut()
+        status = self.reports.status
         with self.with_setup_timeout():
+            if status is not None and status.error_code in DRIVE_ERRORS:
+                accept(self.api.motion_enable(True), "the motors anew", but=Code.ERROR)
             # the reply to these still reports the error: whether it went is seen in the reports
             accept(self.api.clean_error(), "clearing the error", but=Code.ERROR)
             accept(self.api.clean_warn(), "clearing the warning", but=Code.ERROR)
             accept(self.api.set_state(StateCommand.STOP), "a stop")
-        asked_ns = self._clock.now_ns()
         reports = self.reports
-
-        def is_clear() -> bool:
-            status = reports.status
-            return status is not None and status.received_ns > asked_ns and not status.error_code
-
-        if not reports.wait_for(is_clear, ERROR_GONE_TIMEOUT_S):
+        if not reports.next_status(ERROR_GONE_TIMEOUT_S, lambda now: not now.error_code):
             self.raise_error()
             raise DeviceError(reports.failure or "The arm sends no reports; confirm once more.")
         self.sender.forget_failure()
+        if self._problem or not self._is_set_up:
+            self.configure()
 
     def raise_error(self) -> None:
         """DeviceError if the controller reports one, with what to do about it."""
         status = self.reports.status
         if status is not None and status.error_code:
-            raise DeviceError(error_sentence(status.error_code))
+            raise DeviceError(error_sentence(status.error_code, status.drive_codes))
 
     def _raise_standing_error(self) -> None:
         status = self.reports.status
         if status is not None and status.error_code:
             raise DeviceError(standing_error_sentence(status.error_code))
 
-    def _has_reported(self) -> bool:
-        return self.reports.motion is not None and self.reports.status is not None
+    def _next_status(self) -> StatusReport:
+        status = self.reports.next_status(REPORT_TIMEOUT_S)
+        if status is None:
+            raise DeviceError(
+                self.reports.failure or "The arm sends no reports; restart its control box."
+            )
+        return status
 
     def _check_identity(self) -> None:
-        simulated = read_simulation_flag(self._config.host, self._config.report_port)
         api = self.api
-        if problem := unfitness(api.axis, api.device_type, api.version_number, simulated):
+        if problem := unfitness(api.axis, api.device_type, api.version_number):
             raise DeviceError(problem)
+
+    def _look_for_changes(self, before: StatusReport, status: StatusReport) -> None:
+        """What events and other programs change while the arm is used."""
+        failed = status.error_code and not before.error_code
+        if failed or (before.motors_enabled and not status.motors_enabled):
+            self.sender.doubt_gripper()
+        if self._is_set_up:
+            self._problem = self._settings.problem(status)
+            if self._problem:
+                self.outbox.shut()
 
     def _enter(self, mode: Mode) -> None:
         accept(self.api.set_mode(mode), f"mode {mode.value}")
         note_mode(self.api, mode)
         accept(self.api.set_state(StateCommand.READY), "getting ready")
 
-    def _is_ready(self, mode: Mode, since_ns: int) -> bool:
-        motion, status = self.reports.motion, self.reports.status
+    def _is_ready(self, mode: Mode, status: StatusReport, since_ns: int) -> bool:
+        motion = self.reports.motion
         return (
             motion is not None
-            and status is not None
-            and min(motion.received_ns, status.received_ns) > since_ns
+            and motion.received_ns > since_ns
             and motion.mode == mode
             and not activity_of(motion.state).is_halted
             and status.motors_enabled
-            and self._settings_are_back(since_ns)
-        )
-
-    def _settings_are_back(self, since_ns: int) -> bool:
-        status = self.reports.status
-        return (
-            status is not None and status.received_ns > since_ns and self._settings.are_in(status)
+            and not self._settings.problem(status)
         )

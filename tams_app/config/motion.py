@@ -73,7 +73,7 @@ class ArmConfig(Section):
     control_port: Port = 502
     """TCP port of the commands."""
     report_port: Port = 30001
-    """TCP port of the normal report; the real-time one is two above."""
+    """TCP port of the normal report; the rich and the real-time one, which are read, follow it."""
     velocity_deadman_s: Annotated[float, Field(gt=0, le=1)] = 0.1
     """The control box stops the arm this long after the last twist; docs/SAFETY.md has 0.1."""
     reply_timeout_s: Annotated[float, Field(gt=0, le=1)] = 0.04

@@ -88,14 +88,15 @@ def slowest_text(state: SessionState) -> str:
 
 def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
     """The state of the operator's hand: name and word."""
-    unused = "not known" if state.tcp_mm is None else "not used yet"
-    gripper = {None: unused, True: "closed", False: "open"}[state.gripper_closed]
+    gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
+    hottest = "not known" if state.hottest_motor_c is None else f"to {state.hottest_motor_c} °C"
     return (
         ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
         ("mode", "orientation" if state.orientation_mode else "translation"),
         ("gripper", gripper),
         ("buttons", ", ".join(state.pressed) or "none"),
         ("TCP", _tcp(state.tcp_mm)),
+        ("motors", hottest),
     )
 
 

@@ -61,9 +61,10 @@ class ArmState:
     ]
     fault: Annotated[ArmFault | None, "what the arm's controller reports; null: no error"]
     gripper_closed: Annotated[
-        bool | None, "the last gripper command that was acknowledged; null: none yet"
+        bool | None, "what the gripper was told and is known to do; null: nothing, or not known"
     ]
     warning_code: Annotated[int, "number of the arm's own controller; 0: none"] = 0
+    hottest_motor_c: Annotated[int | None, "of the joints' motors [°C]; null: not known"] = None
 
 
 class LinkFault(StrEnum):

@@ -94,7 +94,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     when the robot's side's last message came; None: not live. episodes: None: the session has none.
     placed: the block was placed, as the rig's judge saw it. joints_urad: the arm's joints [µrad],
     (): not known; joints_ns: when they were measured, on the clock of the robot's side.
-    speed_scale: on the arm's speed, 0 to 1.
+    speed_scale: on the arm's speed, 0 to 1. hottest_motor_c: of the arm's joints [°C].
     """
 
     t_s: float
@@ -126,6 +126,7 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     joints_ns: Whole = 0
     speed_scale: float = 1.0
     is_pinned: bool = False
+    hottest_motor_c: int | None = None
 
 
 def without_figures(state: SessionState) -> SessionState:

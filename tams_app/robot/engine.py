@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.records import Phase, PhaseChange, StopRecord
 from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import ArmingObserver, StopWatch, TrialObserver
+from tams_app.robot.observers import ArmingObserver, HeatWatch, StopWatch, TrialObserver
 from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
 from tams_app.robot.session_records import SessionRecords
@@ -65,6 +66,7 @@ class Engine:
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
         arming = ArmingObserver(signals, log.note, lambda: operator.hand, arm_at_once)
+        heat = HeatWatch(log.note, arm_kind(config.arm.model).limits.hot_motor_c)
         guard = () if devices.guard is None else (devices.guard,)
         self.control = build.control_loop(
             config,
@@ -76,7 +78,7 @@ class Engine:
             video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before any report
-            (*guard, arming, self.trial, self.stops, log, self.policy, *listeners),
+            (*guard, arming, heat, self.trial, self.stops, log, self.policy, *listeners),
         )
 
     def _on_stop(self, stop: StopRecord) -> None:

@@ -23,6 +23,8 @@ from tams_app.units import NS_PER_S
 from tams_app.vectors import floats, norm
 
 CONFIRM_AGAIN_NS = NS_PER_S
+HOT_ADVICE = "bring the arm to its ready pose and let it rest before it stops by itself"
+HOTTER_C = 5.0
 STANDING_M_S = 0.001
 TRIAL_RATE_HZ = 30.0
 _MIN_INTERVAL_S = 0.002
@@ -71,6 +73,20 @@ class ArmingObserver(Listener):
         else:
             sentence = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
             self._note("warning", f"{output.arming.value}, {sentence}")
+
+
+class HeatWatch(Listener):
+    """Warns the operator of a hot motor of the arm, and again whenever it is 5 °C hotter."""
+
+    def __init__(self, note: Note, hot_c: float) -> None:
+        """`hot_c`: `ArmLimits.hot_motor_c`."""
+        self._note, self._hot_c = note, hot_c
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        hottest_c = None if arm is None else arm.hottest_motor_c
+        if hottest_c is not None and hottest_c >= self._hot_c:
+            self._hot_c = hottest_c + HOTTER_C
+            self._note("warning", f"a motor of the arm has {hottest_c} °C: {HOT_ADVICE}")
 
 
 class StopWatch(Listener):

@@ -136,6 +136,7 @@ class StatusBoard(Listener):
             joints_urad=() if arm is None else _urad(arm.joints),
             joints_ns=0 if arm is None else arm.received_ns,
             speed_scale=output.speed_scale if output else 1.0,
+            hottest_motor_c=None if arm is None else arm.hottest_motor_c,
         )
 
 

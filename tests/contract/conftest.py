@@ -66,10 +66,6 @@ class ArmRig(ArmBench):
         """Let no report leave the controller from now on."""
 
     @abstractmethod
-    def raise_floor_mm(self, height_mm: float) -> None:
-        """Let the controller's own boundary end below `height_mm`."""
-
-    @abstractmethod
     def spoil_gripper(self, how: str) -> None:
         """Gripper commands are refused ("refuses"), or acknowledged and not done ("ignores")."""
 
@@ -120,11 +116,6 @@ class Lite6Rig(ArmRig):
     def freeze_reports(self) -> None:
         with self.model_lock:
             self.model.reports_frozen = True
-
-    def raise_floor_mm(self, height_mm: float) -> None:
-        with self.model_lock:
-            settings = self.model.settings
-            settings.boundary = raised(settings.boundary, height_mm)
 
     def spoil_gripper(self, how: str) -> None:
         answer = bytes([ReplyBit.INVALID]) if how == "refuses" else bytes(1)
@@ -244,10 +235,6 @@ class ToyRig(ArmRig):
 
     def freeze_reports(self) -> None:
         self.box.reports_frozen = True
-
-    def raise_floor_mm(self, height_mm: float) -> None:
-        assert self.box.boundary is not None
-        self.box.boundary = raised(self.box.boundary, height_mm)
 
     def spoil_gripper(self, how: str) -> None:
         self.box.gripper_works = how

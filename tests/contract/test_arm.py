@@ -12,7 +12,7 @@ from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, Twist
-from tests.contract.conftest import ArmRig, Lite6Rig
+from tests.contract.conftest import BOUNDARY, ArmRig, Lite6Rig, raised
 
 pytestmark = pytest.mark.waiting
 
@@ -82,9 +82,13 @@ def test_connecting_sets_the_controllers_own_boundary_outside_the_workspace(
     np.testing.assert_allclose(settings.boundary.lower_mm, np.array(limits.box_min_mm) - margin)
 
 
-def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabled: Arm) -> None:
-    height_mm = rig.next_state(enabled).tcp.position[2] * 1000.0
-    rig.raise_floor_mm(height_mm - 5.0)  # just below the gripper: no need to travel far
+def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, arm: Arm) -> None:
+    height_mm = rig.next_state(arm).tcp.position[2] * 1000.0
+    arm.close()
+    # just below the gripper: no need to travel far
+    enabled = rig.make_arm(raised(BOUNDARY, height_mm - 5.0))
+    enabled.connect()
+    enabled.enable()
     down = Twist(np.array([0.0, 0.0, -0.05]), np.zeros(3))
 
     def refused() -> bool:
@@ -96,6 +100,7 @@ def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, enabl
     assert rig.until(refused)
     assert enabled.link().fault is LinkFault.REFUSED
     assert position_of(rig, enabled).position[2] * 1000.0 > height_mm - 5.5
+    enabled.close()
 
 
 @LITE6_ONLY

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from hw.lite6.codes import ErrorCode, StateCommand
-from tams_app.records import Activity, ArmState, Tick
+from hw.sim.controller.core import outputs_for
+from tams_app.records import Activity, ArmState, Phase, Tick
 from tams_app.teleop.safety import Reason
 from tests.faults.bench import Bench
 from tests.faults.promises import is_logged, is_stopped, only_stops, recovers_from_fault
@@ -17,6 +18,7 @@ from tests.faults.wired_bench import WiredBench
 pytestmark = pytest.mark.waiting
 
 ERRORS = tuple(ErrorCode)
+READ_AGAIN_S = 1.1  # the gripper's outputs, by the bench's clock
 
 
 def raise_error(bench: Bench, code: ErrorCode) -> None:
@@ -45,6 +47,82 @@ def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
     is_stopped(bench, seen, Reason.ARM_ERROR, f"C{code.value} (")
     recovers_from_fault(bench, bench.model.release_emergency_stop)
     is_logged(bench, Reason.ARM_ERROR)
+
+
+@pytest.mark.parametrize("drive_code", [15, 23], ids=lambda code: f"S{code}")
+def test_an_error_of_a_joints_drive_is_cleared_by_enabling_the_motors_first(
+    any_bench: Bench, drive_code: int
+) -> None:
+    bench = any_bench
+    bench.engage_and_move()
+    bench.quiesce()
+    with bench.lock:
+        bench.model.raise_drive_error(2, drive_code)
+    bench.until_seen(lambda state: state.fault is not None)
+    seen = bench.next
+    bench.run_ticks(1)
+    is_stopped(bench, seen, Reason.ARM_ERROR, f"C12 (motor of joint 2 failed, S{drive_code}")
+    recovers_from_fault(bench)
+    is_logged(bench, Reason.ARM_ERROR)
+
+
+def close_gripper(bench: Bench) -> None:
+    """The arm follows the hand, its gripper closed."""
+    bench.engage_and_move()
+    bench.hand.a = True
+    bench.run_ticks(3)
+    bench.hand.a = False
+    bench.until_seen(lambda state: state.gripper_closed is True)
+    bench.run(0.2)
+    assert bench.ticks[-1].phase in (Phase.GRASP, Phase.TRANSPORT)
+    bench.quiesce()
+
+
+def test_a_gripper_whose_power_was_cut_is_not_known_and_nothing_is_claimed_to_be_held(
+    any_bench: Bench,
+) -> None:
+    bench = any_bench
+    close_gripper(bench)
+    with bench.lock:
+        bench.model.press_emergency_stop()
+    bench.until_seen(lambda state: state.fault is not None)
+    bench.run_ticks(1)
+    arm = bench.ticks[-1].arm
+    assert arm is not None
+    assert arm.gripper_closed is None, "in the tick that sees the error"
+    assert bench.ticks[-1].phase is Phase.REACH
+    bench.run_until(lambda output: not output.stop)
+    recovers_from_fault(bench, bench.model.release_emergency_stop)
+    known = {tick.arm.gripper_closed for tick in bench.ticks[-50:] if tick.arm is not None}
+    assert known == {None}, "it is not driven"
+    assert bench.ticks[-1].phase is Phase.REACH
+
+
+def test_a_gripper_that_an_error_may_have_switched_is_not_known_until_it_was_read_again(
+    wired_bench: WiredBench,
+) -> None:
+    bench = wired_bench
+    close_gripper(bench)
+    with bench.lock:
+        bench.model.raise_error(ErrorCode.COLLISION)  # which leaves the outputs as they are
+    bench.until_seen(lambda state: state.fault is not None)
+    seen = bench.next
+    bench.run_until(lambda output: not output.stop)
+    bench.run(READ_AGAIN_S)
+    assert {tick.arm.gripper_closed for tick in bench.ticks[seen:] if tick.arm} == {None}
+    recovers_from_fault(bench)
+    bench.until_seen(lambda state: state.gripper_closed is True)
+
+
+def test_a_gripper_that_another_program_opened_is_reported_open(any_bench: Bench) -> None:
+    bench = any_bench
+    close_gripper(bench)
+    with bench.lock:
+        bench.model.settings.tool_outputs = outputs_for(False)
+    bench.run(READ_AGAIN_S)
+    bench.until_seen(lambda state: state.gripper_closed is False)
+    bench.run_ticks(1)
+    assert Phase.RELEASE in {tick.phase for tick in bench.ticks[-200:]}
 
 
 def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(

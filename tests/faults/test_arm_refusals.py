@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 from collections.abc import Iterator
 
@@ -201,16 +202,77 @@ def nothing_but_stops(model: TappedModel) -> bool:
     return all(request.is_query or request.is_stop for request in model.wire)
 
 
-def test_an_arm_that_only_pretends_to_move_is_refused_and_taken_when_it_no_longer_does(
-    connecting: Connecting,
+# As another program may have left the control box: what is said of it, and where to change it
+FOREIGN: dict[str, tuple[object, str]] = {
+    "simulation_robot": (True, "only pretends to move; switch its simulation mode off"),
+    "reduced": ((50.0, 0.35), "reduced mode, at most 50 mm/s; lower limits.max_speed_mm_s"),
+    "collision_rebound": (True, "after a collision; switch collision rebound off"),
+    "approximate_motion": (True, "near singularities; switch approximation off"),
+    "gravity": ((0.0, 0.26, -0.966), "mounted at an angle; mount it upright"),
+    "world_offset": ((0.0, 0.0, 5.0, 0.0, 0.0, 0.0), "with an offset; set that offset to zero"),
+}
+
+
+@pytest.mark.parametrize("setting", FOREIGN)
+def test_an_arm_that_another_program_set_up_to_move_otherwise_is_refused_until_that_is_undone(
+    connecting: Connecting, setting: str
 ) -> None:
-    connecting.model.settings.simulation_robot = True
-    with pytest.raises(DeviceError, match="only pretends to move"):
+    settings, (value, sentence) = connecting.model.settings, FOREIGN[setting]
+    before = getattr(settings, setting)
+    setattr(settings, setting, value)
+    with pytest.raises(DeviceError, match=sentence) as refused:
         connecting.arm.connect()
+    assert "UFACTORY Studio" in str(refused.value)
     assert nothing_but_stops(connecting.model)
-    connecting.model.settings.simulation_robot = False
+    setattr(settings, setting, before)
     connecting.arm.connect()
     assert connecting.arm.state() is not None
+
+
+@pytest.mark.parametrize("setting", FOREIGN)
+def test_a_setting_that_another_program_changes_while_the_arm_moves_stops_it_until_undone(
+    wired_bench: WiredBench, setting: str
+) -> None:
+    bench, (value, sentence) = wired_bench, FOREIGN[setting]
+    before = change_while_moving(bench, setting, value, sentence)
+    recovers_from_fault(bench, lambda: setattr(bench.model.settings, setting, before))
+    is_logged(bench, Reason.ARM_REFUSES)
+
+
+OWN: dict[str, tuple[object, str]] = {
+    "tcp_offset": ((0.0, 0.0, 100.0, 0.0, 0.0, 0.0), "TCP offset"),
+    "load": ((0.5, 0.0, 0.0, 0.0), "load"),
+    "collision_sensitivity": (0, "collision sensitivity"),
+    "self_collision_check": (False, "self-collision check"),
+}
+
+
+@pytest.mark.parametrize("setting", OWN)
+def test_a_setting_of_ours_that_another_program_changes_stops_the_arm_and_is_set_back(
+    wired_bench: WiredBench, setting: str
+) -> None:
+    bench, (value, name) = wired_bench, OWN[setting]
+    sentence = f"The arm's {name} is not what TAMS had set; close other programs"
+    before = change_while_moving(bench, setting, value, sentence)
+    recovers_from_fault(bench)
+    with bench.lock:
+        assert getattr(bench.model.settings, setting) == before
+    is_logged(bench, Reason.ARM_REFUSES)
+
+
+def change_while_moving(bench: WiredBench, setting: str, value: object, sentence: str) -> object:
+    """What it was before; the arm stops in the tick that sees the change."""
+    bench.engage_and_move()
+    bench.quiesce()
+    with bench.lock:
+        before: object = getattr(bench.model.settings, setting)
+        setattr(bench.model.settings, setting, value)
+    bench.until(lambda: bench.arm.link().failure != "")
+    assert re.search(sentence, bench.arm.link().failure)
+    seen = bench.next
+    bench.run_ticks(1)
+    is_stopped(bench, seen, Reason.ARM_REFUSES)
+    return before
 
 
 def test_firmware_that_would_not_stop_by_itself_is_refused_and_taken_when_updated(

@@ -10,7 +10,7 @@ from tams_app.config import TrialConfig
 from tams_app.records import Outcome, Pose, SceneTruth
 from tams_app.robot import build
 from tams_app.robot.control import Signals
-from tams_app.robot.observers import ArmingObserver, TrialObserver
+from tams_app.robot.observers import HOT_ADVICE, ArmingObserver, HeatWatch, TrialObserver
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.hands import HANDS
@@ -205,3 +205,16 @@ def test_where_the_truth_is_not_known_the_trial_is_not_judged():
     assert not trial.look()
     assert trial.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
     assert records == ended == []
+
+
+def test_the_operator_is_warned_of_a_hot_motor_and_again_only_when_it_is_hotter(
+    notes,
+) -> None:
+    watch = HeatWatch(lambda _level, text: notes.append(text), hot_c=70.0)
+    told = []
+    for hottest_c in (None, 69, 70, 74, 69, 70, 75, 79, 80):
+        arm = None if hottest_c is None else SimpleNamespace(hottest_motor_c=hottest_c)
+        watch.on_output(0, output(ArmingState.ENGAGED), arm)
+        told.append(len(notes))
+    assert told == [0, 0, 1, 1, 1, 1, 2, 2, 3]
+    assert notes[0] == f"a motor of the arm has 70 °C: {HOT_ADVICE}"

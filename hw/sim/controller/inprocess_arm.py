@@ -14,6 +14,7 @@ import numpy as np
 from hw.arm import Plant, SimulatedArm, TcpBoundary
 from hw.lite6.codes import (
     AXES,
+    DRIVE_ERRORS,
     LITE6_TYPE,
     Code,
     Mode,
@@ -23,6 +24,7 @@ from hw.lite6.codes import (
     return_code_sentence,
 )
 from hw.lite6.commands import (
+    OUTPUTS_DIFFER,
     activity_of,
     boundary_edges,
     checked_goal,
@@ -32,6 +34,8 @@ from hw.lite6.commands import (
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
+from hw.lite6.report import parse_status
+from hw.lite6.settings import foreign_refusal
 from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
@@ -80,7 +84,6 @@ class InProcessArm(SimulatedArm):
         self._connected = False
         self._takes_commands = False
         self._state: ArmState | None = None
-        self._gripper_closed: bool | None = None
         self._sent = 0
         self._acknowledged_ns = 0
         self._failure: tuple[str, LinkFault] = _NO_FAILURE
@@ -120,9 +123,10 @@ class InProcessArm(SimulatedArm):
             tcp=pose_from_matrix(self.model.tcp),
             activity=activity_of(self.model.state),
             servo=servo_of(self.model.mode),
-            fault=arm_fault(self.model.error_code),
+            fault=arm_fault(self.model.error_code, self.model.drive_codes),
             warning_code=self.model.warning_code,
-            gripper_closed=self._gripper_closed,
+            gripper_closed=self.model.settings.closing,
+            hottest_motor_c=max(self.model.temperatures_c),
         )
 
     # --- setting up -----------------------------------------------------------------------------
@@ -144,7 +148,6 @@ class InProcessArm(SimulatedArm):
             self._request(Register.SET_BOUNDARY, edges)
             self._request(Register.SET_FENCE, bytes([1]))
         self._request(Register.SET_LOAD, load)
-        self._gripper_closed = self.model.settings.closing
         self._acknowledged_ns = self._clock.now_ns()
         self.stop()
         self._report_ns = self._clock.now_ns() + _REPORT_PERIOD_NS
@@ -162,6 +165,8 @@ class InProcessArm(SimulatedArm):
 
     def clear_errors(self) -> None:
         self._takes_commands = False
+        if self.model.error_code in DRIVE_ERRORS:
+            self._request(Register.MOTION_ENABLE, bytes([ALL_JOINTS, 1]))
         self._request(Register.CLEAN_ERROR)
         self._request(Register.CLEAN_WARNING)
         self.stop()
@@ -211,18 +216,8 @@ class InProcessArm(SimulatedArm):
             self._fail(self._reason(Register.TOOL_GPIO_WRITE, status), LinkFault.GRIPPER)
         else:
             self._acknowledged_ns = self._clock.now_ns()
-            self._gripper_closed = closed
-            self._check_gripper(closed)
-
-    def _check_gripper(self, closed: bool) -> None:
-        """Compare the tool outputs with the command."""
-        driven = self.model.settings.closing
-        if driven is not closed:
-            self._gripper_closed = driven
-            self._fail(
-                "The gripper's outputs are not what was commanded; check its plug at the flange.",
-                LinkFault.GRIPPER,
-            )
+            if self.model.settings.closing is not closed:
+                self._fail(OUTPUTS_DIFFER, LinkFault.GRIPPER)
 
     def stop(self) -> None:
         self._takes_commands = False
@@ -233,8 +228,8 @@ class InProcessArm(SimulatedArm):
 
     def _check_identity(self) -> None:
         firmware = tuple(int(part) for part in self.model.firmware.split("."))
-        simulated = self.model.settings.simulation_robot
-        if problem := unfitness(AXES, LITE6_TYPE, firmware, simulated):
+        status = parse_status(self.model.report(ReportKind.RICH), self._clock.now_ns())
+        if problem := unfitness(AXES, LITE6_TYPE, firmware) or foreign_refusal(status):
             raise DeviceError(problem)
 
     def _fail(self, sentence: str, fault: LinkFault) -> None:

@@ -73,6 +73,7 @@ class LogIndex:
             hand=log.facts.get(HAND_FACT, ""),
             tcp_mm=None if arm is None else (x, y, z),
             gripper_closed=None if arm is None else arm.gripper_closed,
+            hottest_motor_c=None if arm is None else arm.hottest_motor_c,
             views={
                 view: self._view(view, t_ns, figures, targets.get(view)) for view in self._views
             },

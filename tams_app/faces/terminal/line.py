@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tams_app.faces import episodes
-from tams_app.faces.figures import slowest_text
+from tams_app.faces.figures import hand_rows, slowest_text
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState
@@ -117,7 +117,7 @@ def arm_line(state: SessionState) -> str:
     return (
         f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  "
         f"{', '.join((deadman, *state.pressed, mode))}"
-        f"{_tcp(state.tcp_mm)}{_gripper(state.gripper_closed)}"
+        f"{_tcp(state.tcp_mm)}{_gripper_and_motors(state)}"
     )
 
 
@@ -202,10 +202,10 @@ def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
     return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm"
 
 
-def _gripper(closed: bool | None) -> str:
-    if closed is None:
-        return ""
-    return f", gripper {'closed' if closed else 'open'}"
+def _gripper_and_motors(state: SessionState) -> str:
+    words = dict(hand_rows(state))
+    known_arm = state.tcp_mm is not None
+    return f", gripper {words['gripper']}, motors {words['motors']}" if known_arm else ""
 
 
 def _view(name: str, view: ViewState, asked_fps: float | None) -> str:

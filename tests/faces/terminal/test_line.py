@@ -93,9 +93,10 @@ def test_the_line_shows_pressed_buttons_and_the_gripper_once_it_is_known() -> No
     pressed = replace(STATE, pressed=("grip", "A"), gripper_closed=True)
     first, *_ = status_words(pressed).plain.split("  |  ")
     assert "trigger held, grip, A, translation, TCP" in first
-    assert first.endswith("mm, gripper closed")
+    assert first.endswith("mm, gripper closed, motors not known")
     assert "mm, gripper open" in status_words(replace(STATE, gripper_closed=False)).plain
-    assert "gripper" not in status_words(STATE).plain
+    assert "mm, gripper not known" in status_words(STATE).plain
+    assert "motors to 41 °C" in status_words(replace(STATE, hottest_motor_c=41)).plain
 
 
 def test_the_reason_of_the_last_hold_is_shown_as_it_is() -> None:

@@ -357,10 +357,10 @@ def test_the_robot_s_side_says_how_far_it_knows_a_frame_s_way() -> None:
     )
 
 
-def test_a_gripper_without_a_command_is_not_used_yet_and_without_an_arm_not_known() -> None:
-    unused = changed(FACTS, gripper_closed=None).state
-    assert dict(hand_rows(unused))["gripper"] == "not used yet"
-    assert dict(hand_rows(replace(unused, tcp_mm=None)))["gripper"] == "not known"
+def test_a_gripper_that_is_driven_nowhere_and_motors_that_report_nothing_are_not_known() -> None:
+    rows = dict(hand_rows(changed(FACTS, gripper_closed=None, hottest_motor_c=None).state))
+    assert (rows["gripper"], rows["motors"]) == ("not known", "not known")
+    assert dict(hand_rows(changed(FACTS, hottest_motor_c=41).state))["motors"] == "to 41 °C"
 
 
 def test_the_last_line_has_time_strategy_network_and_what_is_recorded() -> None:
@@ -439,6 +439,7 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
         "gripper": "closed",
         "buttons": "A",
         "TCP": "350, -80, 180 mm",
+        "motors": "not known",
     }
     other = changed(
         FACTS, deadman=False, orientation_mode=True, gripper_closed=None, pressed=(), tcp_mm=None
@@ -448,6 +449,7 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
         "orientation",
         "not known",
         "none",
+        "not known",
         "not known",
     ]
 

@@ -339,8 +339,15 @@ def test_an_arm_that_is_not_seen_to_get_ready_is_stopped_again(
 ) -> None:
     monkeypatch.setattr(hw.lite6.setup, "REPORT_TIMEOUT_S", 0.3)
     stand(rig, arm)
+    handle = rig.model.handle
+
+    def go_silent_once_ready(register: int, payload: bytes, now_ns: int) -> bytes:
+        if (register, payload) == (Register.SET_STATE, bytes([0])):
+            rig.model.reports_frozen = True
+        return handle(register, payload, now_ns)
+
+    rig.model.handle = go_silent_once_ready  # type: ignore[method-assign]
     changes = record_changes(rig)
-    rig.model.reports_frozen = True
     with pytest.raises(DeviceError):
         act(arm)
     assert (Register.SET_STATE, bytes([0])) in changes  # it was ready
@@ -479,8 +486,11 @@ def test_a_restarted_controller_is_taken_up_again_with_all_settings_when_errors_
     arm = make_bounded_arm(rig)
     arm.connect()
     arm.enable()
+    arm.set_gripper(True)
+    assert until(lambda: gripper(arm) is True)
     rig.restart()
     assert until(lambda: arm.link().fault is LinkFault.LOST)
+    assert until(lambda: gripper(arm) is None)
     assert not rig.model.settings.fence
     arm.clear_errors()
     settings, config = rig.model.settings, ArmConfig()
@@ -488,6 +498,7 @@ def test_a_restarted_controller_is_taken_up_again_with_all_settings_when_errors_
     np.testing.assert_allclose(settings.tcp_offset[:3], config.tcp_offset_mm_deg[:3])
     assert arm.link().failure == ""
     assert rig.model.state == State.STOPPED
+    assert gripper(arm) is None
     arm.enable()
     np.testing.assert_allclose(settings.load[0], config.tcp_load_kg)
     assert moves(arm)
@@ -682,9 +693,35 @@ def test_an_arm_whose_boundary_was_removed_is_not_enabled(rig: ControllerRig) ->
     arm.close()
 
 
+def test_a_boundary_that_another_program_removes_is_a_failure_until_it_is_set_again(
+    rig: ControllerRig,
+) -> None:
+    arm = make_bounded_arm(rig)
+    arm.connect()
+    arm.enable()
+    with rig.server.lock:
+        rig.model.settings.fence = False
+    assert until(lambda: "safety boundary" in arm.link().failure)
+    assert arm.link().fault is LinkFault.REFUSED
+    sent = arm.link().sent
+    arm.send_twist(SIDEWAYS)
+    arm.clear_errors()
+    assert (arm.link().failure, arm.link().sent) == ("", sent)
+    assert rig.model.settings.fence
+    arm.enable()
+    assert moves(arm)
+    arm.close()
+
+
 def make_bounded_arm(rig: ControllerRig) -> Lite6:
     boundary = session_boundary(ArmConfig(), LimitsConfig())
     return Lite6(rig.config(reply_timeout_s=0.25), MonotonicClock(), 120.0, boundary)
+
+
+def gripper(arm: Lite6) -> bool | None:
+    state = arm.state()
+    assert state is not None
+    return state.gripper_closed
 
 
 def moves(arm: Lite6) -> bool:
@@ -743,7 +780,12 @@ def record_changes(rig: ControllerRig) -> list[tuple[int, bytes]]:
     """The requests from now on that change something, in order, while they come in."""
     changes: list[tuple[int, bytes]] = []
     handle = rig.model.handle
-    queries = {Register.GET_VERSION, Register.GET_STATE, Register.GET_ERROR}
+    queries = {
+        Register.GET_VERSION,
+        Register.GET_STATE,
+        Register.GET_ERROR,
+        Register.TOOL_GPIO_READ,
+    }
 
     def recorded(register: int, payload: bytes, now_ns: int) -> bytes:
         if register not in queries:

@@ -11,10 +11,13 @@ import pytest
 
 import hw.sim.controller.registers
 from hw.arm import FoundArm
+from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register
 from hw.lite6.discovery import find_arm
 from hw.sim.controller.model import ReportKind
 from tams_app.config import ArmConfig
+from tams_app.errors import DeviceError
+from tams_app.runtime.clock import MonotonicClock
 from tests.hw.lite6.controller_rig import ControllerRig, controller
 
 pytestmark = pytest.mark.waiting
@@ -36,7 +39,10 @@ def probe(rig: ControllerRig) -> FoundArm:
 def test_an_arm_is_found_with_all_that_it_says_of_itself(rig: ControllerRig) -> None:
     info = probe(rig)
     assert info.problem == ""
-    assert info.description == "127.0.0.1: Lite 6 LI1006210001, firmware 2.6.0, stopped"
+    assert info.description == (
+        "127.0.0.1: Lite 6 LI1006210001, firmware 2.6.0, stopped, motors at most 30 °C; "
+        "connecting replaces its TCP offset, load"
+    )
 
 
 def test_a_moving_arm_goes_on_moving_and_is_asked_only(rig: ControllerRig) -> None:
@@ -52,7 +58,7 @@ def test_a_moving_arm_goes_on_moving_and_is_asked_only(rig: ControllerRig) -> No
         rig.model.enable(True)
         rig.model.set_state(0)
         rig.model.move_joints(tuple(joint + 1.0 for joint in rig.model.joints), 0.05, 1.0)
-    assert probe(rig).description.endswith(", moving")
+    assert ", moving," in probe(rig).description
     assert asked == QUERIES
     with rig.server.lock:
         assert rig.model.moving
@@ -70,6 +76,34 @@ def test_an_error_and_the_simulation_mode_are_told_with_what_to_do(rig: Controll
         rig.model.settings.simulation_robot = True
     info = probe(rig)
     assert "simulation mode" in info.description
+
+
+def test_settings_of_other_programs_are_told_as_connecting_would(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        rig.model.settings.reduced = (50.0, 0.35)
+        rig.model.settings.collision_rebound = True
+    info = probe(rig)
+    for words in ("reduced mode, at most 50 mm/s", "limits.max_speed_mm_s", "collision rebound"):
+        assert words in info.problem
+    arm = Lite6(rig.config(), MonotonicClock())
+    with pytest.raises(DeviceError) as refused:
+        arm.connect()
+    assert str(refused.value) == info.problem
+    arm.close()
+
+
+def test_what_connecting_sets_and_what_is_harmless_is_noted_only(rig: ControllerRig) -> None:
+    with rig.server.lock:
+        settings = rig.model.settings
+        settings.collision_sensitivity, settings.self_collision_check = 0, False
+        settings.clear_outputs_on_stop = True
+        rig.model.temperatures_c = (30, 30, 64, 30, 30, 30)
+    info = probe(rig)
+    assert info.problem == ""
+    assert info.description.endswith(
+        "motors at most 64 °C; connecting replaces its TCP offset, load, collision sensitivity, "
+        "self-collision check; a stop switches its gripper off"
+    )
 
 
 def test_old_firmware_is_told(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,6 +16,14 @@ def told_of(code: int) -> str:
     return fault.text
 
 
+def test_an_error_of_a_drive_is_told_with_its_own_number_and_advice() -> None:
+    hot = arm_fault(13, (0, 0, 15, 0, 0, 0))
+    assert hot is not None
+    assert hot.text == "C13 (motor of joint 3 failed, S15 overheated): let the arm cool down"
+    assert "joint 3 failed, S99): press and release" in error_sentence(13, (0, 0, 99, 0, 0, 0))
+    assert "S15" not in error_sentence(31, (0, 0, 15, 0, 0, 0))
+
+
 def test_error_zero_is_no_fault() -> None:
     assert arm_fault(0) is None
     assert error_sentence(0) == standing_error_sentence(0) == ""

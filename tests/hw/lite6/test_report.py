@@ -12,12 +12,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw.arm import TcpBoundary
 from hw.lite6.report import (
     FrameBuffer,
     ReportReader,
     parse_motion,
     parse_status,
-    read_simulation_flag,
+    read_status,
 )
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from tams_app.errors import DeviceError
@@ -87,14 +88,43 @@ def test_the_status_tells_of_errors_motors_and_settings() -> None:
     model.set_tcp_offset((1.0, 2.0, 82.0, 0.0, 0.0, 0.5))
     model.settings.load = (0.35, 0.0, 0.0, 40.0)
     model.settings.collision_sensitivity = 4
-    assert parse_status(model.report(ReportKind.NORMAL), 0).motors_enabled
+    assert parse_status(model.report(ReportKind.RICH), 0).motors_enabled
     model.raise_error(31)
     model.raise_warning(11)
-    status = parse_status(model.report(ReportKind.NORMAL), 9)
+    status = parse_status(model.report(ReportKind.RICH), 9)
     assert (status.error_code, status.warning_code, status.received_ns) == (31, 11, 9)
     np.testing.assert_allclose(status.tcp_offset, [1, 2, 82, 0, 0, 0.5])
     np.testing.assert_allclose(status.load, [0.35, 0, 0, 40])
     assert status.collision_sensitivity == 4
+    assert status.gravity == (0.0, 0.0, -1.0)
+    assert (status.reduced, status.boundary) == (None, None)
+    switches = (status.simulated, status.approximate, status.rebound, status.clears_outputs)
+    assert not any(switches)
+    assert status.self_collision_check
+    assert (status.temperatures_c, status.drive_codes) == ((30,) * 6, (0,) * 6)
+
+
+def test_the_status_tells_of_settings_that_another_program_made() -> None:
+    model = ControllerModel(IdealPlant())
+    settings = model.settings
+    settings.gravity, settings.world_offset = (0.0, 1.0, 0.0), (1.0, 2.0, 3.0, 0.5, 0.0, 0.25)
+    settings.reduced = (50.0, 0.5)
+    settings.fence, settings.boundary = True, TcpBoundary((-1, -2, -3), (4, 5, 6))
+    settings.collision_rebound = settings.simulation_robot = settings.approximate_motion = True
+    settings.self_collision_check, settings.clear_outputs_on_stop = False, True
+    model.temperatures_c = (30, 41, -5, 90, 30, 31)
+    model.raise_drive_error(3, 15)
+    status = parse_status(model.report(ReportKind.RICH), 0)
+    assert (status.gravity, status.world_offset) == (settings.gravity, settings.world_offset)
+    assert (status.reduced, status.boundary) == ((50.0, 0.5), (4, -1, 5, -2, 6, -3))
+    switches = (status.simulated, status.approximate, status.rebound, status.clears_outputs)
+    assert all(switches)
+    assert not status.self_collision_check
+    assert (status.temperatures_c, status.drive_codes) == (
+        model.temperatures_c,
+        (0, 0, 15, 0, 0, 0),
+    )
+    assert status.error_code == 13
 
 
 # --- the reader ---------------------------------------------------------------------------------
@@ -108,7 +138,7 @@ class Streams:
         self._listeners: list[socket.socket] = []
         while len(self._listeners) < 3:
             self._listen()
-        self.normal: socket.socket
+        self.rich: socket.socket
         self.real: socket.socket
 
     def _listen(self) -> None:
@@ -123,7 +153,7 @@ class Streams:
         self.base = self.base or self._listeners[0].getsockname()[1]
 
     def accept(self) -> None:
-        self.normal, _ = self._listeners[0].accept()
+        self.rich, _ = self._listeners[1].accept()
         self.real, _ = self._listeners[2].accept()
 
     def serve_rich(self, data: bytes) -> None:
@@ -133,7 +163,7 @@ class Streams:
             connection.sendall(data)
 
     def close(self) -> None:
-        for name in ("normal", "real"):
+        for name in ("rich", "real"):
             connection = getattr(self, name, None)
             if connection is not None:
                 connection.close()
@@ -168,7 +198,7 @@ def test_there_is_no_motion_without_a_status_beside_it(
 ) -> None:
     streams.real.sendall(REAL)
     assert not reader.wait_for(lambda: reader.motion is not None, 0.2)
-    streams.normal.sendall(NORMAL)
+    streams.rich.sendall(RICH)
     assert reader.wait_for(lambda: reader.status is not None, 5.0)
     streams.real.sendall(REAL)
     assert reader.wait_for(lambda: reader.motion is not None, 5.0)
@@ -180,7 +210,7 @@ def test_motion_carries_the_time_of_receipt_and_ages_when_either_stream_falls_si
     def received_ns() -> int:
         return reader.motion.received_ns if reader.motion else 0
 
-    streams.normal.sendall(NORMAL)
+    streams.rich.sendall(RICH)
     assert reader.wait_for(lambda: reader.status is not None, 5.0)
     clock.advance_ns(NS_PER_S // 2)
     streams.real.sendall(REAL)
@@ -189,7 +219,7 @@ def test_motion_carries_the_time_of_receipt_and_ages_when_either_stream_falls_si
     clock.advance_ns(NS_PER_S)  # the status is now older than its five periods
     streams.real.sendall(REAL)
     assert not reader.wait_for(lambda: received_ns() != first_ns, 0.2)
-    streams.normal.sendall(NORMAL)
+    streams.rich.sendall(RICH)
     assert until(lambda: reader.status is not None and reader.status.received_ns > first_ns)
     streams.real.sendall(REAL)
     assert reader.wait_for(lambda: received_ns() == clock.now_ns(), 5.0)
@@ -204,7 +234,7 @@ def test_a_closed_stream_is_a_failure_that_waiters_learn_at_once(
 
 
 def test_nonsense_on_a_stream_is_a_failure(streams: Streams, reader: ReportReader) -> None:
-    streams.normal.sendall(b"HTTP/1.1 400 Bad Request\r\n")
+    streams.rich.sendall(b"HTTP/1.1 400 Bad Request\r\n")
     assert until(lambda: "reports ended" in reader.failure)
 
 
@@ -212,7 +242,7 @@ def test_a_missing_stream_is_one_sentence_with_its_port() -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
-        reader = ReportReader("127.0.0.1", port, VirtualClock())
+        reader = ReportReader("127.0.0.1", port - 1, VirtualClock())  # the rich report's is above
         with pytest.raises(DeviceError, match=f"no reports on port {port}"):
             reader.start()
         reader.close()
@@ -224,5 +254,5 @@ def test_an_arm_whose_rich_report_ends_early_is_one_sentence(streams: Streams) -
     server = threading.Thread(target=streams.serve_rich, args=(RICH[:100],))
     server.start()
     with pytest.raises(DeviceError, match="no reports"):
-        read_simulation_flag("127.0.0.1", streams.base)
+        read_status("127.0.0.1", streams.base)
     server.join()
