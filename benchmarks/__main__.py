@@ -1,6 +1,6 @@
 """`make bench`: measures what the product promises, prints a table and writes JSON.
 
-Compare figures with the idle column and with others of the same run; machines differ and are noisy.
+Compare figures with others of the same run; machines differ and are noisy.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ import argparse
 import json
 import os
 import platform
-import sys
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
@@ -19,9 +18,8 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from benchmarks import faults, paired
+from benchmarks import faults
 from benchmarks.figures import Figure
-from benchmarks.idle import measure_idle
 from benchmarks.measures import (
     control_figures,
     latency_figures,
@@ -30,7 +28,6 @@ from benchmarks.measures import (
     video_figures,
 )
 from benchmarks.runs import Run, run_session
-from benchmarks.ssim import ssim_figures
 from tams_app.config import DEFAULT_CONFIG
 
 # three views at 1500 kbit/s each, nothing but loopback in between
@@ -45,13 +42,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--seeds", type=int, default=3, help="sessions on s2 (default 3)")
     parser.add_argument("--json", type=Path, default=RESULTS / "bench.json")
-    parser.add_argument("--against", metavar="DIR", help="compare with the checkout in DIR instead "
-                        "(python -m benchmarks.paired --help)")  # fmt: skip
-    options, others = parser.parse_known_args()
-    if options.against:
-        sys.exit(paired.main(sys.argv[1:]))
-    if others:
-        parser.error(f"unknown: {' '.join(others)}")
+    options = parser.parse_args()
     console = Console()
     with (
         tempfile.TemporaryDirectory(prefix="tams-bench-") as folder,
@@ -69,9 +60,7 @@ def main() -> None:
 
 def measure(out: Path, seeds: int, progress: Progress) -> list[Figure]:
     """Every figure, one session after the other."""
-    task = progress.add_task("idle machine", total=seeds + 2)
-    idle = measure_idle()
-    progress.update(task, advance=1, description="sessions on s2")
+    task = progress.add_task("sessions on s2", total=seeds + 1)
     runs: list[Run] = []
     for seed in range(seeds):
         runs.append(run_session(out, "--network", "s2", "--seed", str(seed)))
@@ -83,11 +72,10 @@ def measure(out: Path, seeds: int, progress: Progress) -> list[Figure]:
     progress.update(task, advance=1, description="done")
     return [
         *start_figures(runs),
-        *control_figures(runs, idle),
+        *control_figures(runs),
         *video_figures(runs),
         *latency_figures(free),
         *rig_figures(runs),
-        *ssim_figures(),
     ]
 
 
@@ -96,7 +84,6 @@ def table(figures: list[Figure]) -> Table:
     for name, justify in (
         ("what", "left"),
         ("measured", "right"),
-        ("idle", "right"),
         ("target", "right"),
         ("", "left"),
     ):
@@ -109,7 +96,6 @@ def table(figures: list[Figure]) -> Table:
         shown.add_row(
             f"  {figure.name}",
             "–" if figure.value is None else f"{figure.value:.3g} {figure.unit}",
-            "" if figure.idle is None else f"{figure.idle:.3g} {figure.unit}",
             figure.target,
             figure.verdict,
         )

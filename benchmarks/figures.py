@@ -1,4 +1,4 @@
-"""What a benchmark hands back: a figure with its target and the idle machine's figure beside it."""
+"""What a benchmark hands back: a figure with its target."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """One measured number; `idle` is the same thing measured with nothing else running."""
+    """One measured number."""
 
     group: str
     name: str
@@ -15,7 +15,6 @@ class Figure:
     unit: str
     at_most: float | None = None
     at_least: float | None = None
-    idle: float | None = None
 
     @property
     def verdict(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ def start_figures(runs: list[Run]) -> list[Figure]:
     return [Figure("start", "command to first motion, worst", value, "s", at_most=10)]
 
 
-def control_figures(runs: list[Run], idle: dict[str, Any]) -> list[Figure]:
+def control_figures(runs: list[Run]) -> list[Figure]:
     """Punctuality over all sessions together, tick cost, SDK round trip."""
     started = [np.array([tick.started_ns for tick in run.log.ticks]) for run in runs]
     period_ns = 1e9 / runs[0].log.header.control_rate_hz
@@ -42,18 +41,14 @@ def control_figures(runs: list[Run], idle: dict[str, Any]) -> list[Figure]:
 
     return [
         figure("time measured", seconds, "s", at_least=60),
-        figure("late", 100 * late / due, "%", at_most=0.5, idle=100 * idle["late_fraction"]),
-        figure("period error p99", _rank(errors, 99), idle=idle["period_error_p99_ms"]),
-        figure(
-            "period error p99.9", _rank(errors, 99.9), at_most=3, idle=idle["period_error_p99_9_ms"]
-        ),
+        figure("late", 100 * late / due, "%", at_most=0.5),
+        figure("period error p99", _rank(errors, 99)),
+        figure("period error p99.9", _rank(errors, 99.9), at_most=3),
         figure("tick cost p50", _rank(cost / 1e6, 50)),
         figure("tick cost p99", _rank(cost / 1e6, 99)),
-        figure("SDK round trip p50", _maximum(trip["p50"] for trip in trips),
-               idle=idle["round_trip_p50_ms"]),
-        figure("SDK round trip p99", _maximum(trip["p99"] for trip in trips),
-               idle=idle["round_trip_p99_ms"]),
-    ]  # fmt: skip
+        figure("SDK round trip p50", _maximum(trip["p50"] for trip in trips)),
+        figure("SDK round trip p99", _maximum(trip["p99"] for trip in trips)),
+    ]
 
 
 def video_figures(runs: list[Run]) -> list[Figure]:

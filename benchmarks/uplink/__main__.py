@@ -4,8 +4,8 @@
 real encoders, jitter buffers and decoders over an emulated link in virtual time, while the rig's
 arm carries a block to and fro; `--rate-kbps N` in place of a trace. Without either, all cases run
 that way for up to 25 s with `feedback`, some of them with each budget and repair. `--model` runs
-them packet by packet without encoders, in a few minutes, and compares with peers (a constant
-window, a delay rule, aiortc where it is installed); there a trace is run with three delay targets.
+them packet by packet without encoders, in a few minutes; there a trace is run with three delay
+targets.
 `--field` runs links as they are in the field, those of docs/BUDGET.md, `--seeds N` each of them N
 times, of which the means are shown.
 `--json` writes the results.
@@ -38,7 +38,6 @@ from benchmarks.uplink.cases import (
 )
 from benchmarks.uplink.encoded import Result, Sender, mean_result, run_encoded
 from benchmarks.uplink.measures import Measures, run_all
-from benchmarks.uplink.peers import PEERS
 from tams_app.config import Network
 from tams_app.errors import TamsError
 from tams_app.study.unattended import TrialsProgress
@@ -84,7 +83,7 @@ def main() -> None:
     longest_s = options.seconds if given or options.field else CASE_S
     if options.model:
         chosen = [replace(one, setting=replace(one.setting, fps=options.fps)) for one in chosen]
-        modes = (options.budget,) if options.budget else (*MODES, *PEERS)
+        modes = (options.budget,) if options.budget else MODES
         modelled = model(chosen, bool(given), modes, options.seeds, console)
         console.print(table(chosen, modelled))
         written: object = modelled
@@ -120,7 +119,7 @@ def _options() -> argparse.Namespace:
     link.add_argument("--loss-burst", type=float, default=1.0, help="mean length (default 1)")
     link.add_argument("--seconds", type=float, default=60.0, help="(default 60)")
     sends = parser.add_argument_group("what sends")
-    sends.add_argument("--budget", choices=(*MODES, *PEERS), help="peers: of --model")
+    sends.add_argument("--budget", choices=MODES)
     sends.add_argument("--strategy", default="tams")
     sends.add_argument("--repair", choices=("paper", "adaptive"))
     sends.add_argument("--delay-target-ms", type=float)
@@ -130,8 +129,6 @@ def _options() -> argparse.Namespace:
     options = parser.parse_args()
     if (options.trace or options.rate_kbps) and options.case:
         parser.error("--case chooses from the cases; a trace or a rate is one itself")
-    if options.budget in PEERS and not options.model:
-        parser.error(f"{options.budget!r} is compared in the model: add --model")
     return options
 
 

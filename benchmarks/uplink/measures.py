@@ -8,9 +8,8 @@ from itertools import pairwise
 
 from benchmarks.uplink.cases import Case
 from benchmarks.uplink.model import Model, Trace, departed_bytes
-from benchmarks.uplink.peers import PEERS
 from tams_app.config import load_config
-from tams_app.policy.budget import Budget, make_budget
+from tams_app.policy.budget import make_budget
 from tams_app.records import PacketFate, PacketRecord
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -25,19 +24,13 @@ def run_all(case: Case, mode: str, seeds: int, delay_target_ms: float | None = N
 
 
 def run(case: Case, mode: str, delay_target_ms: float | None = None, seed: int = 1) -> Measures:
-    """One run of the model under the budget `mode`, or a peer."""
+    """One run of the model under the budget `mode`."""
     case = replace(case, setting=replace(case.setting, seed=seed))
-    peer = PEERS.get(mode)
-    known = mode if peer is None else "feedback"
     policy = load_config(
-        None, {"policy.budget.mode": known, "policy.budget.delay_target_ms": delay_target_ms}
+        None, {"policy.budget.mode": mode, "policy.budget.delay_target_ms": delay_target_ms}
     ).policy
     capacity = case.capacity(Model.START_NS)
-
-    def budget() -> Budget:
-        return make_budget(policy, capacity) if peer is None else peer(policy)
-
-    trace = Model(case.setting, capacity, budget, policy).run()
+    trace = Model(case.setting, capacity, lambda: make_budget(policy, capacity), policy).run()
     standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
     return {**measure(case, trace, Model.START_NS), "standing_p95_ms": _percentile(standing, 0.95)}
 

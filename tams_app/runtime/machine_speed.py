@@ -25,7 +25,7 @@ _ROUNDS = 7
 _DATA_BYTES = 300_000
 
 # What a session takes, in reference cores: a part that does not depend on the frames, and one for
-# each frame a second of all three views. The line through `python -m benchmarks.threads --fps 5`
+# each frame a second of all three views. The line through `benchmarks.threads --fps 5` at 628dd78b
 # and `--fps 15` on a quiet machine of speed .97 (.69 and 1.12 cores without the comparison of
 # frames, which takes what is left over), and .2 for the eyes of an operator who sees.
 SESSION_CORES, CORES_PER_FPS = 0.67, 0.041

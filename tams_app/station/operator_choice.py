@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from tams_app.config import OperatorKind
 from tams_app.runtime.machine_speed import MachineSpeed
 
-GLANCE_S = 0.0117  # processor time of one on the reference: `python -m benchmarks.glance_cost`
+GLANCE_S = 0.0117  # processor time of one on the reference: `benchmarks.glance_cost` at 628dd78b
 SHARE_OF_MACHINE = 0.10  # of all cores, for the eyes
 LEAST_GLANCES_HZ = 6.0
 MOST_GLANCES_HZ = 15.0  # no participant looks more often

@@ -43,7 +43,7 @@ def load() -> Toolkit:
     """GTK 4 on a display that answers; SetupError in one sentence.
 
     Where it has to draw in software it does so with cairo, which takes half the time of OpenGL in
-    software or less (`python -m benchmarks.window cost`). GSK_RENDERER chooses otherwise.
+    software or less (`benchmarks.window cost` at 628dd78b). GSK_RENDERER chooses otherwise.
     """
     if draws_in_software():
         os.environ.setdefault("GSK_RENDERER", "cairo")

@@ -1,6 +1,6 @@
 """The two RTCP sessions of one view, without their packets: what they ask and when it leaves.
 
-Calibrated against GStreamer's rtpsession (`python -m benchmarks.experiments.feedback_model`).
+Calibrated against GStreamer's rtpsession (`benchmarks.experiments.feedback_model` at 628dd78b).
 """
 
 from __future__ import annotations
