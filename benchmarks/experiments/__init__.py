@@ -1,1 +1,1 @@
-"""Finished experiments, outside `make bench`: `benchmarks.experiments.NAME` at 628dd78b."""
+"""What the proof needs, outside `make bench`: `python -m benchmarks.experiments.NAME`."""
