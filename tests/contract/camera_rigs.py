@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from hw.camera import Camera
-from hw.contract import CameraBench
 from hw.make_camera import make_camera
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
@@ -21,6 +20,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
+from tests.contract.promises.camera import CameraBench
 from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
 
 SMALL = VideoConfig(width=160, height=120)

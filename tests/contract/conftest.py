@@ -14,7 +14,6 @@ import pytest
 from hw.arm import Arm, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind
 from hw.boundary import session_boundary
-from hw.contract.arm import CONTROL_RATE_HZ, ArmBench
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.lite6.commands import LIMITS as LITE6_LIMITS
@@ -24,6 +23,7 @@ from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
+from tests.contract.promises.arm import CONTROL_RATE_HZ, ArmBench
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 from tests.contract.toy_arm import LIMITS as TOY_LIMITS
 

@@ -17,7 +17,6 @@ from itertools import cycle, repeat
 import numpy as np
 import openvr
 
-from hw.contract import ControllerBench
 from hw.controller import Controller
 from hw.desk.gamepad import Gamepad, sdl2
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
@@ -40,6 +39,7 @@ from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.contract.promises.controller import ControllerBench
 from tests.hw.desk.fake_mouse import LEFT, FakeMouse, axes_report, buttons_report
 from tests.hw.desk.fake_mouse import RIGHT as RIGHT_BUTTON
 from tests.hw.desk.virtual_pad import VirtualPad

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from hw.arm import Arm, TcpBoundary
-from hw.contract import ARM_PROMISES, ArmBench, Promise
-from hw.contract.arm import SIDEWAYS, distance_mm
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, Twist
 from tests.contract.conftest import BOUNDARY, ArmRig, Lite6Rig, raised
+from tests.contract.promises.arm import ARM_PROMISES, SIDEWAYS, ArmBench, distance_mm
+from tests.contract.promises.promise import Promise
 
 pytestmark = pytest.mark.waiting
 

@@ -9,8 +9,6 @@ from contextlib import ExitStack
 
 import pytest
 
-from hw.contract import CONTROLLER_PROMISES, ControllerBench, Promise
-from hw.contract.controller import FRESH_WITHIN_NS, is_in_use, is_released
 from tams_app.config import ClutchConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
@@ -26,6 +24,14 @@ from tests.contract.controller_rigs import (
     SpaceMouseRig,
     VirtualControllerRig,
 )
+from tests.contract.promises.controller import (
+    CONTROLLER_PROMISES,
+    FRESH_WITHIN_NS,
+    ControllerBench,
+    is_in_use,
+    is_released,
+)
+from tests.contract.promises.promise import Promise
 from tests.hw.sim.operator.faulty_controller import SensorFault
 
 pytestmark = pytest.mark.waiting

@@ -81,15 +81,6 @@ def test_an_arm_of_another_distribution_works_in_virtual_time(tmp_path: Path) ->
     assert any(tick.arm is not None for tick in log.ticks)
 
 
-@pytest.mark.parametrize("device", ["arm", "camera", "controller"])
-def test_the_authors_of_a_device_can_check_what_it_must_keep_to(device: str) -> None:
-    script = (
-        f"from hw.contract import check_{device}; from tests.plugin import benches; "
-        f"check_{device}(benches.{device}); print('kept')"
-    )
-    assert python("-c", script) == "kept\n"
-
-
 def test_a_name_that_tams_has_is_not_replaced() -> None:
     command = ("allocate", "--strategy", "tams", "--phase", "ALIGN", "--budget-kbps", "5520")
     assert tams(*command) == tams(*command, environment={"PYTHONPATH": str(ROOT)})
