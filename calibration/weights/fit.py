@@ -25,7 +25,6 @@ from fractions import Fraction
 from math import floor
 from typing import Literal
 
-import krippendorff
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
@@ -185,9 +184,22 @@ def krippendorff_alpha(values: Floats, level: Literal["nominal", "ordinal"]) -> 
     values, or all values are the same.
     """
     values = values[:, np.sum(np.isfinite(values), axis=0) >= 2]
-    if len(np.unique(values[np.isfinite(values)])) < 2:
+    categories = np.unique(values[np.isfinite(values)])
+    if len(categories) < 2:
         return None
-    return float(krippendorff.alpha(reliability_data=values, level_of_measurement=level))
+    counts = np.sum(values[..., np.newaxis] == categories, axis=0)  # (units, categories)
+    pairs = counts[:, :, np.newaxis] * counts[:, np.newaxis] - counts[:, np.newaxis] * np.eye(
+        len(categories)
+    )
+    coincidences = np.sum(pairs / (np.sum(counts, axis=1) - 1)[:, np.newaxis, np.newaxis], axis=0)
+    totals = np.sum(counts, axis=0)
+    if level == "nominal":
+        distances = 1.0 - np.eye(len(categories))
+    else:
+        ranks = np.cumsum(totals) - totals / 2
+        distances = (ranks[:, np.newaxis] - ranks) ** 2
+    expected = np.sum(np.outer(totals, totals) * distances)
+    return float(1.0 - (np.sum(totals) - 1) * np.sum(coincidences * distances) / expected)
 
 
 def kendall_w(values: Floats) -> float | None:
