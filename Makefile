@@ -100,8 +100,8 @@ explore: $(READY)
 	$(ALONE) $(PY) -m pytest -m "hypothesis and (untimed or waiting)" -n logical
 
 # An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py) or for what the last
-# run did not catch (ARGS=--again); renews tests/mutation/RESULT.txt and fails if a survivor is not
-# explained.
+# run did not catch (ARGS=--again); renews tests/mutation/RESULT.txt and fails if a survivor is new or
+# a module was not tried on today's code.
 mutate: $(READY)
 	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m tests.mutation $(ARGS)
 

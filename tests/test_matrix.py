@@ -123,3 +123,42 @@ def test_without_the_option_each_is_run_once_and_there_is_no_table(pytester, mon
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
     assert result.parseoutcomes() == {"passed": 6, "skipped": 1}
     assert not any("in all" in line for line in result.outlines)
+
+
+SKIPPED = """
+import pytest
+
+pytestmark = [pytest.mark.timed, pytest.mark.matrix]
+
+
+@pytest.mark.parametrize("number", range(60))
+def test_killed(number):
+    if number < {skipped}:
+        pytest.skip("measured beforehand")
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_cut(number):
+    pass
+"""
+
+
+@pytest.mark.parametrize("options", [("-m", "matrix"), ("--times", "2")])
+@pytest.mark.parametrize(("skipped", "code"), [(0, 0), (1, 1), (60, 1)])
+def test_a_row_that_did_not_run_once_fails_a_matrix(pytester, monkeypatch, skipped, code, options):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent.parent))
+    pytester.makeconftest(PLUGIN)
+    pytester.makepyfile(SKIPPED.replace("{skipped}", str(skipped)))
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider", *options)
+    assert result.ret == code
+    assert "  ".join(COLUMNS) in result.outlines
+    missing = [line for line in result.outlines if line.startswith("not run at all: ")]
+    assert len(missing) == skipped
+    assert ("more than 2% of the runs were skipped" in result.outlines) == (skipped > 1)
+
+
+def test_among_other_tests_a_skipped_row_fails_nothing(pytester, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent.parent))
+    pytester.makeconftest(PLUGIN)
+    pytester.makepyfile(SKIPPED.replace("{skipped}", "60"))
+    assert pytester.runpytest_subprocess("-p", "no:cacheprovider").ret == 0

@@ -1,9 +1,9 @@
 """`python -m tests.mutation [--again | MODULE.py ...]`: mutates, tests, and renews RESULT.txt.
 
-Without modules it tries all; those that it leaves out keep the result that they had, unless they
-have changed since. With `--again` it tries only what the last run in this folder did not catch, for
-tests that were added since: none of them brings a caught mutant back. It fails as long as a module
-has no result, or a survivor has no explanation in SURVIVORS.md.
+Without modules it tries all; those that it leaves out keep the result that they had, with git's
+name for the code that it is of. With `--again` it tries only what the last run in this folder did
+not catch, for tests that were added since: none of them brings a caught mutant back. It fails as
+long as a module has no result on today's code, or a mutant survives that did not before.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from tests.mutation.report import (
     blob_of,
     changed_line,
     counts_of,
-    explained,
     module_path,
     mutated_modules,
     read,
@@ -35,7 +34,7 @@ from tests.mutation.report import (
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-RESULT, SURVIVORS = HERE / "RESULT.txt", HERE / "SURVIVORS.md"
+RESULT = HERE / "RESULT.txt"
 AGAIN = "--again"
 
 
@@ -104,10 +103,9 @@ def main(wanted: list[str]) -> str | None:
     after = blobs_today()
     unchanged = {path: blob for path, blob in before.items() if after.get(path) == blob}
     results = tried(unchanged)
-    kept = {path: one for path, one in results_today().items() if one.blob == after.get(path)}
-    RESULT.write_text(render(kept | results), encoding="utf-8")
-    known = explained(SURVIVORS.read_text("utf-8"))
-    return "\n".join(unfinished(results_today(), after, known)) or None
+    known = {path: one for path, one in results_today().items() if path in after}
+    RESULT.write_text(render(known | results), encoding="utf-8")
+    return "\n".join(unfinished(known | results, after, known)) or None
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Results of mutation testing, by module: counts, survivors, and the code that they are of.
 
 mutmut numbers its mutants anew with every edit of the code. Here a mutant is known by the function
-that it is in and by the line that it makes, so that an explanation outlives such edits.
+that it is in and by the line that it makes, so that a known survivor outlives such edits.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ TIMEOUT = "timeout"  # a test that does not end is a test that fails
 NOT_TRIED = "not checked"
 CAUGHT = (KILLED, CAUGHT_BY_TYPES, TIMEOUT)
 _RESULT = re.compile(r"^\s*(?P<name>\S+): (?P<status>[\w ]+)$", re.MULTILINE)
-_ENTRY = re.compile(r"^- `(?P<where>[^`]+)`: `(?P<line>.+)`$", re.MULTILINE)
 _MODULE = re.compile(r"^(?P<path>\S+\.py) (?P<blob>[0-9a-f]{40})$")
 _SURVIVOR = re.compile(r"^    (?P<where>\S+): (?P<line>.+)$")
 
@@ -83,11 +82,6 @@ def counts_of(ends: Iterable[str]) -> str:
     return f"{counts.total()} mutants: {named}" if named else "0 mutants"
 
 
-def explained(text: str) -> set[Mutant]:
-    """The mutants that SURVIVORS.md lists, each as: - `where`: `line`."""
-    return {Mutant(entry["where"], entry["line"]) for entry in _ENTRY.finditer(text)}
-
-
 def render(results: Mapping[str, ModuleResult]) -> str:
     """RESULT.txt whole; `read` gets it back."""
     lines = []
@@ -131,30 +125,25 @@ def mutated_modules(root: Path, patterns: Iterable[str]) -> list[str]:
     )
 
 
-def untrue(results: Mapping[str, ModuleResult], blobs: Mapping[str, str]) -> list[str]:
-    """What the results claim of code that is not today's; `blobs` are today's, by path."""
-    return [
-        f"changed since its mutants were tried: {path}"
-        for path, result in sorted(results.items())
-        if blobs.get(path) != result.blob
-    ]
-
-
 def unfinished(
-    results: Mapping[str, ModuleResult], blobs: Mapping[str, str], known: set[Mutant]
+    results: Mapping[str, ModuleResult],
+    blobs: Mapping[str, str],
+    before: Mapping[str, ModuleResult],
 ) -> list[str]:
-    """Modules whose mutants were not tried, and survivors and explanations without each other.
+    """Modules whose mutants were not tried on today's code, and survivors that are new.
 
-    `known`: the mutants that SURVIVORS.md explains.
+    blobs: today's, by path. before: the results of the last run but this.
     """
-    survivors = {mutant for result in results.values() for mutant in result.survivors}
+    known = {one for result in before.values() for one in result.survivors}
+    found = {one for result in results.values() for one in result.survivors}
     return [
         *(f"not tried: {path}" for path in sorted(blobs.keys() - results.keys())),
-        *(f"not explained: {one.where}: {one.line}" for one in sorted(survivors - known)),
         *(
-            f"explained, and no survivor: {one.where}: {one.line}"
-            for one in sorted(known - survivors)
+            f"changed since its mutants were tried: {path}"
+            for path, result in sorted(results.items())
+            if blobs.get(path) != result.blob
         ),
+        *(f"survives now: {one.where}: {one.line}" for one in sorted(found - known)),
     ]
 
 
