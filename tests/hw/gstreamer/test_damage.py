@@ -18,6 +18,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tests.hw.gstreamer.damaged_videos import (
     cut,
     h264_units,
+    jpeg,
     mjpeg,
     not_a_picture,
     number_of,
@@ -126,3 +127,20 @@ def test_what_is_corrupted_or_follows_a_gap_is_left_out_up_to_the_next_keyframe(
     assert film.numbers <= {*range(13), *range(20, FRAMES)}
     assert film.damaged == 7
     assert len(film.damage) == 1
+
+
+def test_damaged_jpegs_of_a_multipart_stream_as_over_http_are_left_out(tmp_path: Path) -> None:
+    parts = [cut(jpeg(number)) if number in ODD else jpeg(number) for number in range(FRAMES)]
+    head = b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
+    (tmp_path / "stream").write_bytes(
+        b"".join(head % len(part) + part + b"\r\n" for part in parts) + b"--b--\r\n"
+    )
+    source = PlayedSource(
+        f"filesrc do-timestamp=true location={tmp_path / 'stream'} blocksize=2000 "
+        "! identity sleep-time=8000 ! multipartdemux boundary=b ! image/jpeg,framerate=30/1 "
+        "! jpegdec",
+        DeviceError("over"),
+    )
+    film = Film(source, FRAMES)
+    assert film.numbers <= set(range(0, FRAMES, 2))
+    assert film.damaged >= 10
