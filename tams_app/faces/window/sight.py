@@ -12,6 +12,7 @@ from tams_app.units import NS_PER_MS
 
 PAINTED_NS = 150 * NS_PER_MS  # the window asks for a paint 50 times a second
 _ANSWER_MS = 1000  # of logind, once, before the window is shown
+_MAP_STATE = 23  # the place of this int in XWindowAttributes, where pointers have 64 bits
 _VIEWABLE = 2  # IsViewable of X.h: the window is mapped, and so is each that it lies in
 _LOGIND = "org.freedesktop.login1"
 
@@ -75,33 +76,14 @@ class _X11Window:
         self._x11.XOpenDisplay.restype = ctypes.c_void_p
         self._display = ctypes.c_void_p(self._x11.XOpenDisplay(name.encode()))
         self._window = ctypes.c_ulong(window)
-        self._attributes = _Attributes()
+        self._attributes = (ctypes.c_int * 64)()  # XWindowAttributes, with room to spare
 
     def is_viewable(self) -> bool:
         """Ask the server, and wait for its answer."""
         found = ctypes.byref(self._attributes)
         if not self._x11.XGetWindowAttributes(self._display, self._window, found):
             return False
-        return bool(self._attributes.map_state == _VIEWABLE)
-
-
-class _Attributes(ctypes.Structure):
-    """XWindowAttributes of Xlib.h, with room for the rest of it."""
-
-    _fields_ = (
-        ("place", ctypes.c_int * 5),  # x, y, width, height, border_width
-        ("depth", ctypes.c_int),
-        ("visual", ctypes.c_void_p),
-        ("root", ctypes.c_ulong),
-        ("class_and_gravities", ctypes.c_int * 3),
-        ("backing_store", ctypes.c_int),
-        ("backing", ctypes.c_ulong * 2),
-        ("save_under", ctypes.c_int),
-        ("colormap", ctypes.c_ulong),
-        ("map_installed", ctypes.c_int),
-        ("map_state", ctypes.c_int),
-        ("rest", ctypes.c_ulong * 8),
-    )
+        return bool(self._attributes[_MAP_STATE] == _VIEWABLE)
 
 
 def _x11_window(surface: Any) -> _X11Window | None:
