@@ -27,11 +27,13 @@ from tams_app.faces.terminal.output import unblocked_output
 from tams_app.printing import Console
 from tams_app.robot.build import check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.shared_ring import require_room
 from tams_app.runtime.worker import Worker
 from tams_app.session.folder import create_session_folder, remove_session_folder
 from tams_app.session.run import run
 from tams_app.session.seat import require_local_seat
 from tams_app.session.sentences import Sentences
+from tams_app.session.shared_memory import session_bytes
 from tams_app.session.viewing import check_viewers
 from tams_app.teleop.hands import hand_of, words_of_hand
 
@@ -71,7 +73,7 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
 
     SignalledError, after all is done, if a signal ended it.
     """
-    check_session(config, dry_run)
+    check_session(config, dry_run, session_bytes(config))
     return run_and_report(
         config,
         lambda folder: run(config, MonotonicClock(), folder, arm_at_once, dry_run),
@@ -79,12 +81,16 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     )
 
 
-def check_session(config: Config, dry_run: bool) -> None:
-    """ConfigError for what cannot be run with an arm at this computer."""
+def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
+    """ConfigError for what cannot be run with an arm at this computer.
+
+    SetupError if it has no room for `memory_bytes` of shared memory (`session.shared_memory`).
+    """
     check_names(config)
     check_faces(config)
     check_ready_pose(config)
     check_views(config, dry_run)
+    require_room(memory_bytes)
 
 
 def run_and_report(

@@ -29,6 +29,7 @@ from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.run import run
+from tams_app.session.shared_memory import session_bytes
 from tams_app.study.plan import PlannedTrial
 from tams_app.task.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
@@ -57,7 +58,7 @@ class LiveTrialRunner:
         it, in order.
         """
         config = trial.configure(self._config)
-        check_session(config, dry_run=False)
+        check_session(config, False, session_bytes(config))
         furnish_session_folder(config, folder)
         self._console.print(BEGINNING, highlight=False, soft_wrap=True)
         signals: list[str] = []

@@ -14,14 +14,16 @@ from tams_app.link.keys import accepted_keys, read_key
 from tams_app.printing import Console
 from tams_app.robot.build import check_hand
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.shared_ring import require_room
 from tams_app.session.operate import operate
 from tams_app.session.robot import robot
 from tams_app.session.session import Session
+from tams_app.session.shared_memory import robot_bytes, station_bytes
 
 
 def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
     """The robot's side until its session ends; the exit code."""
-    check_session(config, dry_run)
+    check_session(config, dry_run, robot_bytes(config))
 
     def make(folder: Path) -> Session:
         session = robot(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
@@ -37,6 +39,7 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     """The operator's side until either ends the session; the exit code."""
     check_hand(config)
     check_faces(config)
+    require_room(station_bytes(config))
     console = Console()
 
     def notify(sentence: str) -> None:

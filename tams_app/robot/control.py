@@ -23,17 +23,16 @@ from tams_app.records import (
     Twist,
 )
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
-from tams_app.teleop.clutch import is_fresh
-from tams_app.teleop.records import TeleopInput, TeleopOutput
+from tams_app.teleop.records import TeleopInput, TeleopOutput, is_fresh
 from tams_app.teleop.safety import Reason, Request
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     from tams_app.policy.inference import Inference
 
+CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _MOST_ASKED = 16  # between two ticks, or in a session that has no episodes
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
 

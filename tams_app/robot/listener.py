@@ -16,6 +16,8 @@ from tams_app.records import (
 )
 from tams_app.teleop.records import TeleopOutput
 
+TOO_LONG_AGO = "not confirmed: the operator did so too long ago"
+
 
 class Listener:
     """A part that receives each step of a session; events that it does not override are ignored.

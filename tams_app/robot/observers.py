@@ -9,10 +9,9 @@ from hw.arm import Arm
 from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
 from tams_app.robot import build
-from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals, describe, lasting_label
 from tams_app.robot.devices import Note
-from tams_app.robot.listener import Listener
+from tams_app.robot.listener import TOO_LONG_AGO, Listener
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.advice import advice, refusal

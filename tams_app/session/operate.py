@@ -13,10 +13,8 @@ from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
 from tams_app.records import SessionState
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.shared_ring import require_room
 from tams_app.session.predicting import linked_present, predicted_cameras
 from tams_app.session.session import Session
-from tams_app.session.shared_memory import station_bytes
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.requests import Requests
 from tams_app.station.robot_call import call_robot
@@ -43,7 +41,6 @@ def operate(
     requests = Requests()
 
     def compose(session: Session) -> OperatorSide:
-        require_room(station_bytes(config))
         parts = session.parts
         call = call_robot(config, clock, endpoint, parts, session, notify, folder.name)
         ours, views = call.config, call.config.video.views

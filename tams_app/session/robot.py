@@ -12,9 +12,7 @@ from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.shared_ring import require_room
 from tams_app.session.session import Session
-from tams_app.session.shared_memory import robot_bytes
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
@@ -35,7 +33,6 @@ def robot(
     config, signals = for_robot(config), Signals()
 
     def compose(session: Session) -> RobotSide:
-        require_room(robot_bytes(config))
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         side.launch()

@@ -13,12 +13,10 @@ from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.shared_ring import require_room
 from tams_app.session.local_operator import LocalOperator
 from tams_app.session.predicting import follow_states, predicted_cameras
 from tams_app.session.quality import LiveQuality
 from tams_app.session.session import Session
-from tams_app.session.shared_memory import session_bytes
 from tams_app.session.task_place import task_regions
 from tams_app.station.station import Station
 
@@ -30,7 +28,6 @@ def run(
     signals = Signals()
 
     def compose(session: Session) -> BothSides:
-        require_room(session_bytes(config))
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)

@@ -8,10 +8,10 @@ from typing import NamedTuple
 from tams_app.config import ClutchConfig
 from tams_app.presses import hysteresis
 from tams_app.records import ControllerSample, ControllerStatus
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.teleop.records import is_fresh
+from tams_app.units import NS_PER_S
 
 MENU_HOLD_NS = NS_PER_S
-_FUTURE_NS = 50 * NS_PER_MS  # a time stamp further ahead than this is not believed
 
 _NO_BUTTONS = frozenset(
     {
@@ -37,11 +37,6 @@ class Buttons(NamedTuple):
     menu_down: bool
     menu_click: bool  # released within 1 s
     menu_hold: bool  # has been down for 1 s
-
-
-def is_fresh(stamp_ns: int, now_ns: int, limit_ns: float) -> bool:
-    """Whether a time stamp is at most `limit_ns` old and not from the future."""
-    return -_FUTURE_NS <= now_ns - stamp_ns <= limit_ns
 
 
 class Clutch:

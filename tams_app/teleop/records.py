@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 
 from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Twist, Vector
 from tams_app.teleop.safety import ArmingState, Reason, Request
+from tams_app.units import NS_PER_MS
+
+_FUTURE_NS = 50 * NS_PER_MS  # a time stamp further ahead than this is not believed
 
 
 class ArmModel(Protocol):
@@ -69,3 +72,8 @@ class TeleopOutput:
     haptic: Haptic | None
     refusal: Refusal | None = None  # of this tick's confirmation
     lasting: Reason | None = None  # `reason`, or what came besides; None: its cause is gone
+
+
+def is_fresh(stamp_ns: int, now_ns: int, limit_ns: float) -> bool:
+    """Whether a time stamp is at most `limit_ns` old and not from the future."""
+    return -_FUTURE_NS <= now_ns - stamp_ns <= limit_ns

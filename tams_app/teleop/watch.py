@@ -6,9 +6,8 @@ import math
 
 from tams_app.config import Config
 from tams_app.records import ArmState, ControllerSample, ControllerStatus, LinkFault, ServoMode
-from tams_app.teleop.clutch import is_fresh
 from tams_app.teleop.motion import is_frozen
-from tams_app.teleop.records import TeleopInput
+from tams_app.teleop.records import TeleopInput, is_fresh
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
 

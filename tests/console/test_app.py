@@ -20,8 +20,7 @@ from tams_app.errors import SignalledError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.faces.terminal.line import Words
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS
-from tams_app.robot.control import Signals
+from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays

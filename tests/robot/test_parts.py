@@ -12,8 +12,7 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.robot import build
-from tams_app.robot.confirmation import CONFIRMED_AGO_NS
-from tams_app.robot.control import Signals
+from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.senders import Capture
 from tams_app.rotation import Rotation

@@ -33,9 +33,9 @@ from tams_app.records import (
     SteeredBy,
     StopRecord,
 )
-from tams_app.robot.confirmation import TOO_LONG_AGO
 from tams_app.robot.control import Signals, SteadyVideo
 from tams_app.robot.linked_operator import LinkedOperator
+from tams_app.robot.listener import TOO_LONG_AGO
 from tams_app.robot.status import StatusBoard
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock

@@ -11,7 +11,8 @@ from tams_app.config import ClutchConfig
 from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Presses
 from tams_app.rotation import Rotation
-from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch, is_fresh
+from tams_app.teleop.clutch import MENU_HOLD_NS, Buttons, Clutch
+from tams_app.teleop.records import is_fresh
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting

@@ -1,4 +1,4 @@
-"""A system bus with a logind that knows one graphical session, whose screen can be locked."""
+"""A bus of the system with a logind that knows one graphical session, which can be locked."""
 
 from __future__ import annotations
 
