@@ -57,12 +57,13 @@ def main() -> None:
 def _main(arguments: list[str], called_as: str = "run_tams.py") -> int:
     debug = "--debug" in arguments
     arguments = [argument for argument in arguments if argument != "--debug"]
-    if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
-        if not any(name.endswith("_COMPLETE") for name in os.environ):  # no shell asks for words
-            typer.echo(f"no command given, so this is `{called_as} run`; --help lists all commands")
-        arguments.insert(0, "run")
     try:
-        code = app(options.with_values(arguments), prog_name=called_as, standalone_mode=False) or 0
+        arguments = options.with_values(arguments)
+        if not arguments or (arguments[0].startswith("-") and arguments[0] not in _GLOBAL_OPTIONS):
+            if not any(name.endswith("_COMPLETE") for name in os.environ):  # no shell's completion
+                typer.echo(f"no command given, so this is `{called_as} run`; see also --help")
+            arguments.insert(0, "run")
+        code = app(arguments, prog_name=called_as, standalone_mode=False) or 0
     except TamsError as error:
         if debug:
             raise

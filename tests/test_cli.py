@@ -327,7 +327,7 @@ UNKNOWN = (
         (
             "run",
             "policy: {phases: {inference: guess}}",
-            "policy.phases.inference: 'guess' is not one of motion",
+            "policy.phases.inference: 'guess' is not one of motion, reference",
         ),
     ],
 )

@@ -132,12 +132,15 @@ class InterruptedSession(EndedSession):
     def __init__(self):
         super().__init__("tams.yaml")
         self.asked = []
+        self.was_asked = threading.Event()
 
     def start(self):
         os.kill(os.getpid(), signal.SIGINT)
+        assert self.was_asked.wait(10), "signals end a session from a thread of their own"
 
     def request_end(self, reason):
         self.asked.append(reason)
+        self.was_asked.set()
 
     def close(self):
         self.asked.append("closed")
@@ -362,7 +365,7 @@ def test_only_a_session_of_the_rig_may_be_started_anew_from_its_window(name, rep
         return 0
 
     monkeypatch.setattr(app, "run_and_report", run_and_report)
-    monkeypatch.setattr(app, "check_session", lambda config, dry_run: None)
+    monkeypatch.setattr(app, "check_session", lambda config, dry_run, memory_bytes: None)
     app.run_session(load_config(CONFIG_DIRECTORY / name, {}), arm_at_once=False)
     assert asked == [repeats]
 

@@ -292,7 +292,7 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, en
         session.request_end("ended by SIGINT")
 
     start(other, tmp_path, notify=notify)
-    assert "a key that the robot's side does not accept" in said[0]
+    assert "refused (another key or version of TAMS)" in said[0]
 
 
 def test_a_recorded_hand_which_sees_nothing_is_refused(endpoint, tmp_path):

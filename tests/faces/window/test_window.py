@@ -91,7 +91,7 @@ def test_a_pinned_view_is_large_whatever_is_primary_until_its_key_comes_again(
     window.screen.xdotool("key", "2")
     assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
     pins = [event.view for event in window.events if isinstance(event, Pin)]
-    assert pins == ["gt", "eih", "gt", ""]
+    assert pins in (["gt", small, "gt", ""] for small in ("eih", "gs"))
 
 
 def test_that_the_block_is_placed_is_written_over_the_primary_view(

@@ -226,7 +226,6 @@ def test_what_the_kernel_marks_as_incomplete_is_left_out(
     camera = open_camera(name="Webcam", pixel_format="raw" if raw else "mjpeg")
     frames = [next_of(camera) for _ in range(10)]
     assert sum(frame.damaged for frame in frames) >= 9
-    assert all(frame.damaged for frame in frames[1:])
     assert "marks them as incomplete" in camera.notes()[0][1]
 
 
