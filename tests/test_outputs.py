@@ -14,6 +14,7 @@ from tams_app.cli import _main
 from tams_app.config import DEFAULT_CONFIG
 from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import inner_folder, is_plain_name, new_file, write_file
+from tams_app.records import Phase
 from tests.export.sessions import head, moving_session, write_session
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 
@@ -149,7 +150,9 @@ def test_a_plan_names_nothing_outside_of_its_study(
 def test_an_exported_view_names_no_path(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], view: str
 ) -> None:
-    log = write_session(tmp_path / "in" / "session", header_of=head(views=["eih", view]))
+    weights = {phase: {"eih": 0.5, view: 0.5} for phase in Phase}
+    header = head(views=["eih", view], weights=weights)
+    log = write_session(tmp_path / "in" / "session", header_of=header)
     code, said = told(
         capsys, "export", log, "--format", "lerobot", "--out", tmp_path / "in/deep/dataset"
     )

@@ -105,7 +105,7 @@ def test_damaged_frames_are_counted_by_view_and_told_as_what_is_short() -> None:
     assert bench.records[-1].damaged["eih"] == 0
     assert bench.records[-1].damaged["gs"] == pytest.approx(15, abs=1)
     ((_, sentence),) = bench.notes
-    assert "of gs) and were left out; check the cables" in sentence
+    assert "of gs) and were left out: check the cables" in sentence
 
 
 HARDWARE = {"rig.enabled": False, "cameras": {view: {"source": "pattern"} for view in VIEWS}}

@@ -45,7 +45,7 @@ def test_the_bytes_of_a_frame_travel_as_they_are() -> None:
 
 def test_what_ros_is_not_told_of_is_not_sent() -> None:
     log = Synthetic(0.1).log()
-    for record in (log.captured[0], log.shown[0], log.allocations[0], log.system[0]):
+    for record in (log.captured[0], log.shown[0], log.system[0]):
         assert encode(record) is None
 
 

@@ -20,6 +20,9 @@ class Process:
     def __init__(self, pid: int | None = 7) -> None:
         self.pid, self.exit_code = pid, None
 
+    def resend(self) -> None:
+        """Nothing waits."""
+
 
 @pytest.fixture
 def failures() -> list[str]:

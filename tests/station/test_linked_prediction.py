@@ -49,7 +49,7 @@ class Link:
         self._way_ns, self._back_ns = round(way_ms * NS_PER_MS), round(back_ms * NS_PER_MS)
         self._state, self._coming = state, []
         self.session = 1
-        self.event = SimpleNamespace(connected=True, left=False, counts={})
+        self.event = SimpleNamespace(connected=True, left=False, counts={}, address="")
         self.robot = LinkedRobot(
             self.clock,
             self,  # type: ignore[arg-type]
