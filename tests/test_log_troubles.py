@@ -65,7 +65,7 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     assert log.troubles() == []
     clock.advance_ns(HANGS_NS + 1)
     (sentence,) = log.troubles()
-    assert sentence.startswith("the log's disk takes nothing")
+    assert sentence.startswith("the disk of the log does not respond")
     for number in range(CAPACITY + 5):
         log.record(tick(number))
     assert log.troubles()[-1] == LOST
@@ -83,7 +83,7 @@ def test_a_viewer_that_fails_costs_the_log_nothing(tmp_path: Path) -> None:
     log.close()
     assert len(read_log(tmp_path / "session.mcap").ticks) == 10
     (sentence,) = log.troubles()
-    assert sentence.startswith("viewers get nothing any more: RuntimeError")
+    assert sentence.startswith("viewers are sent nothing more (RuntimeError")
 
 
 def test_a_viewer_that_cannot_be_closed_leaves_a_log_that_is_whole(tmp_path: Path) -> None:

@@ -144,7 +144,7 @@ class GstCamera(Camera):
             if capture.ended or self._clock.now_ns() >= deadline_ns:
                 reason = capture.failure or f"none within {_FIRST_FRAME_TIMEOUT_NS // NS_PER_S} s"
                 if not (capture.failure or self._source.endless):  # decodebin may keep an error
-                    reason = f"it is damaged ({reason}); {self._remedy}"
+                    reason = f"it is damaged, or begins late ({reason}); {self._remedy}"
                 if capture.gate.damaged:
                     reason = f"all are damaged: {capture.gate.cause}; {self._remedy}"
                 raise DeviceError(f"{self._source.label} gives no frame: {reason}")

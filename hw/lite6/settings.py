@@ -112,7 +112,11 @@ def foreign_refusal(status: StatusReport) -> str:
     displaced = not _close(status.world_offset, (0.0,) * 6)
     judged = (
         (status.simulated, "only pretends to move", "switch its simulation mode off"),
-        (slow, f"is in reduced mode, at most {slow}", "lower limits.max_speed_mm_s, switch it off"),
+        (
+            slow,
+            f"is in reduced mode, at most {slow}",
+            "set limits.max_speed_mm_s instead, and switch reduced mode off",
+        ),
         (status.rebound, "would move back after a collision", "switch collision rebound off"),
         (status.approximate, "leaves its path near singularities", "switch approximation off"),
         (tilted, "counts as mounted at an angle", "mount it upright and set that"),

@@ -149,8 +149,9 @@ class Lite6Connection:
     def configure(self) -> None:
         """Check settings and error state, then set what is TAMS's own; the arm stays stopped."""
         reports = self.reports
-        self._is_set_up, self._problem = False, ""
+        self._is_set_up = False
         if refusal := foreign_refusal(self._next_status()):
+            self._problem = refusal
             raise DeviceError(refusal)
         with self.with_setup_timeout():
             self._settings.set_boundary()
@@ -163,7 +164,7 @@ class Lite6Connection:
             raise DeviceError(
                 reports.failure or f"The arm did not take its {missing}; restart its control box."
             )
-        self._is_set_up = True
+        self._is_set_up, self._problem = True, ""
 
     def make_ready(self, mode: Mode) -> None:
         """Release the brakes and enter `mode`, as the reports confirm; or DeviceError."""

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
-from tams_app.link.addresses import addresses_of, called
+from tams_app.link.addresses import addresses_of, called, datagram_socket
 from tams_app.link.ends import GOODBYE
 from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
@@ -156,7 +156,7 @@ class _Prober:
         )
         self._clock = clock
         self.arrived_ns: list[int] = []  # when echoes came
-        self._socket = socket.socket(family, socket.SOCK_DGRAM)
+        self._socket = datagram_socket(family)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
         self._end = OperatorEnd(key, addresses, os.urandom)

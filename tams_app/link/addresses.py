@@ -19,6 +19,8 @@ def addresses_of(
     OSError unless programs of this computer alone are there, whatever the name stood for before.
     """
     found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)
+    if not _has_ipv6():
+        found = [one for one in found if one[0] == socket.AF_INET] or found
     family: int = (
         socket.AF_INET6 if any(one[0] == socket.AF_INET6 for one in found) else socket.AF_INET
     )
@@ -26,6 +28,23 @@ def addresses_of(
     if loopback_only and not all(map(is_loopback, addresses)):
         raise OSError(f"{host} is not this computer alone, so a key is needed")
     return family, addresses
+
+
+def datagram_socket(family: int) -> socket.socket:
+    """A socket for `addresses_of`; of IPv6 it reaches mapped addresses too."""
+    one = socket.socket(family, socket.SOCK_DGRAM)
+    if family == socket.AF_INET6:
+        one.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+    return one
+
+
+def _has_ipv6() -> bool:
+    """Whether this computer makes sockets of IPv6; a name may have such addresses all the same."""
+    try:
+        socket.socket(socket.AF_INET6, socket.SOCK_DGRAM).close()
+    except OSError:
+        return False
+    return True
 
 
 def _address(family: int, at: tuple[object, ...], reached_by: int) -> Address:

@@ -24,26 +24,30 @@ def too_many(gaps_ms: Sequence[float], seconds: float, lost_after_ms: float) -> 
     return a_minute if a_minute > MOST_A_MINUTE else 0.0
 
 
-def lost_after_for(gaps_ms: Sequence[float], seconds: float, lost_after_ms: float) -> float | None:
+def lost_after_for(
+    gaps_ms: Sequence[float], seconds: float, lost_after_ms: float, most_ms: float = _LARGEST_MS
+) -> float | None:
     """`link.lost_after_ms` with which three of these gaps a minute would hold the arm, at most.
 
-    What it is where it does; None where it may not be as large as that.
+    What it is where it does; None where it may not be as large as that. `most_ms`: its largest.
     """
     if not too_many(gaps_ms, seconds, lost_after_ms):
         return lost_after_ms
     left = sorted(gaps_ms, reverse=True)[int(MOST_A_MINUTE * seconds / 60.0)]
     wanted_ms = math.ceil(left * _MARGIN / 10) * 10
-    return float(wanted_ms) if wanted_ms <= _LARGEST_MS else None
+    return float(wanted_ms) if wanted_ms <= most_ms else None
 
 
-def advice(gaps_ms: Sequence[float], seconds: float, lost_after_ms: float) -> str:
+def advice(
+    gaps_ms: Sequence[float], seconds: float, lost_after_ms: float, most_ms: float = _LARGEST_MS
+) -> str:
     """The longest gaps, how many hold the arm, and what to do about it, in one sentence."""
     longest = ", ".join(f"{gap_ms:.0f}" for gap_ms in sorted(gaps_ms, reverse=True)[:3])
     found = f"the longest gaps between samples are {longest} ms"
     a_minute = too_many(gaps_ms, seconds, lost_after_ms)
     if not a_minute:
         return f"{found}; at most {MOST_A_MINUTE:g} a minute exceed {lost_after_ms:g} ms"
-    wanted_ms = lost_after_for(gaps_ms, seconds, lost_after_ms)
+    wanted_ms = lost_after_for(gaps_ms, seconds, lost_after_ms, most_ms)
     setting = f"or set link.lost_after_ms to {wanted_ms:g}" if wanted_ms else "no setting helps"
     return (
         f"{found}; {a_minute:.0f} a minute exceed link.lost_after_ms ({lost_after_ms:g} ms), and "
@@ -78,4 +82,5 @@ class GapWatch:
         if self._advised or not too_many(gaps_ms, seconds, self._lost_after_ms):
             return ""
         self._advised = True
-        return advice(gaps_ms, seconds, self._lost_after_ms)
+        below_fault_ms = min(_LARGEST_MS, self._fault_after_ms - 1)
+        return advice(gaps_ms, seconds, self._lost_after_ms, below_fault_ms)

@@ -26,7 +26,7 @@ from typing import Any, Final
 import msgspec
 
 from tams_app.errors import TamsError
-from tams_app.link.addresses import addresses_of, named
+from tams_app.link.addresses import addresses_of, datagram_socket, named
 from tams_app.link.ends import GOODBYE, Heard, RobotEnd
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
@@ -308,7 +308,7 @@ def _without_counts(event: LinkEvent, reported: LinkEvent | None) -> bool:
 
 
 def _udp(family: int, host: str, port: int) -> socket.socket:
-    one = socket.socket(family, socket.SOCK_DGRAM)
+    one = datagram_socket(family)
     try:
         one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         one.setblocking(False)

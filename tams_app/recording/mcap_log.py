@@ -113,7 +113,7 @@ class McapLog:
         try:
             yield
         except Exception as error:  # noqa: BLE001 - viewers may be anything
-            self.viewers_failure = f"viewers get nothing any more: {error!r}"
+            self.viewers_failure = f"viewers are sent nothing more ({error!r}); the log goes on"
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         channel = self._channels.get(type(item)) or self._open_channel(type(item))

@@ -107,7 +107,7 @@ class Recorder(QueuedWriter[Record]):
         """What its owner has to know now, a sentence each; of any thread, and without waiting."""
         began_ns, found = self._began_ns, []
         if began_ns is not None and self._clock.now_ns() - began_ns > HANGS_NS:
-            found.append("the log's disk takes nothing: if it goes on so, records will be missing")
+            found.append("the disk of the log does not respond: records may be lost")
         if self.dropped:
             found.append(LOST)
         if self._log.viewers_failure:

@@ -61,7 +61,7 @@ class ArmState:
     ]
     fault: Annotated[ArmFault | None, "what the arm's controller reports; null: no error"]
     gripper_closed: Annotated[
-        bool | None, "what the gripper was told and is known to do; null: nothing, or not known"
+        bool | None, "gripper command that its outputs show; null: none, or not known"
     ]
     warning_code: Annotated[int, "number of the arm's own controller; 0: none"] = 0
     hottest_motor_c: Annotated[int | None, "of the joints' motors [°C]; null: not known"] = None

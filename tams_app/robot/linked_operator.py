@@ -182,7 +182,8 @@ class LinkedOperator(StreamedOperator):
                 self._log.fact(OPERATOR_FOLDER_FACT, event.introduction.decode())
         if event.refusal != self._refusal:
             self._refusal = event.refusal
-            self._log.note("warning", event.refusal)
+            if not event.connected:  # an operator who drives is shown nothing of others' calls
+                self._log.note("warning", event.refusal)
         if event.left:
             hand.controller.let_go(left=not event.revoked)
         if event.revoked and not self._revoked:

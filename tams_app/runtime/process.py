@@ -106,13 +106,14 @@ class HelperProcess:
 
     def resend(self) -> None:
         """Hand over what there was no room for, if there is now; never waits."""
-        process = self._process
-        if not self._unsent or process is None or process.stdin is None or process.stdin.closed:
+        process, unsent = self._process, self._unsent
+        if not unsent or process is None or process.stdin is None or process.stdin.closed:
             return
         # there is no room, or it has ended, which its owner notices
         with contextlib.suppress(BlockingIOError, BrokenPipeError):
-            os.write(process.stdin.fileno(), self._unsent)  # up to PIPE_BUF: whole or not at all
-            self._unsent = b""
+            os.write(process.stdin.fileno(), unsent)  # up to PIPE_BUF: whole or not at all
+            if self._unsent is unsent:  # else another thread has something newer
+                self._unsent = b""
 
     @property
     def pid(self) -> int | None:

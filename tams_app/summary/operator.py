@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import OperatorGlance, Phase
-from tams_app.summary.tables import percentiles, phase_at, ratio
+from tams_app.summary.tables import percentiles, phase_at, primary_at, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 
@@ -58,13 +57,13 @@ def _glances_per_s(glances: list[OperatorGlance]) -> float | None:
 
 
 def _relied_on(log: SessionLog) -> dict[str, Any]:
-    weights = WeightMatrix(log.header.weights)
     found = _glances_by_phase(log)
+    looked = [glance for glances in found.values() for glance in glances]
+    primary = primary_at(log, np.array([glance.t_ns for glance in looked], dtype=np.int64))
     agreeing = sum(
-        max(glance.relied_on, key=lambda view: glance.relied_on[view])
-        == weights.primary_view(phase)
-        for phase, glances in found.items()
-        for glance in glances
+        log.header.views.index(max(glance.relied_on, key=lambda view: glance.relied_on[view]))
+        == place
+        for glance, place in zip(looked, primary, strict=True)
     )
     return {
         "by_phase": {

@@ -205,7 +205,7 @@ def nothing_but_stops(model: TappedModel) -> bool:
 # As another program may have left the control box: what is said of it, and where to change it
 FOREIGN: dict[str, tuple[object, str]] = {
     "simulation_robot": (True, "only pretends to move; switch its simulation mode off"),
-    "reduced": ((50.0, 0.35), "reduced mode, at most 50 mm/s; lower limits.max_speed_mm_s"),
+    "reduced": ((50.0, 0.35), "reduced mode, at most 50 mm/s; set limits.max_speed_mm_s instead"),
     "collision_rebound": (True, "after a collision; switch collision rebound off"),
     "approximate_motion": (True, "near singularities; switch approximation off"),
     "gravity": ((0.0, 0.26, -0.966), "mounted at an angle; mount it upright"),
@@ -235,6 +235,13 @@ def test_a_setting_that_another_program_changes_while_the_arm_moves_stops_it_unt
 ) -> None:
     bench, (value, sentence) = wired_bench, FOREIGN[setting]
     before = change_while_moving(bench, setting, value, sentence)
+    bench.hand.trigger = 0.0
+    bench.run_ticks(3)
+    bench.signals.confirm(bench.clock.now_ns())
+    bench.run_ticks(20)
+    assert bench.outputs[-1].arming is ArmingState.FAULT, "not before it is undone"
+    bench.hand.trigger = 1.0
+    bench.run_ticks(3)
     recovers_from_fault(bench, lambda: setattr(bench.model.settings, setting, before))
     is_logged(bench, Reason.ARM_REFUSES)
 

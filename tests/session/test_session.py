@@ -53,7 +53,7 @@ def test_a_log_that_lacks_records_fails_what_is_to_be_evaluated(
     assert session.failure == ""
     monkeypatch.setattr(session, "_log", SimpleNamespace(lost=22_780))
     session.require_whole_log()
-    assert session.failure == "22780 records are missing from the log; record this anew"
+    assert session.failure == "22780 records are missing from the log; record it again"
 
 
 def test_an_emergency_stop_in_ros_2_is_one_of_the_session(

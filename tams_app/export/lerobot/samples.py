@@ -52,10 +52,13 @@ class TickTable:
     def __init__(self, ticks: Iterable[Tick]) -> None:
         times, values = array("q"), array("d")
         width = len(STATE_NAMES) + len(ACTION_NAMES) + 2
+        closed = False
         for tick in ticks:
             if tick.arm is None:
                 continue
-            gripper = float(bool(tick.arm.gripper_closed))
+            if tick.arm.gripper_closed is not None:  # not known: as it was last
+                closed = tick.arm.gripper_closed
+            gripper = float(closed)
             times.append(tick.started_ns)
             values.extend(tick.arm.joints)
             values.extend((*_numbers(tick.arm.tcp), gripper))

@@ -203,12 +203,13 @@ def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) ->
         """Else the system would end the process; `relay` is woken up in any case."""
 
     def relay(_stop: threading.Event) -> None:
-        while numbers := os.read(woken, 64):
-            if signal.SIGUSR1 in numbers:
-                stop_arm()
-            for number in numbers:
-                if number in ENDING:
-                    end(f"ended by {signal.Signals(number).name}")
+        with os.fdopen(woken, "rb", buffering=0) as pipe:
+            while numbers := pipe.read(64):
+                if signal.SIGUSR1 in numbers:
+                    stop_arm()
+                for number in numbers:
+                    if number in ENDING:
+                        end(f"ended by {signal.Signals(number).name}")
 
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
@@ -224,4 +225,3 @@ def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) ->
             signal.signal(number, handler)
         os.close(wake)
         relaying.join(_RELAY_ENDS_S)
-        os.close(woken)
