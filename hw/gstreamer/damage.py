@@ -14,7 +14,9 @@ class DamageGate:
     """Lets whole frames pass: damaged ones, and what is predicted from them, are left out.
 
     Damaged is what a driver, network or decoder marks as corrupted, what is predicted across a gap,
-    and a JPEG without its end or of which no picture is made; then all up to the next keyframe.
+    and a JPEG without its end or of which no picture is made; then all up to the next keyframe. A
+    decoder's frames are no longer marked as keyframes: behind a damaged one all are left out up to
+    the time of the first keyframe that reaches the decoder afterwards.
     Decoders do not tell what they fill in: jpegdec and avdec_h264 (1.22) mark and report nothing,
     and avdec_mjpeg, which logs it, ends the process for one wrong byte of a picture's header.
     """
@@ -25,6 +27,8 @@ class DamageGate:
         self.cause = ""  # of the newest of them
         self._broken = False
         self._is_undecoded = False  # the newest JPEG, so far
+        self._is_predicted = False  # what is decoded, from frames before it
+        self._whole_from_ns: int | None = 0  # decoded frames; None: a keyframe must come first
         self._fail = fail
         Gst = gst.load().Gst
         pipeline.connect("deep-element-added", lambda *added: self._watch(added[-1]))
@@ -55,14 +59,25 @@ class DamageGate:
             return self._leave_out("JPEG pictures lack their end")
         if buffer.has_flags(flags.DELTA_UNIT) and (was_broken or buffer.has_flags(flags.DISCONT)):
             return self._leave_out(self.cause if was_broken else "frames before them are missing")
-        self._broken, self._is_undecoded = False, is_jpeg
+        self._broken, self._is_undecoded, self._is_predicted = False, is_jpeg, not is_jpeg
+        whole_from_ns = self._whole_from_ns
+        if not buffer.has_flags(flags.DELTA_UNIT) and (
+            whole_from_ns is None or buffer.pts < whole_from_ns  # a file that begins again
+        ):
+            self._whole_from_ns = buffer.pts
         return Gst.PadProbeReturn.OK
 
     def _on_frame(self, _pad: Any, probe: Any) -> Any:
-        Gst = gst.load().Gst
+        Gst, buffer = gst.load().Gst, probe.get_buffer()
         self._is_undecoded = False
-        if probe.get_buffer().has_flags(Gst.BufferFlags.CORRUPTED):
+        if buffer.has_flags(Gst.BufferFlags.CORRUPTED):
+            if self._is_predicted:
+                self._whole_from_ns = None
             return self._leave_out("the driver or the decoder marks them as incomplete")
+        whole_from_ns = self._whole_from_ns
+        if whole_from_ns is None or buffer.pts < whole_from_ns:
+            return self._leave_out(self.cause)
+        self._whole_from_ns = 0
         return Gst.PadProbeReturn.OK
 
     def _leave_out(self, cause: str) -> Any:

@@ -173,6 +173,8 @@ class ReportReader:
         self.native_id: int | None = None
         # receives each status but the first, after the one before
         self.on_status: Callable[[StatusReport, StatusReport], None] = lambda *_: None
+        # the same of motions, each before it is shown
+        self.on_motion: Callable[[MotionReport, MotionReport], None] = lambda *_: None
 
     def start(self) -> None:
         """Connect to both streams; DeviceError if one is not there."""
@@ -242,7 +244,12 @@ class ReportReader:
         status = self.status
         if status is None or received_ns - status.received_ns > STATUS_STALE_NS:
             return
-        self.motion = parse_motion(frame, received_ns) or self.motion
+        before, motion = self.motion, parse_motion(frame, received_ns)
+        if motion is None:
+            return
+        if before is not None:
+            self.on_motion(before, motion)
+        self.motion = motion
 
     def _take_status(self, frame: bytes, received_ns: int) -> None:
         self._keep(parse_status(frame, received_ns))

@@ -13,7 +13,7 @@ from hw.lite6.commands import activity_of
 from hw.lite6.discovery import unfitness
 from hw.lite6.errors import error_sentence, standing_error_sentence
 from hw.lite6.outbox import Outbox
-from hw.lite6.report import STATUS_STALE_NS, ReportReader, StatusReport
+from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusReport
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender
 from hw.lite6.settings import Lite6Settings, accept, foreign_refusal
@@ -56,6 +56,7 @@ class Lite6Connection:
             self._others = self._open_others(slow_after_ns)
             self._settings = Lite6Settings(self.api, config, boundary)
             self.reports.on_status = self._look_for_changes
+            self.reports.on_motion = self._look_for_stop
             opened.pop_all()
 
     def _stop_at_once(self) -> None:
@@ -259,6 +260,12 @@ class Lite6Connection:
             self._problem = self._settings.problem(status)
             if self._problem:
                 self.outbox.shut()
+
+    def _look_for_stop(self, before: MotionReport, motion: MotionReport) -> None:
+        """A stop switches the gripper's outputs off where another program has set that."""
+        status, is_new = self.reports.status, motion.state != before.state
+        if is_new and activity_of(motion.state).is_halted and status and status.clears_outputs:
+            self.sender.doubt_gripper()
 
     def _enter(self, mode: Mode) -> None:
         accept(self.api.set_mode(mode), f"mode {mode.value}")

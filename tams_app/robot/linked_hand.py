@@ -21,8 +21,8 @@ class LinkedHand:
     """The newest sample, the frames that count there, and each request once; for one thread.
 
     `controller`: the one in the operator's hand, which asks `receive` for what has come. `hand`:
-    what they drive with, of `HANDS`. `message`: the newest, whether it counted or not, received at
-    `heard_ns`.
+    what they drive with, of `HANDS`. `message`: the one sent last, whether it counted or not,
+    received at `heard_ns`.
     """
 
     def __init__(
@@ -94,11 +94,14 @@ class LinkedHand:
             self._notify_once("a simulated operator moves no real arm: its samples are left out")
             return
         self._sample(message, received.heard_ns)
+        if self.message is None or message.sent_ns >= self.message.sent_ns:
+            self._follow_newest(message, received.heard_ns)
         self._obey(message, received.heard_ns)
 
     def _begin(self, session: int, key: str) -> None:
         self._session = session
         self.controller.let_go()
+        self.message = None
         self._signals.pinned = ""
         self._gaps.forget()
         self._shown = dict.fromkeys(self._views)
@@ -113,10 +116,6 @@ class LinkedHand:
         refusal = self.controller.take(message, heard_ns)
         if not refusal and (advice := self._gaps.step(heard_ns, self.is_armed)):
             self._log.note("warning", advice)
-        self.message, self.heard_ns = message, heard_ns
-        for view, timestamp in zip(self._views, message.shown, strict=False):
-            self._shown[view] = timestamp
-        self._damaged.update(zip(self._views, message.damaged, strict=False))
         self._log.record(
             HandHeard(
                 t_ns=heard_ns,
@@ -128,10 +127,17 @@ class LinkedHand:
             )
         )
 
-    def _obey(self, message: HandMessage, heard_ns: int) -> None:
-        """Stops count however old they are; a confirmation only while it is fresh."""
+    def _follow_newest(self, message: HandMessage, heard_ns: int) -> None:
+        """What the operator sees and has pinned: of a message that was not overtaken."""
+        self.message, self.heard_ns = message, heard_ns
+        for view, timestamp in zip(self._views, message.shown, strict=False):
+            self._shown[view] = timestamp
+        self._damaged.update(zip(self._views, message.damaged, strict=False))
         pinned = -1 if message.pinned is None else message.pinned
         self._signals.pinned = dict(enumerate(self._views)).get(pinned, "")
+
+    def _obey(self, message: HandMessage, heard_ns: int) -> None:
+        """Stops count however old they are; a confirmation only while it is fresh."""
         if message.stops > self._stops:
             self._stops = message.stops
             self._signals.estop()

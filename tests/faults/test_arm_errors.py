@@ -114,6 +114,22 @@ def test_a_gripper_that_an_error_may_have_switched_is_not_known_until_it_was_rea
     bench.until_seen(lambda state: state.gripper_closed is True)
 
 
+def test_a_gripper_whose_outputs_a_stop_switches_off_is_not_known_once_the_stop_is_reported(
+    any_bench: Bench,
+) -> None:
+    bench = any_bench
+    with bench.lock:
+        bench.model.settings.clear_outputs_on_stop = True
+    close_gripper(bench)
+    bench.run(0.3)  # a report has the setting five times a second
+    bench.signals.estop()
+    bench.until_seen(lambda state: state.activity is Activity.STOPPED)
+    seen = bench.next
+    bench.run(0.5)
+    assert {tick.arm.gripper_closed for tick in bench.ticks[seen:] if tick.arm} == {None}
+    assert bench.ticks[-1].phase is Phase.REACH
+
+
 def test_a_gripper_that_another_program_opened_is_reported_open(any_bench: Bench) -> None:
     bench = any_bench
     close_gripper(bench)

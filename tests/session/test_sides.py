@@ -677,6 +677,29 @@ def test_a_pin_goes_to_the_robots_side_and_ends_when_it_is_let_go_or_another_ope
     assert sides.signals.pinned == ""
 
 
+def test_what_is_pinned_and_shown_is_not_taken_from_a_message_that_was_overtaken():
+    sides = Sides()
+    start_ns = sides.robot_clock.now_ns()
+    for index in range(2):
+        sides.sent[VIEWS[1]].add(SentFrame(index, start_ns + index * NS_PER_S, 0))
+    sides.operator.identify(VIEWS)
+    sides.requests.pinned = VIEWS[2]
+    sides.shown[VIEWS[1]] = SteeredBy(0, 1)
+    sides.run(1.0)
+    late = sides.here.sent[-1]
+    sides.requests.pinned = VIEWS[0]
+    sides.shown[VIEWS[1]] = SteeredBy(90_000, 1, is_damaged=True)
+    sides.run(0.1)
+    sides.cut(True)
+    sides.run(0.05)
+    sides.there.arrive(sides.robot_clock.now_ns(), 1, late)
+    sides.run(1 / 120)
+    assert sides.controller.refused["overtaken"] == 1
+    assert sides.signals.pinned == VIEWS[0]
+    seen = sides.robot.steered_by(VIEWS[1])
+    assert (seen.index, seen.is_damaged) == (90_000, True)
+
+
 @pytest.mark.parametrize("place", [-1, 3, 2**61])
 def test_a_place_where_no_view_is_pins_nothing(place: int):
     sides = Sides()

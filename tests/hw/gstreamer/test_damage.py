@@ -129,6 +129,33 @@ def test_what_is_corrupted_or_follows_a_gap_is_left_out_up_to_the_next_keyframe(
     assert len(film.damage) == 1
 
 
+def test_what_follows_a_frame_that_the_decoder_marks_is_left_out_up_to_the_next_keyframe(
+    tmp_path: Path,
+) -> None:
+    caps, units = h264_units(FRAMES, keyframe_every=10)
+    write(tmp_path / "good.mkv", caps, units)
+    Gst: Any = gst.load().Gst
+    source = PlayedSource(
+        f"filesrc location={tmp_path / 'good.mkv'} ! matroskademux ! identity sync=true "
+        "! h264parse ! avdec_h264 max-threads=1 ! identity name=decoded",
+        DeviceError("over"),
+    )
+    decoded: list[int] = []
+
+    def mark(_pad: Any, probe: Any) -> Any:
+        if len(decoded) == 13:
+            probe.get_buffer().set_flags(Gst.BufferFlags.CORRUPTED)
+        decoded.append(len(decoded))
+        return Gst.PadProbeReturn.OK
+
+    source.probe = ("decoded", mark)
+    film = Film(source, FRAMES)
+    assert film.numbers <= {*range(13), *range(20, FRAMES)}
+    assert film.numbers & set(range(20, FRAMES))
+    assert film.damaged == 7
+    assert len(film.damage) == 1
+
+
 def test_damaged_jpegs_of_a_multipart_stream_as_over_http_are_left_out(tmp_path: Path) -> None:
     parts = [cut(jpeg(number)) if number in ODD else jpeg(number) for number in range(FRAMES)]
     head = b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n"
