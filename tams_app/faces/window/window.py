@@ -224,12 +224,16 @@ class OperatorWindow:
     def _pressed(self, keys: Any, value: int, code: int, _modifiers: Any) -> bool:
         name = self._name(code, keys.get_current_event().get_layout())
         symbol = self._modules.Gdk.keyval_name(value) or ""
-        is_new = self._keyboard.press(code, name, self._clock.now_ns())
         # what types a space or an escape stops the arm, whichever key does and is called
-        command = command_of(name, is_new, self._is_replay) or command_of(
+        stop = command_of(name, False, self._is_replay) or command_of(
             symbol, False, self._is_replay
         )
-        if command is not None:
+        if stop is not None:
+            self._ask(stop)
+        self._beat()  # a key that waited while this process stood still is no new press
+        is_new = self._keyboard.press(code, name, self._clock.now_ns())
+        command = command_of(name, is_new, self._is_replay)
+        if command is not None and stop is None:
             self._ask(command)
         if is_new:
             self._beat()

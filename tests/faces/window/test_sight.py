@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from tams_app.faces.commands import Command
 from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.faces.window.sight import PAINTED_NS
@@ -101,6 +102,25 @@ def test_what_an_x_server_shows_that_stands_still_is_not_seen(
         assert first.held == ()
         assert not last.t_ns < first.seen_ns < goes_on_ns, "the server took nothing meanwhile"
         is_seen_again(window)
+
+
+def test_what_was_pressed_while_the_window_stood_still_only_stops_the_arm(
+    screen: Screen, tmp_path: Path
+) -> None:
+    """A confirmation that is old by then would clear the fault of the standstill itself."""
+    with shown_window(tmp_path, screen) as window:
+        assert window.client.pid is not None
+        for key, asked in (("Return", []), ("space", [Command.EMERGENCY_STOP])):
+            os.kill(window.client.pid, signal.SIGSTOP)
+            screen.xdotool("key", key)
+            time.sleep(3.0)
+            goes_on_ns = time.monotonic_ns()
+            os.kill(window.client.pid, signal.SIGCONT)
+            assert wait_for(
+                lambda: keys_of(window).focused and keys_of(window).seen_ns > goes_on_ns  # noqa: B023
+            )
+            assert window.commands() == asked
+            assert "Return" not in keys_of(window).presses
 
 
 def test_a_window_that_is_not_mapped_is_not_seen(screen: Screen, tmp_path: Path) -> None:
