@@ -173,7 +173,10 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
 
 
 class Beat(msgspec.Struct, frozen=True, tag="beat"):
-    """A face without keys works; `drawings` and `seen_ns` as in `Keys`."""
+    """A face without keys works; `drawings` as in `Keys`.
+
+    seen_ns: when SteamVR last had the newest frame of each view, 0 before.
+    """
 
     t_ns: int
     drawings: int

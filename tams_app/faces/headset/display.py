@@ -65,6 +65,7 @@ class HeadsetDisplay:
         self._dirty = set(views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self.drawings = 0
+        self.seen_ns = 0  # of the last look at the frames by which SteamVR has the newest of each
         for view in views:
             self._cells[view].set_title(view_title(view, None, False, self._opening), False)
         self._arrange(config)
@@ -79,10 +80,12 @@ class HeadsetDisplay:
                 self._silence_ns = now_ns + _SILENCE_NS
                 self._take_in(known, now_ns)
         if self._pacer.may_draw(now_ns, self._corrected.version(self._places.large, now_ns)):
-            self._take_frames()
+            has_newest = self._take_frames()
             if self._dirty:
-                self._draw()
+                self._draw()  # raises what SteamVR refuses
                 self._pacer.drawn(now_ns, time.process_time_ns())
+            if has_newest:
+                self.seen_ns = now_ns
 
     def _arrange(self, config: HeadsetConfig) -> None:
         places = [*view_places(config, len(self._cells)), panel_place(config, self._atlas)]
@@ -132,7 +135,9 @@ class HeadsetDisplay:
                 self._crop(number, self._atlas.cells[view])
         self._texture.flush()
 
-    def _take_frames(self) -> None:
+    def _take_frames(self) -> bool:
+        """Take in what is new; whether the newest frame of each view is there to be drawn."""
+        has_newest = True
         for view, reader in self._frames.items():
             written = reader.written()
             if written == self._seen[view] and not self._corrected.moves(view):
@@ -140,10 +145,12 @@ class HeadsetDisplay:
             image = self._corrected.newest(view)
             if image is None:
                 self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
+                has_newest = False
                 continue
             self._cells[view].show(image)
             self._seen[view] = written
             self._dirty.add(view)
+        return has_newest
 
     def _draw(self) -> None:
         for view in self._dirty - {PANEL}:

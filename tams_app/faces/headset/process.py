@@ -77,7 +77,7 @@ def _show(
             return why
         if now_ns - reported >= beat_ns:
             reported = now_ns
-            application.report(Beat(now_ns, display.drawings, now_ns))
+            application.report(Beat(now_ns, display.drawings, display.seen_ns))
     return ""
 
 
