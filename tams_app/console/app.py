@@ -31,10 +31,10 @@ from tams_app.runtime.shared_ring import require_room
 from tams_app.runtime.worker import Worker
 from tams_app.session.folder import create_session_folder, remove_session_folder
 from tams_app.session.run import run
-from tams_app.session.seat import require_local_seat
 from tams_app.session.sentences import Sentences
 from tams_app.session.shared_memory import session_bytes
 from tams_app.session.viewing import check_viewers
+from tams_app.station.seat import require_local_seat
 from tams_app.teleop.hands import hand_of, words_of_hand
 
 POLL_S = 0.05
@@ -238,7 +238,8 @@ def _launch_faces(
     """Those of `faces`; without a display or with --headless few of them; not open yet."""
     names = session.config.faces
     if session.config.controller.device == "keyboard" and replay is None:
-        require_local_seat(session.config, "the desktop")
+        # whether the arm at the other end of a link is real is known once it answers (`call_robot`)
+        require_local_seat(session.config, not session.config.rig.enabled, "the desktop")
     if session.config.headless or not has_display():
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")

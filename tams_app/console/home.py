@@ -25,7 +25,7 @@ from tams_app.runtime.ending import Ending
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
 from tams_app.session.awake import KeptAwake
-from tams_app.session.seat import require_local_seat
+from tams_app.station.seat import require_local_seat
 
 _POLL_S = 0.02
 _LAST_WORDS_S = 1.0
@@ -40,7 +40,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
     """
     if config.rig.enabled:
         raise ConfigError("home moves a real arm: give --config with a file of your hardware")
-    require_local_seat(config, "the terminal")
+    require_local_seat(config, True, "the terminal")
     check_ready_pose(config)
     clock, signals = MonotonicClock(), Signals()
     ending = Ending(clock)

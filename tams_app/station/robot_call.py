@@ -15,6 +15,7 @@ from tams_app.recording.journal import Journal
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
+from tams_app.station.seat import require_local_seat
 from tams_app.station.welcome import driven, follow, repair_of, welcome_of
 from tams_app.summary.joined import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of
@@ -85,6 +86,8 @@ def call_robot(
     parts.watch("link", gateway.process)
     if config.operator_is_simulated and not welcome.simulated:
         raise ConfigError("--sim: the robot there is real, and moves for a person only")
+    if config.controller.device == "keyboard":
+        require_local_seat(config, not welcome.simulated, "the desktop")
     return RobotCall(gateway, welcome, follow(welcome, config), secrets.randbits(62))
 
 

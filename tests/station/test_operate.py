@@ -29,6 +29,7 @@ from tams_app.session.operate import operate
 from tams_app.session.session import Session
 from tams_app.station.displays import Displays
 from tams_app.station.receivers import Receivers
+from tams_app.station.robot_call import RobotCall, call_robot
 from tams_app.station.robot_watch import RobotWatch
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import AVDEC
@@ -258,6 +259,27 @@ def start(
 def test_a_simulated_operator_refuses_a_real_robot(robot, endpoint, tmp_path):
     robot(welcome(simulated=False))
     assert "the robot there is real" in start(endpoint, tmp_path)
+
+
+@pytest.mark.parametrize("is_real", [True, False])
+def test_keys_of_a_remote_seat_are_refused_where_the_robot_there_is_real(
+    robot, endpoint, tmp_path, monkeypatch, is_real
+):
+    """Whatever this computer's own configuration says: it is the other's arm that moves."""
+    monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
+    config = load_config(None, {"controller.device": "keyboard"})
+    assert config.rig.enabled
+    robot(welcome(simulated=not is_real))
+    called: list[RobotCall] = []
+
+    def call_only(*arguments: Any) -> RobotCall:
+        called.append(call_robot(*arguments))
+        raise TamsError("called")
+
+    monkeypatch.setattr("tams_app.session.operate.call_robot", call_only)
+    sentence = start(endpoint, tmp_path, config)
+    assert ("the desktop is remote (SSH_CONNECTION is set)" in sentence) is is_real
+    assert bool(called) is not is_real
 
 
 def test_a_robot_with_other_views_is_refused_in_a_sentence(robot, endpoint, tmp_path):

@@ -8,8 +8,8 @@ import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.errors import SetupError
-from tams_app.session import seat
-from tams_app.session.seat import remote_seat, require_local_seat, x_extensions
+from tams_app.station import seat
+from tams_app.station.seat import remote_seat, require_local_seat, x_extensions
 from tests.faces.window.xvfb import virtual_screen
 
 pytestmark = pytest.mark.untimed
@@ -57,9 +57,9 @@ def test_a_real_arm_is_refused_in_one_sentence_and_a_simulated_one_is_not(
 ) -> None:
     monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
     with pytest.raises(SetupError, match=r"remote \(SSH_CONNECTION is set\).*remote_seat"):
-        require_local_seat(lite6(), "the terminal")
-    require_local_seat(lite6(**{"controller.remote_seat": True}), "the terminal")
-    require_local_seat(load_config(None), "the terminal")
+        require_local_seat(lite6(), True, "the terminal")
+    require_local_seat(lite6(**{"controller.remote_seat": True}), True, "the terminal")
+    require_local_seat(load_config(None), False, "the terminal")
 
 
 def test_a_plain_x_server_says_nothing_of_itself(

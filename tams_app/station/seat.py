@@ -18,12 +18,13 @@ _EXTENSIONS = {b"VNC-EXTENSION": "a VNC server", b"XWAYLAND": "an X server withi
 _ANSWER_S = 5.0
 
 
-def require_local_seat(config: Config, what: str) -> None:
+def require_local_seat(config: Config, is_real: bool, what: str) -> None:
     """SetupError if the keys that move a real arm come from a seat that may hold releases back.
 
-    `what` they come from, as in "what is remote". A simulated arm may be moved from anywhere.
+    `is_real`: whether the arm is, wherever it stands; a simulated one may be moved from anywhere.
+    `what` they come from, as in "what is remote".
     """
-    if config.rig.enabled or config.controller.remote_seat:
+    if not is_real or config.controller.remote_seat:
         return
     if why := remote_seat(os.environ, logind_session, x_extensions):
         raise SetupError(
