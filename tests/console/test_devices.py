@@ -160,7 +160,7 @@ def test_what_a_camera_did_not_take_is_told_though_it_works(
     cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
     for finding in device_checks.cameras(hardware(cameras=cameras)):
         assert finding.ok
-        assert finding.detail.endswith(kept)
+        assert kept in finding.detail
         assert not finding.detail.startswith("camera")
 
 

@@ -54,7 +54,7 @@ CARRY_SAFETY = {
     "tams_app/robot/guarding.py",
     "tams_app/robot/homing.py",
     "tams_app/robot/linked_hand.py",
-    "tams_app/session/seat.py",
+    "tams_app/station/seat.py",
     "tams_app/station/fresh_video.py",
     "tams_app/teleop/drive.py",
     "tams_app/teleop/limits.py",

@@ -279,9 +279,17 @@ def test_the_robots_terminal_says_once_who_called_in_vain():
     sides = Sides()
     there = sides.there
     refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
-    there.event = msgspec.structs.replace(there.event, refusal=refusal)
+    there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=False)
     sides.run(0.5)
     assert sides.robot_log.notes.count(refusal) == 1
+
+
+def test_an_operator_who_drives_is_shown_nothing_of_calls_in_vain():
+    sides = Sides()
+    sides.run(0.1)
+    sides.there.event = msgspec.structs.replace(sides.there.event, refusal="from elsewhere")
+    sides.run(0.5)
+    assert "from elsewhere" not in sides.robot_log.notes
 
 
 @pytest.mark.parametrize(

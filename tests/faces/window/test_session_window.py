@@ -29,7 +29,8 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faces.played_session import STATE, PlayedSession, window_processes
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
-pytestmark = pytest.mark.waiting
+# a window that does not paint for 150 ms takes no key
+pytestmark = [pytest.mark.waiting, pytest.mark.second_chance(standstill_ms=100)]
 
 
 @pytest.fixture

@@ -19,7 +19,8 @@ from tests.faces.window.conftest import ShownWindow, shown_window
 from tests.faces.window.logind import logind
 from tests.faces.window.xvfb import Screen, compositor, virtual_screen, wait_for
 
-pytestmark = pytest.mark.waiting
+# a window that does not paint for 150 ms lets go of all keys
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 
 @pytest.fixture

@@ -25,7 +25,8 @@ from tests.faces.window.photographs import (
 )
 from tests.faces.window.xvfb import wait_for
 
-pytestmark = pytest.mark.waiting
+# a window that does not paint for 150 ms takes no key
+pytestmark = [pytest.mark.waiting, pytest.mark.second_chance(standstill_ms=100)]
 
 
 def all_are_shown(window: ShownWindow, published: dict[str, Image]) -> bool:

@@ -13,7 +13,8 @@ from tests.faces.window.conftest import ShownWindow
 from tests.faces.window.xvfb import wait_for
 from tests.further import further
 
-pytestmark = pytest.mark.waiting
+# a window that does not paint for 150 ms lets go of all keys
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 LEFT_SHIFT, RIGHT_SHIFT, LEFT_ALT, ALT_GR, W, SPACE = "50", "62", "64", "108", "25", "65"
 OPTIONS = {
