@@ -239,8 +239,8 @@ class Session(Ending):
 
     def require_whole_log(self) -> None:
         """For what is to be evaluated or learned from: one that lacks records is a failure."""
-        if self.log.lost and not self.failure:
-            self.failure = f"{self.log.lost} records are missing from the log; record it again"
+        if self._log is not None and self._log.lost and not self.failure:
+            self.failure = f"{self._log.lost} records are missing from the log; record it again"
 
     def _unwind(self) -> None:
         try:
