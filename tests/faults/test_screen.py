@@ -20,7 +20,6 @@ STAND_S = 0.1
 
 pytestmark = [
     pytest.mark.timed,
-    pytest.mark.matrix,
     pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.verify,
     pytest.mark.usefixtures("real_time"),
