@@ -30,7 +30,7 @@ from tams_app.ros2.messages import String, TwistStamped
 from tams_app.ros2.topics import AUTHORS
 
 PHASE_HZ, ALLOCATIONS_EVERY = 50.0, 5  # as theirs: 50 and 10 times a second
-BUDGET_MBPS = 6.0  # until one is heard
+BUDGET_MBPS = 6.0  # until one is received
 _CDR = Policy.DataRepresentation(use_cdrv0_representation=True)
 QOS = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(1), _CDR)  # any writer's
 
@@ -89,15 +89,15 @@ def main(domain: int) -> None:
     nodes, number, last_s = Nodes(), 0, time.monotonic()
     while True:
         time.sleep(1 / PHASE_HZ)
-        for heard in velocities.take():
-            if isinstance(heard, TwistStamped):  # else a writer has left
-                linear = heard.twist.linear
+        for received in velocities.take():
+            if isinstance(received, TwistStamped):  # else a writer has left
+                linear = received.twist.linear
                 nodes.velocity = (linear.x, linear.y, linear.z)
-        for heard in grippers.take():
-            nodes.closed = heard.data if isinstance(heard, Bool) else nodes.closed
-        for heard in budgets.take():
-            if isinstance(heard, Float32) and 0 <= heard.data < math.inf:
-                nodes.budget_mbps = heard.data
+        for received in grippers.take():
+            nodes.closed = received.data if isinstance(received, Bool) else nodes.closed
+        for received in budgets.take():
+            if isinstance(received, Float32) and 0 <= received.data < math.inf:
+                nodes.budget_mbps = received.data
         now_s = time.monotonic()
         phases.write(String(nodes.infer(now_s - last_s).word))
         last_s = now_s

@@ -48,11 +48,11 @@ def advice(
     if not a_minute:
         return f"{found}; at most {MOST_A_MINUTE:g} a minute exceed {lost_after_ms:g} ms"
     wanted_ms = lost_after_for(gaps_ms, seconds, lost_after_ms, most_ms)
-    setting = f"or set link.lost_after_ms to {wanted_ms:g}" if wanted_ms else "no setting helps"
+    setting = f", or set link.lost_after_ms to {wanted_ms:g}" if wanted_ms else "; no setting helps"
     return (
         f"{found}; {a_minute:.0f} a minute exceed link.lost_after_ms ({lost_after_ms:g} ms), and "
         "each holds the arm: switch the power saving of the Wi-Fi off (iw dev NAME set power_save "
-        f"off; in a headset's settings), use a cable, {setting}"
+        f"off; in a headset's settings), use a cable{setting}"
     )
 
 
@@ -62,16 +62,16 @@ class GapWatch:
     def __init__(self, lost_after_ms: float, fault_after_ms: float) -> None:
         self._lost_after_ms, self._fault_after_ms = lost_after_ms, fault_after_ms
         self._gaps: deque[tuple[int, float]] = deque()  # (when it ended, how long [ms])
-        self._heard_ns: int | None = None
+        self._received_ns: int | None = None
         self._advised = False
 
     def forget(self) -> None:
         """Another operator comes: the time without any was no gap."""
-        self._heard_ns = None
+        self._received_ns = None
 
     def step(self, now_ns: int, armed: bool) -> str:
-        """A sample that counts was heard; the advice, once, "" otherwise."""
-        before_ns, self._heard_ns = self._heard_ns, now_ns
+        """A sample that counts was received; the advice, once, "" otherwise."""
+        before_ns, self._received_ns = self._received_ns, now_ns
         gap_ms = 0.0 if before_ns is None else (now_ns - before_ns) / NS_PER_MS
         if not armed or not self._lost_after_ms < gap_ms < self._fault_after_ms:
             return ""

@@ -69,7 +69,7 @@ def test_a_session_runs_in_as_much_as_it_asks_for(tmp_path: Path) -> None:
     while process.poll() is None:
         time.sleep(0.1)
         try:
-            found = os.statvfs(f"/proc/{process.pid}/root/dev/shm")
+            found = os.statvfs(Path("/proc", str(process.pid), "root", "dev", "shm"))
         except OSError:  # it has ended
             continue
         if found.f_blocks * found.f_frsize < 2 * asked:  # else it is still ours
