@@ -130,13 +130,13 @@ class KeyboardController(DeskController):
 
 
 def deflection_of(
-    keys: frozenset[str], presses: Mapping[str, int], amounts: Mapping[str, float] | None = None
+    keys: frozenset[str], presses: Mapping[str, int], amounts: Mapping[str, float]
 ) -> Deflection:
-    """What the held keys ask for, or of each as much as `Taps` has it; opposite ones cancel out."""
+    """What the held keys ask for, the axes' by the `amounts` of `Taps`; opposite ones cancel out."""
     axes = [0.0, 0.0, 0.0]
-    for key in (keys & _AXES.keys()) if amounts is None else amounts:
+    for key, amount in amounts.items():
         axis, direction = _AXES[key]
-        axes[axis] += direction * (1.0 if amounts is None else amounts[key])
+        axes[axis] += direction * amount
     forward, left, up = axes
     return Deflection(
         linear=(forward, left, up),

@@ -421,7 +421,7 @@ def test_the_key_list_says_which_of_r_and_f_turns_which_way() -> None:
     def turned(key: str) -> np.ndarray:
         """Where the arm's x axis points once the hand has been turned by `key`, seen from above."""
         hand = VirtualHand(config.controller.desk, config.hand.rotation)
-        asked = deflection_of(frozenset({key, DEADMAN}), {})
+        asked = deflection_of(frozenset({key, DEADMAN}), {}, {key: 1.0})
         for step in range(20):
             pose = hand.step(step * 10**7, asked)
         forward = to_base.T @ np.array([1.0, 0.0, 0.0])

@@ -23,7 +23,7 @@ def held(*keys: str, focused: bool = True, t_ns: int = NS_PER_S) -> HeldKeys:
 
 
 def asked(*keys: str) -> Deflection:
-    return deflection_of(frozenset(keys), {})
+    return deflection_of(frozenset(keys), {}, dict.fromkeys(set(keys) & set("wsadrf"), 1.0))
 
 
 @pytest.fixture
