@@ -1,7 +1,7 @@
 """The rules of episodes: when one begins and ends, and what becomes of it; pure.
 
-A session is a row of episodes. `NEXT` counts down and begins one, and given again ends and keeps
-it. What would be lost is discarded by the second of two requests only.
+A session is divided into episodes. `NEXT` counts down and begins one, and given again ends and
+keeps it. What would be lost is discarded by the second of two requests only.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from tams_app.records import Episode, EpisodeRequest, EpisodesState, EpisodeStat
 from tams_app.units import NS_PER_S
 
 ARMED_NS = 5 * NS_PER_S  # for so long a second request counts; a controller's needs more than one
+LATE_NS = NS_PER_S  # a `NEXT` so soon after a time limit was to end the episode that it has ended
 WARNED_NS = 10 * NS_PER_S  # so long before the time limit of an episode it is announced
 SHOWN = 5  # episodes that have ended, on the screen
 
@@ -53,6 +54,7 @@ class Episodes:
         self._due_ns: int | None = None  # of the begin, in a countdown
         self._start_ns: int | None = None  # of the one that is recorded
         self._armed: _Armed | None = None
+        self._late_ns = 0  # until when the first `NEXT` may mean an episode that its limit ended
         self._ended: list[Episode] = []
 
     @property
@@ -99,6 +101,10 @@ class Episodes:
         if self._start_ns is not None:
             return self._end(now_ns, kept=True, success=success)
         if request is EpisodeRequest.NEXT:
+            late_ns, self._late_ns = self._late_ns, 0
+            if now_ns < late_ns:
+                what = f"episode {self._ended[-1].number} has just ended, at its time limit"
+                return Answer(f"{what}; press again to begin another")
             return self._begin(now_ns)
         return self._label(now_ns, request)
 
@@ -121,10 +127,10 @@ class Episodes:
         )
 
     def close(self) -> str:
-        """End the session; a sentence if an episode was not over, and so is none, else ""."""
+        """End the session; a sentence if an episode was running, which is not kept, else ""."""
         if self._start_ns is None:
             return ""
-        return f"episode {self.number} had not ended, so it is none; the log has what was recorded"
+        return f"episode {self.number} was running and is not kept; the log has what was recorded"
 
     def _begin(self, now_ns: int) -> Answer:
         if self._due_ns is not None:
@@ -137,6 +143,7 @@ class Episodes:
     def _end(self, now_ns: int, *, kept: bool, success: bool | None = None) -> Answer:
         assert self._start_ns is not None, "one is recorded"
         episode = Episode(now_ns, self.number, self._start_ns, now_ns, kept, success)
+        self._late_ns = now_ns + LATE_NS if self.is_overdue(now_ns) else 0
         self._start_ns = None
         self._ended.append(episode)
         length_s = (episode.end_ns - episode.start_ns) / NS_PER_S

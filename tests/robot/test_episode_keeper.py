@@ -170,7 +170,7 @@ def test_an_episode_that_the_end_of_the_session_cuts_off_is_none_and_that_is_sai
     kept.ticks(10)
     kept.keeper.finish()
     assert kept.log.of(Episode) == []
-    assert kept.log.notes[-1].startswith("episode 1 had not ended")
+    assert kept.log.notes[-1].startswith("episode 1 was running and is not kept")
 
 
 @pytest.mark.parametrize("countdown_s", [0.0, 60.0])

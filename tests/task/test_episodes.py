@@ -61,6 +61,26 @@ def test_the_time_limit_of_an_episode_is_announced_before_it_comes() -> None:
     assert played.episodes.is_overdue(played.now_ns)
 
 
+def test_a_press_that_comes_just_after_the_time_limit_meant_the_episode_that_has_ended() -> None:
+    """It begins none: of that the operator knew nothing, and it would be kept."""
+    played = Played(limit_s=120.0)
+    for late_s, doing in ((0.9, "idle"), (1.1, "countdown")):
+        played.record(120.0)
+        played.ask(NEXT)  # at its limit, as `EpisodeKeeper` does
+        played.wait(late_s)
+        played.ask(NEXT)
+        assert played.doing == doing
+    assert "episode 1 has just ended, at its time limit; press again" in " ".join(played.sentences)
+    played.ask(DISCARD)
+    played.record(120.0)
+    played.ask(NEXT, NEXT, NEXT)
+    assert played.doing == "countdown", "the second press counts"
+    played.ask(DISCARD)
+    played.record(60.0)
+    played.ask(NEXT, NEXT)
+    assert played.doing == "countdown", "that one ended by the operator's own press"
+
+
 def test_an_episode_begins_when_its_countdown_is_over_and_ends_kept() -> None:
     played = Played()
     played.ask(NEXT)
@@ -209,7 +229,7 @@ def test_an_episode_that_had_not_ended_when_the_session_did_is_named() -> None:
     played = Played()
     assert played.episodes.close() == ""
     played.record(5.0)
-    assert played.episodes.close().startswith("episode 1 had not ended")
+    assert played.episodes.close().startswith("episode 1 was running and is not kept")
 
 
 def test_the_last_few_are_shown_with_their_verdicts() -> None:
