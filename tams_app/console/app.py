@@ -176,7 +176,10 @@ def show_session(
         if not over.is_set():
             session.signals.estop()
 
-    with unblocked_output(), handled_signals(end, stop_arm), ExitStack() as stack:
+    def failed(name: str, failure: BaseException) -> None:
+        session.fail(f"{name}: {failure!r}")
+
+    with unblocked_output(), handled_signals(end, stop_arm, failed), ExitStack() as stack:
         faces = _launch_faces(session, stack, trial, replay)
         session.start()
         try:

@@ -54,7 +54,10 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         ending.request_end("stopped by SIGUSR1")
         signals.estop()
 
-    with handled_signals(ending.request_end, stop_at_once), ExitStack() as stack:
+    def not_stopped(name: str, failure: BaseException) -> None:
+        ending.request_end(f"{name}: {failure!r}")
+
+    with handled_signals(ending.request_end, stop_at_once, not_stopped), ExitStack() as stack:
         keys = TerminalKeys(terminal_fd)
         stack.callback(keys.close)
         keys.open()

@@ -83,7 +83,7 @@ def link_table(link: Mapping[str, Any]) -> Table:
 
 
 def task_verdict(summary: Mapping[str, Any]) -> str:
-    """What came of the task; of a session that is a row of episodes, how many there are."""
+    """What came of the task; of a session with episodes, how many there are."""
     if episodes := summary.get("episodes"):
         kept = sum(one["kept"] for one in episodes)
         what = "episode" if kept == 1 else "episodes"

@@ -198,12 +198,14 @@ class Session(Ending):
 
     def fail(self, sentence: str) -> None:
         """The job has failed: stop the arm, let the session end with exit code 1."""
-        self.signals.fail()
-        if not self.failure:
-            self.failure = sentence
-            if self._log is not None:
-                self.note("error", sentence)
-        self.end(sentence)
+        try:
+            self.signals.fail()
+        finally:
+            if not self.failure:
+                self.failure = sentence
+                if self._log is not None:
+                    self.note("error", sentence)
+            self.end(sentence)
 
     def note(self, level: str, text: str) -> None:
         """Keep a sentence in the log and show it."""

@@ -3,6 +3,7 @@
 import io
 import os
 import pty
+import queue
 import signal
 import subprocess
 import sys
@@ -152,6 +153,28 @@ def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
     app.show_session(session, Console(quiet=True), interrupted=told.append)
     assert told == ["ended by SIGINT"]
     assert session.asked == ["ended by SIGINT", "closed"]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGUSR1])
+def test_a_stop_by_signal_that_raises_fails_the_session_and_the_next_signal_counts_too(
+    number, monkeypatch
+):
+    session, failures, found = InterruptedSession(), queue.Queue(), []
+
+    def refuse():
+        if threading.current_thread().name == "signals":
+            raise OSError("no answer")
+
+    def watch(*_arguments):
+        for _ in range(2):
+            os.kill(os.getpid(), number)
+            found.append(failures.get(timeout=10))
+
+    monkeypatch.setattr(app, "_watch", watch)
+    session.stop_arm = session.signals.estop = refuse
+    session.start, session.fail = (lambda: None), failures.put
+    app.show_session(session, Console(quiet=True))
+    assert found == ["signals: OSError('no answer')"] * 2
 
 
 LOADS = """

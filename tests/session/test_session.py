@@ -102,3 +102,15 @@ def test_the_other_side_is_told_of_the_end_also_where_stopping_the_arm_fails(
     with pytest.raises(TamsError, match="did not acknowledge"):
         session.close()
     assert ended.finished == [("the trial is over", False)]
+
+
+def test_a_session_ends_as_failed_also_where_the_stop_of_its_arm_raises(tmp_path: Path) -> None:
+    def refuse() -> None:
+        raise OSError("no answer")
+
+    config, signals = load_config(None, {"control.realtime_priority": 0}), Signals()
+    signals.stop_with(refuse)
+    session = Session(config, VirtualClock(), tmp_path, signals, pytest.fail)
+    with pytest.raises(OSError, match="no answer"):
+        session.fail("a part failed")
+    assert (session.failure, session.ended.is_set()) == ("a part failed", True)

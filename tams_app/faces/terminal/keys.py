@@ -192,11 +192,16 @@ ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 @contextmanager
-def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) -> Iterator[None]:
+def handled_signals(
+    end: Callable[[str], None],
+    stop_arm: Callable[[], None],
+    failed: Callable[[str, BaseException], None],
+) -> Iterator[None]:
     """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
 
-    Both are called in a thread of their own, at once, whatever the main thread is busy with. What
-    was there before comes back at the end.
+    Both are called in a thread of their own, at once, whatever the main thread is busy with;
+    `failed`, with the thread's name, if one of them raises. What was there before comes back at the
+    end.
     """
 
     def handle(_number: int, _frame: FrameType | None) -> None:
@@ -205,11 +210,14 @@ def handled_signals(end: Callable[[str], None], stop_arm: Callable[[], None]) ->
     def relay(_stop: threading.Event) -> None:
         with os.fdopen(woken, "rb", buffering=0) as pipe:
             while numbers := pipe.read(64):
-                if signal.SIGUSR1 in numbers:
-                    stop_arm()
-                for number in numbers:
-                    if number in ENDING:
-                        end(f"ended by {signal.Signals(number).name}")
+                try:
+                    if signal.SIGUSR1 in numbers:
+                        stop_arm()
+                    for number in numbers:
+                        if number in ENDING:
+                            end(f"ended by {signal.Signals(number).name}")
+                except Exception as failure:  # noqa: BLE001 - the session fails by it
+                    failed("signals", failure)
 
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
