@@ -48,7 +48,7 @@ class Calibration:
     changes: Mapping[str, Any]  # a part of the configuration, nested as there
     source: str  # what it was made from, in words
     quality: Mapping[str, float | int | str | list[Any] | dict[str, Any] | None]  # units in keys
-    simulated: bool = False  # a simulated person, rig or log of one had a part in it
+    simulated: bool = False  # it comes in part from a simulated person or rig, or a log of one
     unfounded: str = ""  # why its figures do not support it, a sentence; "": they do
 
 

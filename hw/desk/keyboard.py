@@ -132,7 +132,7 @@ class KeyboardController(DeskController):
 def deflection_of(
     keys: frozenset[str], presses: Mapping[str, int], amounts: Mapping[str, float]
 ) -> Deflection:
-    """What the held keys ask for, the axes' by the `amounts` of `Taps`; opposite ones cancel out."""
+    """What held keys ask for, the axes' by the `amounts` of `Taps`; opposite ones cancel out."""
     axes = [0.0, 0.0, 0.0]
     for key, amount in amounts.items():
         axis, direction = _AXES[key]

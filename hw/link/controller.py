@@ -63,9 +63,9 @@ class LinkController(Controller):
         receive: Callable[[int], None],
         pulse: Callable[[Haptic], None],
     ) -> None:
-        """`receive` is called at the start of each `sample`, to `take` what has come."""
+        """`receive` is called at the start of each `sample`, to `take` new messages."""
         self.refused: Counter[str] = Counter()  # samples that did not count, by reason
-        self.clock = PeerClock()  # of the operator who is there
+        self.clock = PeerClock()  # of the connected operator
         self._longest_age_ms = config.longest_age_ms
         self._longest_silence_ns = config.longest_silence_ms * NS_PER_MS
         self._lost_after_ns = config.lost_after_ms * NS_PER_MS

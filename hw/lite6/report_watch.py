@@ -20,7 +20,7 @@ _SILENT_NS = 500 * NS_PER_MS  # 50 reports: the connection is dead, or was never
 
 
 class ReportWatch:
-    """Reads what has come, and connects anew after half a second of silence; no call waits."""
+    """Reads received reports, and connects anew after half a second of silence; no call waits."""
 
     def __init__(self, host: str, report_port: int) -> None:
         self._address: tuple[str, int] = (host, report_port + REAL_PORT_OFFSET)

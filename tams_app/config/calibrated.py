@@ -31,7 +31,7 @@ ReadYaml = Callable[[Path], dict[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Calibrated:
-    """The changes of a file in force, and whether anything simulated had a part in it."""
+    """The changes of a file in force, and whether any part of it was simulated."""
 
     file: Path
     changes: dict[str, Any]

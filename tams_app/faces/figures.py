@@ -9,7 +9,7 @@ from tams_app.records import Phase, SessionState, ViewState
 from tams_app.video.core.stages import REMEDIES, stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
-NOTABLE_MS = 25  # apart from the network: below it there is little to gain
+NOTABLE_MS = 25  # outside the network: below it there is little to gain
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 

@@ -183,7 +183,7 @@ class RobotEnd(End):
     ) -> None:
         """`keys`: those that are accepted, by identity. `welcome`: what an operator is told."""
         super().__init__(random)
-        self.operator = ""  # the name of the key of the operator who is there, or was last
+        self.operator = ""  # the name of the key of the connected operator, or of the last one
         self.introduction = b""  # what their side has told with its call
         self.refusal = ""  # who called last in vain and why, for the people at this end alone
         self._refused_ns: dict[str, int] = {}  # when that was reported, by cause
@@ -196,7 +196,7 @@ class RobotEnd(End):
         self._question: _Question | None = None
 
     def accept(self, keys: Mapping[bytes, Key], now_ns: int) -> Heard:
-        """Accept these keys from now on; who is there with another one is let go."""
+        """Accept these keys from now on; an operator with another one is disconnected."""
         self._keys = keys
         for name, call in list(self._calls.items()):
             if call.key.identity not in keys:
@@ -256,7 +256,7 @@ class RobotEnd(End):
         return silent_ns is not None and silent_ns < LET_GO_NS
 
     def _response(self, initiation: Initiation, address: Address, now_ns: int) -> bytes | None:
-        """What answers an initiation of who is there, at this address; None if often enough."""
+        """The answer to the connected operator's initiation; None if it was given often enough."""
         self._forget_calls(now_ns)
         name = (address, initiation.tag)
         call = self._calls.get(name)
@@ -349,7 +349,7 @@ class RobotEnd(End):
     def _rekey(
         self, peer: Peer, asked: bytes, address: Address, now_ns: int
     ) -> list[tuple[bytes, Address]]:
-        """Agree on new keys with the operator who is there."""
+        """Agree on new keys with the connected operator."""
         if self._key is None or address != peer.address:
             return []  # it asks again, from where it is then known to be
         if self._rekeyed is None or self._rekeyed[0] != asked:

@@ -67,10 +67,10 @@ class LinkEvent(msgspec.Struct, frozen=True):
     """The state of the link, sent to the application twice a second and when it changes.
 
     sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
-    key the operator has who is there, or was last, "" on loopback without keys. revoked: they were
-    let go because their key is accepted no longer. counts: datagrams that changed nothing, by
-    reason. welcome: what the robot's side sends. introduction: what the operator's side did.
-    refusal: who called the robot's side in vain, and why.
+    key the connected operator has, or the last one had, "" on loopback without keys. revoked:
+    they were let go because their key is accepted no longer. counts: datagrams that changed
+    nothing, by reason. welcome: what the robot's side sends. introduction: what the operator's side
+    did. refusal: who called the robot's side in vain, and why.
     """
 
     connected: bool

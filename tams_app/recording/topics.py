@@ -308,7 +308,7 @@ class SessionLog:
 
     @property
     def has_episodes(self) -> bool:
-        """Whether the session is a row of episodes, of which none may have ended."""
+        """Whether the session was divided into episodes, of which none may have ended."""
         recording = self.header.config.get("recording", {})
         return bool(self.episodes or recording.get("episodes"))
 

@@ -14,7 +14,7 @@ LINK_LOST = "link lost"  # in the place of a state of the arming table
 
 
 class LatencyState(msgspec.Struct, frozen=True, array_like=True):
-    """What a view's frames have taken lately apart from the network, as far as it is known here.
+    """What a view's frames have taken lately outside the network, as far as it is known here.
 
     total_ms: all stages. slowest: the key of the longest of them, slowest_ms: what that took.
     """

@@ -127,7 +127,7 @@ class ShownVideo(Protocol):
 
 
 class Teleoperation(Protocol):
-    """From what has come in to a command: `teleop.loop.Teleop`."""
+    """From received input to a command: `teleop.loop.Teleop`."""
 
     def step(self, told: TeleopInput) -> TeleopOutput: ...
 

@@ -20,7 +20,7 @@ from tams_app.video.core.frame_identity import SentFrames
 class LinkedHand:
     """The newest sample, the frames that count there, and each request once; for one thread.
 
-    `controller`: the one in the operator's hand, which asks `receive` for what has come. `hand`:
+    `controller`: the one in the operator's hand, which calls `receive` for new messages. `hand`:
     what they drive with, of `HANDS`. `message`: the one sent last, whether it counted or not,
     received at `heard_ns`.
     """
@@ -162,7 +162,7 @@ class LinkedHand:
 
     @property
     def acknowledged(self) -> tuple[int, int]:
-        """Confirmations and stops that were taken in, of the operator who is there."""
+        """Confirmations and stops that were taken in, of the connected operator."""
         return self._confirms, self._stops
 
     def _notify_once(self, sentence: str) -> None:

@@ -72,7 +72,7 @@ def _publish(
     conversion: Conversion | None = None
     datagram = memoryview(bytearray(LONGEST_BYTES))
     while True:
-        ending = stop_requested.is_set()  # with what has come already
+        ending = stop_requested.is_set()  # with the records received by now
         if not select.select([application], [], [], 0 if ending else _POLL_S)[0]:
             if ending:
                 return

@@ -35,7 +35,7 @@ def export_lerobot(
 ) -> Sequence[Episode]:
     """Write the logs as a LeRobotDataset v3.0 into the new folder `out`.
 
-    Each is an episode; a session that is a row of episodes gives the kept ones. Of several logs,
+    Each is an episode; a session with episodes gives the kept ones. Of several logs,
     those that give no episode are left out, and named. Returns the episodes.
     UnreadableLogError if no log gives one, ConfigError if logs do not fit together or `out` is
     there already, LogError if it cannot be written, SetupError if a package is missing; then no

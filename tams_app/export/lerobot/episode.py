@@ -46,7 +46,7 @@ class Episode:
     start_ns: of the grid. keyframes_ns: by view, the capture that its decoding begins with.
     sizes: by view, the bytes that the log has of it between each row and the next, shape (rows,).
     remark: a sentence if the log was not whole, else "". number: of those of its session, None if
-    that is no row of episodes.
+    without episodes.
     """
 
     path: Path
@@ -108,7 +108,7 @@ def read_episodes(
     `notify` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
     """
     log = read_log(path, only=(OutcomeGiven, EndedEpisode))
-    # of a row of episodes a log that was cut off lacks none that had ended
+    # a log with episodes that was cut off lacks none that had ended
     damage = "" if log.has_episodes and not log.gaps else log.damage
     if damage and not options.with_damaged and not log.has_episodes:
         raise UnreadableLogError(f"{path.parent}: {damage} {_WITH_DAMAGED}")

@@ -67,7 +67,7 @@ class QueueingDelay:
         self._sent_ns = max(sent_ns, self._sent_ns)
 
     def step(self, now_ns: int, sent_kbps: float) -> None:
-        """Compare what has come.
+        """Compare the packets received.
 
         Args:
             now_ns: the time; it never decreases.

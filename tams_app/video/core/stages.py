@@ -37,7 +37,7 @@ def stage_words(stage: str) -> str:
 
 
 def slowest_stage(ms: Mapping[str, float | None]) -> str | None:
-    """The stage apart from the network that takes longest; None: nothing is known of any."""
+    """The stage outside the network that takes longest; None: none is known."""
     known = {stage: value for stage, value in ms.items() if value is not None and stage != NETWORK}
     return max(known, key=lambda stage: known[stage]) if known else None
 

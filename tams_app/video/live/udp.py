@@ -72,7 +72,7 @@ class UdpSocket:
         self.port: int = self._socket.get_local_address().get_port()
 
     def connect(self, host: str, port: int) -> None:
-        """Receive from there alone, and nothing of what has come before."""
+        """Receive from there alone, and no packet received before."""
         self._socket.connect(gst.load().Gio.InetSocketAddress.new_from_string(host, port), None)
         with socket.socket(fileno=os.dup(self._socket.get_fd())) as same, suppress(OSError):
             while True:  # until there is nothing, or a destination that is not there yet
