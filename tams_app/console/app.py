@@ -213,7 +213,7 @@ def _watch(
             stack.callback(face.end if shows_end and isinstance(face, ShowsEnd) else face.close)
             face.open()
         if not session.config.operator_is_simulated:
-            _show_how_to_begin(session, has_keys, session.displays.heard_ns() is not None)
+            _show_how_to_begin(session, has_keys, bool(session.displays))
         line = stack.enter_context(StatusLine(console, words_of))
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):

@@ -61,7 +61,7 @@ class FaceClient:
         self._socket: socket.socket | None = None
         self.keys: Keys | None = None  # as they were sent last
         self.heard_ns: int | None = None  # when anything was
-        self.seen_ns = 0  # as in `Keys`
+        self.seen_ns: dict[str, int] = {}  # as in `Keys`
 
     def launch(self, log_directory: Path | None, **specification: Any) -> None:
         """Start its process and wait until it has what it needs; SetupError if that refuses.

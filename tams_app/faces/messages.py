@@ -160,7 +160,7 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     no focus) leaves it.
     focused: it has the focus, and the operator sees it (`faces.window.sight`).
     drawings: how often the window has drawn new pictures so far.
-    seen_ns: when what the operator saw last was painted, 0 before.
+    seen_ns: by view, when the frame was decoded that the operator sees.
     presses: how often each key has gone down, by name: one may go down and up between two looks.
     """
 
@@ -169,18 +169,15 @@ class Keys(msgspec.Struct, frozen=True, tag="keys"):
     held: tuple[str, ...]
     drawings: int = 0
     presses: dict[str, int] = {}
-    seen_ns: int = 0
+    seen_ns: dict[str, int] = {}
 
 
 class Beat(msgspec.Struct, frozen=True, tag="beat"):
-    """A face without keys works; `drawings` as in `Keys`.
-
-    seen_ns: when SteamVR last had the newest frame of each view, 0 before.
-    """
+    """A face without keys works; `drawings` and `seen_ns` as in `Keys`."""
 
     t_ns: int
     drawings: int
-    seen_ns: int = 0
+    seen_ns: dict[str, int] = {}
 
 
 class FaceClosed(msgspec.Struct, frozen=True, tag="gone"):

@@ -184,7 +184,7 @@ class SessionFace:
         self._client.open(session.config, session.screen, blind, outline, session.mount)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
-            session.displays.add(lambda: self._client.seen_ns or self._opened_ns)
+            session.displays.add(lambda view: self._client.seen_ns.get(view, self._opened_ns))
         self._listen(self._on_event)
 
     @property

@@ -1,4 +1,4 @@
-"""Liveness of the displays that show video to the operator: on a dead one old pictures stay."""
+"""What the displays show to the operator: on a dead one old pictures stay."""
 
 from __future__ import annotations
 
@@ -9,12 +9,15 @@ class Displays:
     """Window and headset of a session; from any thread."""
 
     def __init__(self) -> None:
-        self._received_ns: tuple[Callable[[], int], ...] = ()
+        self._seen_ns: tuple[Callable[[str], int], ...] = ()
 
-    def add(self, heard_ns: Callable[[], int]) -> None:
-        """One more, and when it reported last that it works, or was opened."""
-        self._received_ns = (*self._received_ns, heard_ns)
+    def add(self, seen_ns: Callable[[str], int]) -> None:
+        """One more, and when the frame of a view was decoded that it shows; or when it opened."""
+        self._seen_ns = (*self._seen_ns, seen_ns)
 
-    def heard_ns(self) -> int | None:
-        """The last report [ns] of the display that is silent longest; None without any."""
-        return min((heard_ns() for heard_ns in self._received_ns), default=None)
+    def __bool__(self) -> bool:
+        return bool(self._seen_ns)
+
+    def seen_ns(self, view: str) -> int | None:
+        """When the newest frame of `view` that all show was decoded [ns]; None without any."""
+        return min((seen_ns(view) for seen_ns in self._seen_ns), default=None)

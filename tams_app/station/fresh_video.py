@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from tams_app.records import ShownFrame, SteeredBy
 from tams_app.station.displays import Displays
 
-_WAITING = 64  # frames decoded since the last sign of life of a display: a second or two
+_WAITING = 64  # frames decoded since the one that a display shows: a second or two
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,9 +24,9 @@ class _Decoded:
 class FreshVideo:
     """The frames shown of all views, of which one counts on two conditions; from any thread.
 
-    It is whole (`tams_app.video.core.whole_chain`), and each display that shows it has given a sign
-    of life since it was decoded: one that stands still shows what it showed before. Without
-    displays a frame counts at once.
+    It is whole (`tams_app.video.core.whole_chain`), and each display shows it, or a newer one: one
+    that stands still, or puts off its drawing, shows what it showed before. Without displays a
+    frame counts at once.
     """
 
     def __init__(self, views: Iterable[str], displays: Displays) -> None:
@@ -45,7 +45,7 @@ class FreshVideo:
 
     def of(self, view: str) -> SteeredBy:
         """The frame of this view that the operator can steer by now."""
-        seen_ns = self._displays.heard_ns()
+        seen_ns = self._displays.seen_ns(view)
         with self._lock:
             now, waiting = self._steered_by[view], self._waiting[view]
             while waiting and (seen_ns is None or waiting[0].shown_ns <= seen_ns):

@@ -51,7 +51,7 @@ def test_a_frame_that_is_not_whole_leaves_the_age_to_the_last_one_that_is() -> N
 def test_on_a_window_that_stands_still_counts_what_was_there_before() -> None:
     displays, heard_ms = Displays(), 90
     video = FreshVideo(("gt",), displays)
-    displays.add(lambda: heard_ms * NS_PER_MS)
+    displays.add(lambda _view: heard_ms * NS_PER_MS)
     video.shown(frame(0, 80))
     video.shown(frame(1, 100))
     assert video.of("gt") == counted(0, 80)
@@ -68,13 +68,13 @@ def test_on_a_window_that_stands_still_counts_what_was_there_before() -> None:
         max_size=150,
     )
 )
-def test_no_frame_counts_as_newer_than_the_last_sign_of_life_of_any_face(
+def test_no_frame_counts_that_is_newer_than_what_any_face_shows(
     steps: list[tuple[str, int]],
 ) -> None:
     displays, heard_ns = Displays(), {"beat": 0, "other beat": 0}
     video = FreshVideo(("gt",), displays)
-    displays.add(lambda: heard_ns["beat"])
-    displays.add(lambda: heard_ns["other beat"])
+    displays.add(lambda _view: heard_ns["beat"])
+    displays.add(lambda _view: heard_ns["other beat"])
     now_ms, before, whole = 60, -1, {}
     for index, (what, wait_ms) in enumerate(steps):
         now_ms += wait_ms

@@ -122,7 +122,7 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
         displays,
     )
     heard_ns = clock.now_ns()
-    displays.add(lambda: heard_ns)
+    displays.add(lambda _view: heard_ns)
     image = np.zeros((2, 2, 3), np.uint8)
 
     def show(timestamp: int, whole: bool = True) -> SteeredBy:
@@ -135,7 +135,7 @@ def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_st
         return receivers.steered_by("gt")
 
     try:
-        assert show(100) == SteeredBy(), "not before the window has told once more that it works"
+        assert show(100) == SteeredBy(), "not before the window shows it"
         heard_ns = clock.now_ns()
         assert show(101) == SteeredBy(100, 100)
         assert show(102) == SteeredBy(100, 100)

@@ -65,7 +65,8 @@ class HeadsetDisplay:
         self._dirty = set(views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self.drawings = 0
-        self.seen_ns = 0  # of the last look at the frames by which SteamVR has the newest of each
+        self._taken_ns: dict[str, int] = {}  # by view, when the frame in its cell was put
+        self.seen_ns: dict[str, int] = {}  # of those that SteamVR has
         for view in views:
             self._cells[view].set_title(view_title(view, None, False, self._opening), False)
         self._arrange(config)
@@ -80,12 +81,11 @@ class HeadsetDisplay:
                 self._silence_ns = now_ns + _SILENCE_NS
                 self._take_in(known, now_ns)
         if self._pacer.may_draw(now_ns, self._corrected.version(self._places.large, now_ns)):
-            has_newest = self._take_frames()
+            self._take_frames()
             if self._dirty:
                 self._draw()  # raises what SteamVR refuses
                 self._pacer.drawn(now_ns, time.process_time_ns())
-            if has_newest:
-                self.seen_ns = now_ns
+                self.seen_ns = dict(self._taken_ns)
 
     def _arrange(self, config: HeadsetConfig) -> None:
         places = [*view_places(config, len(self._cells)), panel_place(config, self._atlas)]
@@ -135,22 +135,21 @@ class HeadsetDisplay:
                 self._crop(number, self._atlas.cells[view])
         self._texture.flush()
 
-    def _take_frames(self) -> bool:
-        """Take in what is new; whether the newest frame of each view is there to be drawn."""
-        has_newest = True
+    def _take_frames(self) -> None:
+        """Take in what is new."""
         for view, reader in self._frames.items():
             written = reader.written()
             if written == self._seen[view] and not self._corrected.moves(view):
                 continue
+            put_ns = reader.newest_put_ns()
             image = self._corrected.newest(view)
             if image is None:
                 self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
-                has_newest = False
                 continue
             self._cells[view].show(image)
+            self._taken_ns[view] = put_ns
             self._seen[view] = written
             self._dirty.add(view)
-        return has_newest
 
     def _draw(self) -> None:
         for view in self._dirty - {PANEL}:

@@ -18,7 +18,7 @@ _LOGIND = "org.freedesktop.login1"
 
 
 class Sight:
-    """Seen is what was painted a moment ago in a window that is mapped and not minimised.
+    """Seen are frames that were painted a moment ago in a window that is mapped and not minimised.
 
     And no screen lock hides it. GTK paints again only once the compositor has taken the last
     frame, so paints end with it; an X server is asked, and while it does not answer this process
@@ -33,16 +33,21 @@ class Sight:
         self._hidden = states.MINIMIZED | getattr(states, "SUSPENDED", states.MINIMIZED)  # GTK 4.12
         self._on_x11 = _x11_window(window.get_surface())
         self._session = _graphical_session()
-        self._painted_ns = self._taken_ns = self.seen_ns = 0
+        self._painted_ns = 0
+        self._painted: dict[str, int] = {}  # by view, when the frame was decoded
+        self._taken = self.seen_ns = self._painted
         self._stood_still = False  # since the last look
 
-    def painted(self, now_ns: int) -> None:
-        """The window was painted, so the compositor has taken what was painted before."""
+    def painted(self, now_ns: int, frames: dict[str, int]) -> None:
+        """The window was painted, so the compositor has taken what was painted before.
+
+        `frames`: those in it, by view, as when they were decoded.
+        """
         self._stood_still |= now_ns - self._painted_ns > PAINTED_NS
-        self._taken_ns, self._painted_ns = self._painted_ns, now_ns
+        self._taken, self._painted, self._painted_ns = self._painted, frames, now_ns
 
     def look(self) -> bool:
-        """Whether the operator sees the window now; if so `seen_ns` is of what they see."""
+        """Whether the operator sees the window now; if so `seen_ns` has the frames."""
         is_viewable = self._on_x11 is None or self._on_x11.is_viewable()  # may take long
         hidden = self._window.get_surface().get_state() & self._hidden
         stood_still, self._stood_still = self._stood_still, False
@@ -54,7 +59,7 @@ class Sight:
             or self._clock.now_ns() - self._painted_ns > PAINTED_NS
         ):
             return False
-        self.seen_ns = self._taken_ns
+        self.seen_ns = self._taken
         return not stood_still  # a key may have gone up meanwhile
 
     def _is_locked(self) -> bool:

@@ -99,6 +99,7 @@ class OperatorWindow:
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
+        self._drawn_ns: dict[str, int] = {}  # by view, when the frame was put that its texture has
         self._history = History()
         # GTK paints at PRIORITY_HIGH_IDLE + 20; looks that are more urgent leave it no time
         self._after_paints = self._modules.GLib.PRIORITY_HIGH_IDLE + 30
@@ -350,7 +351,7 @@ class OperatorWindow:
     def _painted(self) -> None:
         put_ns, self._put_ns = self._put_ns, 0
         now_ns = self._clock.now_ns()
-        self._sight.painted(now_ns)
+        self._sight.painted(now_ns, dict(self._drawn_ns))
         self._display.step(DISPLAY, put_ns, now_ns)
 
     def _look(self) -> bool:
@@ -436,11 +437,13 @@ class OperatorWindow:
             written = reader.written()
             if not self._is_new(view):
                 continue
+            put_ns = reader.newest_put_ns()
             image = self._corrected.newest(view)
             if image is None:  # overwritten meanwhile: the next look finds a newer one
                 continue
+            self._drawn_ns[view] = put_ns
             if view == self._places.large and written != self._seen[view]:
-                self._put_ns = reader.newest_put_ns()
+                self._put_ns = put_ns
             self._seen[view] = written
             self._textures[view] = texture_of(image)
             changed.append(view)

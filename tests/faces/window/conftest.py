@@ -35,11 +35,12 @@ class ShownWindow:
     events: list[Event] = field(default_factory=list)
     _index: int = 0
 
-    def put(self, frames: dict[str, Image]) -> None:
-        """New frames of views."""
-        self._index += 1
+    def put(self, frames: dict[str, Image]) -> int:
+        """New frames of views, decoded now; when that is [ns]."""
+        self._index, now_ns = self._index + 1, time.monotonic_ns()
         for view, image in frames.items():
-            self.block.put(view, self._index, self._index, image)
+            self.block.put(view, self._index, now_ns, image)
+        return now_ns
 
     def show(self, facts: Facts) -> None:
         """As by a session that lives, until others are shown."""

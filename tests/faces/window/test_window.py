@@ -58,6 +58,22 @@ def test_the_picture_changes_when_another_frame_comes(
     assert not all_are_shown(window, pictures)
 
 
+def test_a_frame_whose_drawing_is_put_off_is_not_seen_before_it_is_on_the_screen(
+    window: ShownWindow, pictures: dict[str, Image]
+) -> None:
+    """One of a small view just after one of the large view waits for the next of that."""
+    window.show(changed(FACTS, primary_view="eih", t_s=time.monotonic()))
+    assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
+    for number in range(20):
+        grey = np.full_like(pictures["gt"], 10 + number * 12)
+        drawings = window.client.keys.drawings if window.client.keys else 0
+        window.put({"eih": pictures["eih"]})
+        assert wait_for(lambda: window.client.keys.drawings > drawings, every_s=0.001)  # type: ignore[union-attr]  # noqa: B023
+        put_ns = window.put({"gt": grey})
+        assert wait_for(lambda: window.client.seen_ns.get("gt", 0) >= put_ns, every_s=0.001)  # noqa: B023
+        assert difference(window.screen.photograph(), "gt", grey) < 3.0, number
+
+
 def test_the_primary_view_gets_the_large_place_with_its_own_picture(
     window: ShownWindow, pictures: dict[str, Image]
 ) -> None:

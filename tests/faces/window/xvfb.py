@@ -175,9 +175,9 @@ def compositor(screen: Screen, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
         program.wait(10)
 
 
-def wait_for(condition: Callable[[], bool], timeout_s: float = 60.0) -> bool:
+def wait_for(condition: Callable[[], bool], timeout_s: float = 60.0, every_s: float = 0.05) -> bool:
     """Whether it comes true in time; long, for machines that have other work."""
     deadline = time.monotonic() + timeout_s
     while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
+        time.sleep(every_s)
     return condition()
