@@ -229,8 +229,9 @@ class GstCamera(Camera):
     def _report_recovery(self, now_ns: int) -> None:
         if not self._delivered:
             self._delivered = True
-            for complaint in self._source.complaints():
-                if complaint not in self._complained:
+            lacks = self._capture.gate.lacks if self._capture else ""
+            for complaint in (*self._source.complaints(), lacks):
+                if complaint and complaint not in self._complained:
                     self._complained.add(complaint)
                     self._warn(complaint)
         if self.trouble:

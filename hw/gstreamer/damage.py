@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from hw.gstreamer import jpeg
 from tams_app import gst
-
-_END, _SCAN = b"\xff\xd9", b"\xff\xda"  # JPEG markers: never within the data of a scan
 
 
 class DamageGate:
     """Lets whole frames pass: damaged ones, and what is predicted from them, are left out.
 
     Damaged is what a driver, network or decoder marks as corrupted, what is predicted across a gap,
-    and a JPEG without its end or of which no picture is made; then all up to the next keyframe. A
+    and a JPEG that lacks a part or of which no picture is made; then all up to the next keyframe. A
     decoder's frames are no longer marked as keyframes: behind a damaged one all are left out up to
     the time of the first keyframe that reaches the decoder afterwards.
     Decoders do not tell what they fill in: jpegdec and avdec_h264 (1.22) mark and report nothing,
@@ -25,6 +24,7 @@ class DamageGate:
         """Of a pipeline that ends in `sink`, before it plays; `fail` receives errors in here."""
         self.damaged = 0  # frames left out so far
         self.cause = ""  # of the newest of them
+        self.lacks = ""  # what keeps it from finding damage: the end of a camera's sentence
         self._broken = False
         self._is_undecoded = False  # the newest JPEG, so far
         self._is_predicted = False  # what is decoded, from frames before it
@@ -55,8 +55,10 @@ class DamageGate:
         was_broken, self._broken, self._is_undecoded = self._broken, True, False
         if buffer.has_flags(flags.CORRUPTED):
             return self._leave_out("the driver or the network marks them as incomplete")
-        if is_jpeg and not _has_end(buffer.extract_dup(0, buffer.get_size())):
-            return self._leave_out("JPEG pictures lack their end")
+        if is_jpeg and jpeg.turbojpeg() is None:
+            self.lacks = jpeg.LACKS
+        if is_jpeg and (damage := jpeg.damage_of(gst.pixels_of(buffer).tobytes())):
+            return self._leave_out(damage)
         if buffer.has_flags(flags.DELTA_UNIT) and (was_broken or buffer.has_flags(flags.DISCONT)):
             return self._leave_out(self.cause if was_broken else "frames before them are missing")
         self._broken, self._is_undecoded, self._is_predicted = False, is_jpeg, not is_jpeg
@@ -84,8 +86,3 @@ class DamageGate:
         self.damaged += 1
         self.cause = cause
         return gst.load().Gst.PadProbeReturn.DROP
-
-
-def _has_end(jpeg: bytes) -> bool:
-    """Whether the last scan of the picture ends in the end marker, whatever follows that."""
-    return jpeg.rfind(_END) > jpeg.rfind(_SCAN)

@@ -37,6 +37,11 @@ def cut(data: bytes) -> bytes:
     return data[: len(data) // 2]
 
 
+def hole(data: bytes) -> bytes:
+    """A USB packet within it was lost."""
+    return data[: len(data) // 2] + data[len(data) // 2 + 512 :]
+
+
 def not_a_picture(data: bytes) -> bytes:
     return data[:2] + bytes(len(data) - 4) + data[-2:]
 

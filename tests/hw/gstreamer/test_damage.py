@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from hw.gstreamer import jpeg as jpegs
 from hw.gstreamer.camera import GstCamera
 from hw.gstreamer.capture import FileSource
 from tams_app import gst
@@ -18,6 +19,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tests.hw.gstreamer.damaged_videos import (
     cut,
     h264_units,
+    hole,
     jpeg,
     mjpeg,
     not_a_picture,
@@ -48,6 +50,7 @@ class Film:
             if frame is not None:
                 self.frames.append(frame)
         camera.close()
+        self.notes = notes
         self.damage = [text for text in notes if "damaged" in text]
         self.numbers = {number_of(frame.image, FRAMES) for frame in self.frames}
         self.damaged = sum(frame.damaged for frame in self.frames)
@@ -66,7 +69,11 @@ ODD = range(1, FRAMES, 2)
 
 @pytest.mark.parametrize(
     ("damage", "cause"),
-    [(cut, "JPEG pictures lack their end"), (not_a_picture, "JPEG pictures cannot be decoded")],
+    [
+        (cut, "JPEG pictures lack their end"),
+        (hole, "JPEG pictures lack a part"),
+        (not_a_picture, "JPEG pictures cannot be decoded"),
+    ],
 )
 def test_damaged_jpegs_are_left_out_counted_and_reported_once(
     tmp_path: Path, damage: Callable[[bytes], bytes], cause: str
@@ -86,6 +93,17 @@ def test_what_follows_the_end_of_a_jpeg_is_no_damage(tmp_path: Path) -> None:
     film = Film(played(tmp_path / "padded.mkv"), FRAMES)
     assert (film.damage, film.damaged) == ([], 0)
     assert None not in film.numbers
+
+
+def test_without_the_library_that_finds_holes_a_camera_runs_and_says_so_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(jpegs, "turbojpeg", lambda: None)
+    mjpeg(tmp_path / "bad.mkv", FRAMES, cut, ODD)
+    film = Film(played(tmp_path / "bad.mkv"), FRAMES)
+    assert film.numbers <= set(range(0, FRAMES, 2))
+    unwatched = "camera gt (played camera) is not watched for JPEGs that lack a part"
+    assert len([text for text in film.notes if text.startswith(unwatched)]) == 1
 
 
 def test_a_camera_with_damaged_frames_only_gives_none_and_says_why(tmp_path: Path) -> None:
