@@ -123,7 +123,7 @@ def test_what_the_installed_decoders_play_is_played(tmp_path: Path, name: str) -
     encode(tmp_path / name, CODED[name])
     frames, notes = film(FileSource(str(tmp_path / name), SMALL), 20)
     assert len(frames) == 20
-    assert not np.array_equal(frames[0].image, frames[-1].image)
+    assert len({frame.image.tobytes() for frame in frames}) > 1  # any two: it may begin again
     assert notes == []
 
 
