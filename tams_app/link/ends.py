@@ -186,7 +186,8 @@ class RobotEnd(End):
         self.operator = ""  # the name of the key of the connected operator, or of the last one
         self.introduction = b""  # what their side has told with its call
         self.refusal = ""  # who called last in vain and why, for the people at this end alone
-        self._refused_ns: dict[str, int] = {}  # when that was reported, by cause
+        self._refused_ns: dict[str, int] = {}  # when one was reported, by cause
+        self._reported: set[str] = set()
         self._keys = keys
         self._key: Key | None = None  # theirs
         self._welcome = welcome
@@ -225,9 +226,12 @@ class RobotEnd(End):
 
     def _report(self, cause: str, address: Address, now_ns: int) -> None:
         """Keep who called in vain. Nothing is answered: a stranger learns nothing by it."""
-        if now_ns - self._refused_ns.get(cause, -_REFUSAL_NS) >= _REFUSAL_NS:
+        refusal = f"{named(address)} is not answered: {cause}"
+        due = now_ns - self._refused_ns.get(cause, -_REFUSAL_NS) >= _REFUSAL_NS
+        if due and refusal not in self._reported:  # who calls on and on hides no other caller
             self._refused_ns[cause] = now_ns
-            self.refusal = f"{named(address)} is not answered: {cause}"
+            self._reported.add(refusal)
+            self.refusal = refusal
 
     # --- who gets in ----------------------------------------------------------------------------
 

@@ -182,8 +182,7 @@ class LinkedOperator(StreamedOperator):
                 self._log.fact(OPERATOR_FOLDER_FACT, event.introduction.decode())
         if event.refusal != self._refusal:
             self._refusal = event.refusal
-            if not event.connected:  # an operator who drives is shown nothing of others' calls
-                self._log.note("warning", event.refusal)
+            self._log.note("warning", event.refusal)
         if event.left:
             hand.controller.let_go(left=not event.revoked)
         if event.revoked and not self._revoked:
@@ -194,7 +193,8 @@ class LinkedOperator(StreamedOperator):
     # --- to the operator ------------------------------------------------------------------------
 
     def note(self, text: str) -> None:
-        self._state.note(text)
+        if text != self._refusal:  # an operator is shown nothing of others' calls
+            self._state.note(text)
 
     def on_wake(self, now_ns: int) -> None:
         self._hand.wake(now_ns)

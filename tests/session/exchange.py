@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -62,12 +63,14 @@ class MemoryLog:
     records: list[Any] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
     facts: dict[str, str] = field(default_factory=dict)
+    show: Callable[[str], None] = lambda _text: None
 
     def record(self, item: Any) -> None:
         self.records.append(item)
 
     def note(self, level: str, text: str) -> None:
         self.notes.append(text)
+        self.show(text)
 
     def fact(self, name: str, value: str) -> None:
         self.facts[name] = value

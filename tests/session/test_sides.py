@@ -275,21 +275,20 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
     assert sides.sample.status is not ControllerStatus.OK
 
 
-def test_the_robots_terminal_says_once_who_called_in_vain():
+@pytest.mark.parametrize("connected", [False, True])
+def test_the_robots_terminal_alone_says_once_who_called_in_vain(connected: bool):
     sides = Sides()
-    there = sides.there
+    there, robot = sides.there, sides.robot
+    sides.robot_log.show = robot.note  # as the session forwards what it shows
     refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
-    there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=False)
+    there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=connected)
     sides.run(0.5)
     assert sides.robot_log.notes.count(refusal) == 1
-
-
-def test_an_operator_who_drives_is_shown_nothing_of_calls_in_vain():
-    sides = Sides()
-    sides.run(0.1)
-    sides.there.event = msgspec.structs.replace(sides.there.event, refusal="from elsewhere")
+    there.event = msgspec.structs.replace(there.event, connected=True)
+    robot.note("for the operator")
     sides.run(0.5)
-    assert "from elsewhere" not in sides.robot_log.notes
+    assert "for the operator" in sides.operator_log.notes
+    assert refusal not in sides.operator_log.notes
 
 
 @pytest.mark.parametrize(
