@@ -241,5 +241,7 @@ class _Prober:
                 self._socket.sendto(*reply)
             if heard.connected:
                 self._send(ping(_PINGS))  # the first message confirms the call
+            if heard.left:
+                raise HelperError("the robot's side ended meanwhile: start it and measure again")
             if heard.message is not None:
                 yield now_ns, heard.message

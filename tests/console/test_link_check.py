@@ -5,7 +5,9 @@ from __future__ import annotations
 import io
 import json
 import socket
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -34,15 +36,24 @@ def free_port() -> int:
 
 
 @pytest.fixture
-def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
-    endpoint = Endpoint("127.0.0.1", free_port(), key)
+def endpoint(key: Path) -> Endpoint:
+    return Endpoint("127.0.0.1", free_port(), key)
+
+
+@pytest.fixture
+def gateway(endpoint: Endpoint, tmp_path: Path) -> Iterator[Gateway]:
     gateway = Gateway("robot", endpoint, b"welcome", tmp_path)
     gateway.launch()
     try:
         gateway.wait_ready()
-        yield endpoint
+        yield gateway
     finally:
         gateway.close()
+
+
+@pytest.fixture
+def robot(endpoint: Endpoint, gateway: Gateway) -> Endpoint:
+    return endpoint
 
 
 def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
@@ -78,6 +89,20 @@ def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
         run_link_check(Endpoint("127.0.0.1", free_port(), key), console=quiet())
 
 
+def test_a_robots_side_that_ends_meanwhile_is_not_measured(endpoint: Endpoint, gateway: Gateway):
+    def ends() -> None:
+        while not gateway.event.connected:
+            gateway.receive()
+            time.sleep(0.01)
+        gateway.send_goodbye()
+
+    with ThreadPoolExecutor(1) as other:
+        ended = other.submit(ends)
+        with pytest.raises(HelperError, match="the robot's side ended meanwhile"):
+            run_link_check(endpoint, console=quiet())
+        ended.result()
+
+
 def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Path):
     operator = Gateway("operator", robot, b"", tmp_path)
     operator.launch()
@@ -97,8 +122,6 @@ class Talking(Console):
         self._operator = operator
 
     def print(self, *_: object, **__: object) -> None:
-        import time
-
         while not self._operator.event.connected:
             self._operator.receive()
             time.sleep(0.01)
