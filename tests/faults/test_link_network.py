@@ -37,6 +37,8 @@ LINK = load_config().link
 REST_MS, SLACK_MS = 100.0, 100.0
 CUT_S, WHILE_S = 1.6, 2.0  # samples without a new echo count for a second
 HOSTILE_HZ = 2000
+BURST_S = 0.15  # for so long everything waits, as while the Wi-Fi of a headset saves power
+GAPS_ADVICE = f"a minute exceed link.lost_after_ms ({LINK.lost_after_ms:g} ms), and each holds"
 # Of the frames: if a late datagram were a lost one, a fifth of them would damage nearly all frames.
 # A frame that the machine has encoded too late for the jitter buffer to wait is damaged by one.
 MOST_DAMAGED = 0.5
@@ -120,6 +122,21 @@ def lost(two: Two, reasons: set[str], *, there: bool, back: bool) -> tuple[Outag
 def test_samples_that_no_longer_come_stop_the_arm(two: Two):
     found, _ = lost(two, {Reason.LINK_GAP.label}, there=True, back=False)
     assert found.rest_after_ms(LINK.lost_after_ms) < REST_MS + SLACK_MS
+
+
+def test_a_session_that_gaps_hold_more_than_three_times_a_minute_says_once_what_to_set(two: Two):
+    for _ in range(6):
+        two.side.engages()
+        before = len(two.side.notes)
+        two.link.passage("hold", "hold")
+        time.sleep(BURST_S)
+        two.link.passage("open", "open")
+        two.side.becomes(ArmingState.HOLDING)
+        assert any(note.startswith("holding, link gap") for note in two.side.notes[before:])
+    two.side.arms()
+    (said,) = [note for note in two.side.notes if GAPS_ADVICE in note]
+    assert "set link.lost_after_ms to " in said
+    assert [note.text for note in two.log().notes if GAPS_ADVICE in note.text] == [said]
 
 
 def test_an_operator_who_no_longer_hears_the_robot_moves_nothing_beyond_the_bound(two: Two):
