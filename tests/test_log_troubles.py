@@ -72,7 +72,10 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     assert log.dropped == 5
     goes_on.set()
     log.close()
-    assert "5 records are missing" in read_log(tmp_path / "session.mcap").notes[-1].text
+    found = read_log(tmp_path / "session.mcap")
+    (lost,) = found.lost
+    assert (lost.records, lost.since_ns) == (5, found.ticks[-1].started_ns)
+    assert found.damage.startswith("The log is damaged")
 
 
 def test_a_viewer_that_fails_costs_the_log_nothing(tmp_path: Path) -> None:

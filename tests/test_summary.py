@@ -80,6 +80,7 @@ KEYS: dict[str, Any] = {
     "duration_s": 0.0,
     "complete": True,
     "missing": [],
+    "records_lost": 0,
     "outcome": {
         "completed": True,
         "success": True,

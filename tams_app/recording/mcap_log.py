@@ -62,6 +62,7 @@ class McapLog:
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
         self._viewers: Viewers | None = None
+        self.newest_ns = 0  # the latest time of any record
         self.viewers_failure = ""  # why nothing is derived for viewers any more
         try:
             self._viewers = None if viewers is None else viewers(self._context, header)
@@ -116,6 +117,7 @@ class McapLog:
             self.viewers_failure = f"viewers are sent nothing more ({error!r}); the log goes on"
 
     def _write_record(self, item: Any, t_ns: int) -> None:
+        self.newest_ns = max(self.newest_ns, t_ns)
         channel = self._channels.get(type(item)) or self._open_channel(type(item))
         channel.log(TOPICS[type(item)].codec.encode(item), t_ns + self._offset_ns)
 

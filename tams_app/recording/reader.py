@@ -19,6 +19,7 @@ from tams_app.recording.topics import (
     VIDEO_PREFIX,
     FrameSent,
     Header,
+    RecordsLost,
     SessionLog,
 )
 from tams_app.records import EncodedFrame, Phase, Tick
@@ -43,7 +44,8 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
         topic = _TOPICS_BY_NAME.get(name)
         if topic is None:
             continue  # video, viewers' channels, and what a newer version may add
-        if log is None or only is None or topic.codec.record_type in only:
+        record_type = topic.codec.record_type
+        if log is None or only is None or record_type in only or record_type is RecordsLost:
             record = _decode(path, topic, message.data)
             if isinstance(record, Header):
                 log = SessionLog(record, record.started_ns)
@@ -60,6 +62,7 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
         )
     log.truncated = not stream.complete and not stream.gaps
     log.gaps = [_session_time(gap, log.header.wall_offset_ns) for gap in stream.gaps]
+    log.gaps += [Gap(one.since_ns, one.t_ns) for one in log.lost]
     return log
 
 

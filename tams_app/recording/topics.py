@@ -187,6 +187,15 @@ class OutcomeGiven:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordsLost(Record):
+    """What the log lacks because its disk was too slow or stood still."""
+
+    since_ns: Annotated[int, "time of the newest record before the loss [ns]"]
+    t_ns: Annotated[int, "when the disk was back [ns]"]
+    records: Annotated[int, "records that were lost in between"]
+
+
+@dataclass(frozen=True, slots=True)
 class PacketBatch:
     """`PacketRecord`s as columns of equal length; kind and fate by number."""
 
@@ -240,7 +249,7 @@ class SessionLog:
 
     `facts` belongs to the header but was learned later; `ended_ns` is the newest time of any
     record; `truncated`: the file has no proper end (the session was killed, or the disk was full);
-    `gaps`: where bytes of the file have changed since, and the records of that time are missing.
+    `gaps`: where records are missing: they were lost, or bytes of the file have changed since.
     """
 
     header: Header
@@ -273,6 +282,7 @@ class SessionLog:
     )
     stops: list[StopRecord] = records("/stop", StopRecord, lambda one: one.visible_ns)
     notes: list[Note] = records("/note", Note, lambda one: one.t_ns)
+    lost: list[RecordsLost] = records("/lost", RecordsLost, lambda one: one.t_ns)
     system: list[SystemSample] = records("/system", SystemSample, lambda one: one.t_ns)
     scene: list[SceneTruth] = records("/scene", SceneTruth, lambda one: one.t_ns)
     glances: list[OperatorGlance] = records(

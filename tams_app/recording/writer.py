@@ -15,9 +15,9 @@ from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch
+from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, RecordsLost
 from tams_app.recording.viewers import MakeViewers
-from tams_app.records import Frame, Note, PacketRecord, Record, ShownFrame
+from tams_app.records import Frame, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
@@ -102,6 +102,7 @@ class Recorder(QueuedWriter[Record]):
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._log = McapLog(path, header, bitstream, viewers)
         self._began_ns: int | None = None  # to write; None: nothing is being written
+        self._told_lost = 0  # records of which the log says that they are lost
 
     def troubles(self) -> list[str]:
         """What its owner has to know now, a sentence each; of any thread, and without waiting."""
@@ -149,7 +150,6 @@ class Recorder(QueuedWriter[Record]):
                     next_check_ns = now_ns + SPACE_CHECK_NS
                 self._began_ns = None
             self._write_queued()
-            self._note_dropped()
             self._log.flush()
         finally:
             self._finish()
@@ -160,7 +160,8 @@ class Recorder(QueuedWriter[Record]):
     def _write_queued(self) -> None:
         packets: list[PacketRecord] = []
         slice_end = time.perf_counter() + SLICE_S
-        for item in self._queue.take_all():
+        items, taken_ns, dropped = self._queue.take_all(), self._clock.now_ns(), self.dropped
+        for item in items:
             if isinstance(item, PacketRecord):
                 packets.append(item)
                 continue
@@ -170,12 +171,10 @@ class Recorder(QueuedWriter[Record]):
                 slice_end = time.perf_counter() + SLICE_S
         if packets:
             self._log.write(PacketBatch.of(packets), self._clock.now_ns())
-
-    def _note_dropped(self) -> None:
-        if self.dropped:
-            now_ns = self._clock.now_ns()
-            text = f"The recorder was too slow: {self.dropped} records are missing from this log."
-            self._log.write(Note(now_ns, "warning", text), now_ns)
+        if dropped > self._told_lost:
+            lost = RecordsLost(self._log.newest_ns, taken_ns, dropped - self._told_lost)
+            self._told_lost = dropped
+            self._log.write(lost, taken_ns)
 
 
 class DirectRecorder:

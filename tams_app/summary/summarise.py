@@ -66,6 +66,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "duration_s": round((log.ended_ns - header.started_ns) / NS_PER_S, 3),
         "complete": log.complete,
         "missing": _missing(log),
+        "records_lost": sum(one.records for one in log.lost),
         "outcome": _outcome(log),
         "episodes": episodes(log),
         "control": control(log),
