@@ -8,6 +8,7 @@ import socket
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -36,24 +37,15 @@ def free_port() -> int:
 
 
 @pytest.fixture
-def endpoint(key: Path) -> Endpoint:
-    return Endpoint("127.0.0.1", free_port(), key)
-
-
-@pytest.fixture
-def gateway(endpoint: Endpoint, tmp_path: Path) -> Iterator[Gateway]:
+def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
+    endpoint = Endpoint("127.0.0.1", free_port(), key)
     gateway = Gateway("robot", endpoint, b"welcome", tmp_path)
     gateway.launch()
     try:
         gateway.wait_ready()
-        yield gateway
+        yield endpoint
     finally:
         gateway.close()
-
-
-@pytest.fixture
-def robot(endpoint: Endpoint, gateway: Gateway) -> Endpoint:
-    return endpoint
 
 
 def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
@@ -89,18 +81,21 @@ def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
         run_link_check(Endpoint("127.0.0.1", free_port(), key), console=quiet())
 
 
-def test_a_robots_side_that_ends_meanwhile_is_not_measured(endpoint: Endpoint, gateway: Gateway):
-    def ends() -> None:
+def test_a_robots_side_that_ends_meanwhile_is_not_measured(key: Path, tmp_path: Path):
+    endpoint = Endpoint("127.0.0.1", free_port(), key)
+    with (
+        closing(Gateway("robot", endpoint, b"welcome", tmp_path)) as gateway,
+        ThreadPoolExecutor(1) as other,
+    ):
+        gateway.launch()
+        gateway.wait_ready()
+        found = other.submit(run_link_check, endpoint, console=quiet())
         while not gateway.event.connected:
             gateway.receive()
             time.sleep(0.01)
         gateway.send_goodbye()
-
-    with ThreadPoolExecutor(1) as other:
-        ended = other.submit(ends)
         with pytest.raises(HelperError, match="the robot's side ended meanwhile"):
-            run_link_check(endpoint, console=quiet())
-        ended.result()
+            found.result()
 
 
 def test_an_operator_who_is_there_is_not_disturbed(robot: Endpoint, tmp_path: Path):
