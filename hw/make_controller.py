@@ -68,28 +68,10 @@ def _keyboard(parts: ControllerParts) -> Controller:
     return KeyboardController(parts.config.desk, parts.hand.rotation)
 
 
-def _gamepad(parts: ControllerParts) -> Controller:
-    from hw.desk.gamepad import Gamepad
-    from hw.desk.polled import PolledController
-
-    desk = parts.config.desk
-    pad = Gamepad(desk, parts.clock.now_ns)
-    return PolledController(pad, desk, parts.hand.rotation, parts.clock, parts.note)
-
-
-def _spacemouse(parts: ControllerParts) -> Controller:
-    from hw.desk.polled import PolledController
-    from hw.desk.spacemouse import SpaceMouse
-
-    desk = parts.config.desk
-    mouse = SpaceMouse(desk, parts.clock.now_ns)
-    return PolledController(mouse, desk, parts.hand.rotation, parts.clock, parts.note)
-
-
 DEVICES: Registry[Callable[[ControllerParts], Controller]] = Registry(
     "controller.device",
     "tams.controllers",
-    {"openvr": _openvr, "keyboard": _keyboard, "gamepad": _gamepad, "spacemouse": _spacemouse},
+    {"openvr": _openvr, "keyboard": _keyboard},
 )
 """Makers of a controller by their word for `controller.device`; entry points of `tams.controllers`.
 """

@@ -1,1 +1,1 @@
-"""Controllers on a desk: keyboard, gamepad and 3D mouse, each as a hand that moves at a speed."""
+"""The keyboard as a controller: a hand that moves at a speed."""

@@ -20,9 +20,9 @@ _NOTHING = ControllerSample(
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The state in which a device is known to be until `known_ns`; without OK nothing is pressed.
+    """The state in which a device is known to be until `known_ns`, not the time of the reading.
 
-    That is no later than the reading, and not the time of the reading: see `PolledDevice.read`.
+    Without OK nothing is pressed.
     """
 
     status: ControllerStatus

@@ -42,7 +42,7 @@ class MappingConfig(Section):
 
 
 class DeskConfig(Section):
-    """The hand that a keyboard, a gamepad or a 3D mouse moves."""
+    """The hand that the keyboard moves."""
 
     speed_m_s: Annotated[float, Field(gt=0, le=0.5)] = 0.12
     """Speed of the hand at full deflection."""
@@ -50,15 +50,6 @@ class DeskConfig(Section):
     """How fast the hand turns at full deflection."""
     ramp_s: Annotated[float, Field(ge=0.02, le=2)] = 0.25
     """Time from rest to full speed; letting the deadman go stops at once."""
-    dead_zone: Annotated[float, Field(ge=0, lt=0.9)] = 0.12
-    """Deflection of a stick or a cap below which it rests."""
-    name: str = ""
-    """Part of the name of the gamepad or 3D mouse, where there are several."""
-    wireless: bool | None = None
-    """Whether the gamepad or 3D mouse comes by radio, which can end unnoticed; null: what SDL or
-    the mouse's number says. A gamepad that is not known to be on a cable is refused without it."""
-    unchanged_ms: Annotated[float, Field(ge=100, le=2000)] = 500.0
-    """How long a gamepad by radio may hold its deadman without a change of any stick or button."""
 
 
 class ControllerConfig(Section):
@@ -66,8 +57,7 @@ class ControllerConfig(Section):
 
     device: Word = "auto"
     """What the operator holds: `openvr`, a tracked VR controller; `keyboard`, in the console's
-    window; `gamepad`; `spacemouse`; `sim`, the simulated operator; `auto`: sim on the rig, else
-    openvr."""
+    window; `sim`, the simulated operator; an installed one; `auto`: sim on the rig, else openvr."""
     desk: DeskConfig = DeskConfig()
     remote_seat: bool = False
     """Whether keys may move a real arm from a remote desktop or terminal, where their release may

@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from tams_app.config.calibrated import Calibrated, files_in_force, read_calibrated, set_folder, sets
 from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.problems import find_problems
+from tams_app.config.removed import removed_keys
 from tams_app.config.whole import Config
 from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError
@@ -34,6 +35,8 @@ def load_config(path: Path | None = None, overrides: dict[str, Any] | None = Non
         _lay_over(content, read_yaml(CONFIG_DIRECTORY / "reference.yaml"))
     for dotted, value in overrides.items():
         _override(content, dotted, value, path)
+    for key, instead in removed_keys(content).items():
+        raise ConfigError(f"{'command line' if key in overrides else path}: {key}: {instead}")
     try:
         config = Config.model_validate(content)
     except ValidationError as error:

@@ -24,6 +24,7 @@ from tams_app.config.motion import (
     LimitsConfig,
     check_rotation,
 )
+from tams_app.config.removed import without_removed
 from tams_app.config.section import NonNegative, Positive, Section, Triple, Word
 from tams_app.config.streaming import Network, PolicyConfig, RepairMode, VideoConfig
 from tams_app.errors import not_one_of
@@ -144,12 +145,6 @@ class StudyConfig(Section):
         return self
 
 
-METRICS_ARE_GONE = (
-    "there are no figures for Prometheus any more: Foxglove shows them while a session runs "
-    "(--foxglove), summary.json has them afterwards; leave it out"
-)
-
-
 class RecordingConfig(Section):
     """Files and channels of a session's record."""
 
@@ -180,16 +175,6 @@ class RecordingConfig(Section):
     """With `episodes`: the longest that one may take; it then ends, and is kept."""
     countdown_s: Annotated[float, Field(ge=0, le=60)] = 3.0
     """With `episodes`: time from the request to the begin of an episode."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_prometheus(cls, given: Any) -> Any:
-        """The logs of version 0.1 have the key, most of them empty."""
-        if not isinstance(given, dict) or "metrics" not in given:
-            return given
-        if given["metrics"]:
-            raise ValueError(f"metrics: {METRICS_ARE_GONE}")
-        return {key: value for key, value in given.items() if key != "metrics"}
 
 
 class Ros2Config(Section):
@@ -258,6 +243,12 @@ class Config(Section):
         """True if the operator at this computer holds a controller that SteamVR tracks."""
         device = self.controller.device
         return device == "openvr" or (device == "auto" and not self.rig.enabled)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_any_version(cls, given: Any) -> Any:
+        """Logs of earlier versions have keys that were removed since; files are refused."""
+        return without_removed(given)
 
     @model_validator(mode="after")
     def _only_the_rig_has_a_simulated_operator(self) -> Self:

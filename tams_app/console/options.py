@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from tams_app.config import Config, OperatorKind, load_config
-from tams_app.config.whole import METRICS_ARE_GONE
+from tams_app.config.removed import REMOVED
 from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
@@ -75,7 +75,7 @@ FpsOption = Annotated[
 HandOption = Annotated[
     str | None,
     typer.Option(
-        help="What the operator holds: openvr, keyboard, gamepad, spacemouse or sim.",
+        help="What the operator holds: openvr, keyboard, sim or an installed one.",
         autocompletion=lambda: ["auto", *_devices(), "sim"],
     ),
 ]
@@ -167,8 +167,9 @@ def with_values(arguments: list[str]) -> list[str]:
 
     ConfigError for an option that there was.
     """
-    if "--metrics" in (argument.partition("=")[0] for argument in arguments):
-        raise ConfigError(f"--metrics: {METRICS_ARE_GONE}")
+    for name in (argument.partition("=")[0] for argument in arguments):
+        if name.startswith("--") and name in REMOVED:
+            raise ConfigError(f"{name}: {REMOVED[name]}")
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)

@@ -14,6 +14,7 @@ from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
+from tams_app.config.removed import REMOVED
 from tams_app.errors import ConfigError, not_one_of
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
@@ -63,7 +64,8 @@ def check_hand(config: Config) -> None:
     """ConfigError if the operator's device does not exist."""
     device = config.controller.device
     if device not in (known := ("auto", *DEVICES, SIMULATED)):
-        raise ConfigError(f"controller.device: {not_one_of(device, known)}")
+        reason = REMOVED.get(device) or not_one_of(device, known)
+        raise ConfigError(f"controller.device: {reason}")
 
 
 def starts_at_capacity(config: Config) -> bool:

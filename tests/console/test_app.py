@@ -100,11 +100,9 @@ def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
 
 
 def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told):
-    (_, text), _ = told("tams.yaml", active=True, hand="gamepad")
-    assert text.startswith("release the right trigger and press Enter (or hold Start for a second)")
-    (_, text), _ = told("tams.yaml", active=True, hand="spacemouse")
-    assert text.startswith("release the left button and press Enter to arm")
-    (level, text), _ = told("tams.yaml", active=False, hand="spacemouse")
+    (_, text), _ = told("tams.yaml", active=True, hand="keyboard")
+    assert text.startswith("release Shift and press Enter to arm")
+    (level, text), _ = told("tams.yaml", active=False, hand="keyboard")
     assert level == "warning"
     assert "cannot be armed" in text
 

@@ -1,6 +1,5 @@
 """One rig per kind of controller: the simulated hand, here, published by another process and at the
-other end of a link, the keyboard, a gamepad that SDL simulates, a 3D mouse over a fake hidapi, and
-OpenVR's binding over a fake runtime.
+other end of a link, the keyboard, and OpenVR's binding over a fake runtime.
 
 A rig holds a controller whose trigger is pressed and whose hand is never quite still, lets time
 pass, and makes the controller suffer what `SensorFault` names.
@@ -12,16 +11,12 @@ import threading
 import time
 from abc import abstractmethod
 from contextlib import ExitStack
-from itertools import cycle, repeat
 
 import numpy as np
 import openvr
 
 from hw.controller import Controller
-from hw.desk.gamepad import Gamepad, sdl2
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
-from hw.desk.polled import PolledController
-from hw.desk.spacemouse import SpaceMouse
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
 from hw.sim.operator.hand import Button, Hand, HandCommand
@@ -40,9 +35,6 @@ from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.contract.promises.controller import ControllerBench
-from tests.hw.desk.fake_mouse import LEFT, FakeMouse, axes_report, buttons_report
-from tests.hw.desk.fake_mouse import RIGHT as RIGHT_BUTTON
-from tests.hw.desk.virtual_pad import VirtualPad
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
@@ -277,133 +269,6 @@ class KeyboardRig(ControllerRig):
 
     def fall_silent(self) -> None:
         self._tells = False
-
-    def felt(self) -> int:
-        return 0
-
-
-class GamepadRig(ControllerRig):
-    """The driver and the real SDL, which simulates the pad; real time.
-
-    By radio: a stick that is held is never quite still.
-    """
-
-    faults = frozenset({SensorFault.DISCONNECTED})
-    wireless = True
-
-    def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
-        self._clock = MonotonicClock()
-        self._pad = VirtualPad()
-        self._trembling = cycle((-1.0, -0.99))
-        self._hold()
-        cleaning.callback(self._pad.unplug)
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> PolledController:
-        config = DeskConfig(wireless=self.wireless)
-        rotation = HandConfig().rotation
-        made = PolledController(
-            Gamepad(config, self._clock.now_ns),
-            config,
-            rotation,
-            self._clock,
-            lambda level, text: None,
-        )
-        self._cleaning.callback(made.close)
-        return made
-
-    def press_menu(self) -> None:
-        self._pad.press(sdl2.SDL_CONTROLLER_BUTTON_START)
-
-    def tap(self) -> None:
-        for down in (True, False):
-            self._pad.press(sdl2.SDL_CONTROLLER_BUTTON_A, down)
-            sdl2.SDL_GameControllerUpdate()
-
-    def inject(self, fault: SensorFault | None) -> None:
-        if fault is None:
-            self._hold()
-        else:
-            self._pad.unplug()
-
-    def fall_silent(self) -> None:
-        self._trembling = repeat(-1.0)
-
-    def advance(self) -> int:
-        if self._pad.is_plugged_in:
-            self._pad.move(sdl2.SDL_CONTROLLER_AXIS_LEFTY, next(self._trembling))
-        time.sleep(TICK_NS / NS_PER_S)
-        return self._clock.now_ns()
-
-    def felt(self) -> int:
-        return self._pad.rumbles
-
-    def _hold(self) -> None:
-        self._pad.plug_in()
-        self._pad.move(sdl2.SDL_CONTROLLER_AXIS_TRIGGERRIGHT, 1.0)
-
-
-class CableGamepadRig(GamepadRig):
-    """A cable that is pulled is noticed; the pad itself may rest while it is held."""
-
-    wireless = False
-    can_fall_silent = False
-
-    def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
-        self.fall_silent()
-
-
-class SpaceMouseRig(ControllerRig):
-    """The driver over a fake hidapi; real time.
-
-    Each time the mouse is opened its button is pressed anew: no report tells of one held before.
-    """
-
-    faults = frozenset({SensorFault.DISCONNECTED})
-    has_menu = False  # its two buttons have other uses
-    can_be_felt = False
-
-    def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
-        self._clock = MonotonicClock()
-        self._mouse = FakeMouse()
-        cleaning.enter_context(self._mouse.in_place_of_hidapi())
-        self._held_openings = 0
-        self._reports = True
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> PolledController:
-        config = DeskConfig()
-        device = SpaceMouse(config, self._clock.now_ns)
-        made = PolledController(
-            device, config, HandConfig().rotation, self._clock, lambda level, text: None
-        )
-        self._cleaning.callback(made.close)
-        return made
-
-    def press_menu(self) -> None:
-        raise AssertionError("a 3D mouse has no menu button")
-
-    def fall_silent(self) -> None:
-        self._reports = False
-
-    def tap(self) -> None:
-        self._mouse.waiting += [buttons_report(LEFT | RIGHT_BUTTON), buttons_report(LEFT)]
-
-    def inject(self, fault: SensorFault | None) -> None:
-        self._mouse.gone = fault is not None
-
-    def advance(self) -> int:
-        openings = self._mouse.openings
-        if openings != self._held_openings:
-            self._held_openings = openings
-            self._mouse.waiting.append(buttons_report(LEFT))
-        if self._reports:
-            self._mouse.waiting.append(axes_report(1, 0, -350, 0))
-        time.sleep(TICK_NS / NS_PER_S)
-        return self._clock.now_ns()
 
     def felt(self) -> int:
         return 0

@@ -1,5 +1,5 @@
 """What every controller keeps to: the simulated hand, here, from its process and over a link,
-keyboard, gamepad, 3D mouse, and OpenVR's.
+keyboard, and OpenVR's.
 """
 
 from __future__ import annotations
@@ -9,19 +9,18 @@ from contextlib import ExitStack
 
 import pytest
 
-from tams_app.config import ClutchConfig
+from hw.make_controller import DEVICES, make_controller
+from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.clutch import Clutch
 from tests.contract.controller_rigs import (
-    CableGamepadRig,
     ControllerRig,
-    GamepadRig,
     KeyboardRig,
     LinkRig,
     OpenVrRig,
     RemoteRig,
-    SpaceMouseRig,
     VirtualControllerRig,
 )
 from tests.contract.promises.controller import (
@@ -51,9 +50,6 @@ RIGS: dict[str, type[ControllerRig]] = {
     "remote": RemoteRig,
     "link": LinkRig,
     "keyboard": KeyboardRig,
-    "gamepad": GamepadRig,
-    "gamepad on a cable": CableGamepadRig,
-    "spacemouse": SpaceMouseRig,
     "openvr": OpenVrRig,
 }
 
@@ -242,3 +238,11 @@ def test_a_start_with_nothing_to_connect_to_is_a_device_error() -> None:
         rig.runtime.running = True
         rig.controller.start()
         rig.until(is_in_use)
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_every_device_of_the_configuration_makes_a_controller(device: str) -> None:
+    config = ControllerConfig(device=device)
+    made = make_controller(config, HandConfig(), ClutchConfig(), VirtualClock(), lambda *_: None)
+    assert made.sample(0).status is ControllerStatus.DISCONNECTED
+    made.close()

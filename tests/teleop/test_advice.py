@@ -94,7 +94,7 @@ def test_a_log_tells_which_hand_drove_and_an_older_one_reads_as_a_tracked_one():
     ("name", "device", "hand"),
     [
         ("tams.yaml", "auto", "sim"),
-        ("tams.yaml", "gamepad", "gamepad"),
+        ("tams.yaml", "keyboard", "keyboard"),
         ("lite6.yaml", "auto", "openvr"),
     ],
 )

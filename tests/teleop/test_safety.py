@@ -382,10 +382,9 @@ def test_no_hand_is_told_of_what_belongs_to_another(reason: Reason, lasts: bool)
         *(Reason.DASHBOARD_OPEN, Reason.TRACKING_LOST, Reason.HAND_TOO_FAST),
     }
     if reason not in tracked:
-        for hand in ("keyboard", "gamepad", "spacemouse"):
-            sentence = reason.sentence(HANDS[hand], lasts)
-            for word in ("the trigger", "headset", "SteamVR", "track"):
-                assert word not in sentence, hand
+        sentence = reason.sentence(HANDS["keyboard"], lasts)
+        for word in ("the trigger", "headset", "SteamVR", "track"):
+            assert word not in sentence
     for hand in HANDS:
         if hand != "keyboard":
             assert "keys" not in reason.sentence(HANDS[hand], lasts)

@@ -28,7 +28,6 @@ COMMANDS = {
     "BackSpace": Command.NO_DROP,
     "p": Command.PLACED,
 }
-_WITH_BUTTONS = ("openvr", "gamepad")  # that stay down as long as they are held
 _STOP_HELP = (("Space, Esc", "emergency stop; also the red button"),)
 _WINDOW_HELP = (
     ("Q", "end the session; the arm stops first"),
@@ -77,7 +76,7 @@ def key_help(
     of_trial = _TRIAL_HELP if blind else _VIEWS_HELP
     words = words_of_hand(hand)
     of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if has_episodes else ()
-    if has_episodes and hand in _WITH_BUTTONS:
+    if has_episodes and hand == "openvr":
         of_episodes += (episodes.BUTTONS,)
     confirm = f"confirm: arm, clear a fault (release {words.deadman} first)"
     return (

@@ -171,7 +171,7 @@ def test_without_opengl_one_sentence_says_what_to_do(
         ("tams.yaml", {"headset.show": "always"}, True),
         ("tams.yaml", {"controller.device": "openvr"}, True),
         ("lite6.yaml", {}, True),
-        ("lite6.yaml", {"controller.device": "gamepad"}, False),
+        ("lite6.yaml", {"controller.device": "keyboard"}, False),
         ("lite6.yaml", {"headset.show": "never"}, False),
     ],
 )
