@@ -11,15 +11,15 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 import typer
 
 from calibration.options import (
+    CalibrationOptions,
     CameraOptions,
     ConfigOption,
     FrameOptions,
     PhaseOptions,
     WeightOptions,
-    WizardOptions,
 )
 
-Options = TypeVar("Options", bound=WizardOptions)
+Options = TypeVar("Options", bound=CalibrationOptions)
 app = typer.Typer(
     help="Calibrate this setup. Each wizard says what to do, shows what it measures, and asks "
     "before it writes a dated file that every other command then uses.",
@@ -53,7 +53,7 @@ def _command(
 
 @_command(CameraOptions)
 def cameras(options: CameraOptions) -> int:
-    """Assign, check and measure the cameras; lens and mount on request."""
+    """Assign the cameras to views; measure latency, lens and mount on request."""
     from calibration.cameras.wizard import CameraWizard
     from calibration.ui import WizardUI
 
@@ -71,11 +71,11 @@ def frame(options: FrameOptions) -> int:
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
-    """Fit the phases' thresholds (Algorithm 1) to labelled trials."""
-    from calibration.phases.wizard import PhaseWizard
+    """Fit the phases' thresholds (Algorithm 1) to trials marked in `replay --mark`."""
+    from calibration.phases.command import calibrate_phases
     from calibration.ui import WizardUI
 
-    return PhaseWizard(WizardUI(), options).run()
+    return calibrate_phases(WizardUI(), options)
 
 
 @_command(WeightOptions)

@@ -13,34 +13,56 @@ ConfigOption = Annotated[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WizardOptions:
-    """Options of every wizard."""
+@dataclass(frozen=True, kw_only=True)
+class CalibrationOptions:
+    """Options of every calibration."""
 
     config: ConfigOption = None
     sim: Annotated[
         bool, typer.Option("--sim", help="Use the simulated rig and a simulated person.")
     ] = False
-    logs: Annotated[
-        list[Path],
-        typer.Option("--from", metavar="LOG", help="A recorded session folder; may be repeated."),
-    ] = field(default_factory=list)
+    seed: Annotated[int, typer.Option(min=0, help="Seed for the simulation.")] = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class WizardOptions(CalibrationOptions):
+    """Options of every wizard."""
+
     figure: Annotated[
         Path | None,
         typer.Option("--figure", "--picture", help="Draw the result to this .png or .jpg."),
     ] = None
-    seed: Annotated[int, typer.Option(min=0, help="Seed for the simulation.")] = 0
     yes: Annotated[bool, typer.Option("--yes", help="Write the result without asking.")] = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
+class LogOptions(CalibrationOptions):
+    """Options of what takes recorded sessions."""
+
+    logs: Annotated[
+        list[Path],
+        typer.Option("--from", metavar="LOG", help="A recorded session folder; may be repeated."),
+    ] = field(default_factory=list)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitOptions(LogOptions):
+    """Options of fits whose result may do no better than what is there."""
+
+    accept_unfounded: Annotated[
+        bool,
+        typer.Option("--accept-unfounded", help="Accept a result that its figures do not support."),
+    ] = False
+
+
+@dataclass(frozen=True, kw_only=True)
 class CameraOptions(WizardOptions):
     """Options of `calibrate cameras`."""
 
     only: Annotated[
         str,
         typer.Option(
-            help="Steps: which,focus,exposure,rate (default), latency; with a board: lens, mount.",
+            help="Steps: which (default), latency; with a board: lens, mount.",
             show_default=False,
         ),
     ] = ""
@@ -50,8 +72,8 @@ class CameraOptions(WizardOptions):
     ] = 36.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FrameOptions(WizardOptions):
+@dataclass(frozen=True, kw_only=True)
+class FrameOptions(WizardOptions, LogOptions):
     """Options of `calibrate frame`."""
 
     touch: Annotated[
@@ -65,25 +87,10 @@ class FrameOptions(WizardOptions):
     rounds: Annotated[int, typer.Option(min=1, max=6, help="Strokes along each axis.")] = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitOptions(WizardOptions):
-    """Options of the wizards whose result may do no better than what is there."""
-
-    accept_unfounded: Annotated[
-        bool,
-        typer.Option(
-            "--accept-unfounded", help="--yes: accept a result that its figures do not support."
-        ),
-    ] = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class PhaseOptions(FitOptions):
     """Options of `calibrate phases`."""
 
-    mark: Annotated[
-        bool, typer.Option("--mark", help="Mark the phases of each LOG by keys during its replay.")
-    ] = False
     trials: Annotated[
         int | None, typer.Option(help="--sim: trials to fit on; default 10.", show_default=False)
     ] = None
@@ -93,14 +100,10 @@ class PhaseOptions(FitOptions):
             min=0, help="--sim: trials to test on; default as --trials.", show_default=False
         ),
     ] = None
-    goal_height_mm: Annotated[
-        float | None,
-        typer.Option(help="Align and pre-release only below this height over the goal."),
-    ] = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WeightOptions(FitOptions):
+@dataclass(frozen=True, kw_only=True)
+class WeightOptions(WizardOptions, FitOptions):
     """Options of `calibrate weights`."""
 
     ratings: Annotated[

@@ -195,7 +195,7 @@ class CalibrationSet:
         if yes and unfounded:
             self.keep(ui, calibration, draw)
             raise TamsError(
-                f"{unfounded}; --yes does not put that in force: measure more, or add "
+                f"{unfounded}; that is not put in force unasked: measure more, or add "
                 "--accept-unfounded"
             )
         try:

@@ -51,10 +51,9 @@ class Wizard(ABC, Generic[Options]):
             check_figure(options.figure)
         self.check()
         self.config = load_config(options.config, self.overrides)
-        if self.writes:
-            self.store = CalibrationSet.of(options.config, self.config, self.now)
-            self.prepare()
-            self.store.check_before(self.ui, options.yes, self.simulated)
+        self.store = CalibrationSet.of(options.config, self.config, self.now)
+        self.prepare()
+        self.store.check_before(self.ui, options.yes, self.simulated)
         with self.ui:
             found = self._measured()
             if options.figure is not None:
@@ -92,11 +91,6 @@ class Wizard(ABC, Generic[Options]):
         return None
 
     @property
-    def writes(self) -> bool:
-        """Whether these options lead to a calibration file at all."""
-        return True
-
-    @property
     def accepts_unfounded(self) -> bool:
         """Whether `--yes` is to hold also for a result that its figures do not support."""
         return False
@@ -109,9 +103,7 @@ class Wizard(ABC, Generic[Options]):
     def require_person(self) -> None:
         """ConfigError if there is no person to do what is asked."""
         if not self.ui.attended:
-            raise ConfigError(
-                "there is no terminal: start it from one, or give --sim or --from LOG"
-            )
+            raise ConfigError("there is no terminal: start it from one, or give --sim")
 
     def _measured(self) -> Calibration | None:
         try:

@@ -28,14 +28,6 @@ class Shot:
     delivered_ns: int
 
 
-@dataclass(frozen=True, slots=True)
-class Settings:
-    """What a camera is set to, None where it is automatic or not reported."""
-
-    exposure_us: float | None = None
-    white_balance_k: int | None = None
-
-
 class Bench(Protocol):
     """All cameras of the machine, open; close it in the end.
 
@@ -72,12 +64,6 @@ class Bench(Protocol):
 
     def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
         """The frames of some cameras as they come for so long; each `every`-th only."""
-
-    def chosen_settings(self, camera: str) -> Settings:
-        """What its automatic has chosen, as far as the camera reports it."""
-
-    def use_settings(self, camera: str, settings: Settings) -> None:
-        """Open it anew with these; DeviceError if it refuses."""
 
     def screen(self) -> AbstractContextManager[Flashes]:
         """Let a screen flash; SetupError where there is no display."""

@@ -9,18 +9,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Settings, Shot
+from calibration.cameras.bench import Arm, Shot
 from calibration.cameras.flashes import Flashes, flashing_window
 from hw.arm_report import ReportWatch
 from hw.arms import arm_kind
 from hw.gstreamer.camera import GstCamera
 from hw.sim.operator.at_cameras import Task
-from hw.v4l2.controls import (
-    EXPOSURE_ABSOLUTE,
-    EXPOSURE_UNIT_US,
-    WHITE_BALANCE_TEMPERATURE,
-    present_values,
-)
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
 from hw.v4l2.source import V4l2Source
 from tams_app.config import ArmConfig, CameraConfig, VideoConfig
@@ -32,7 +26,6 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 _POLL_NS = 2 * NS_PER_MS
 _SILENT_NS = 500 * NS_PER_MS
 _BY_PATH = "/v4l/by-path/"
-_CHOSEN_BY_ITSELF = (EXPOSURE_ABSOLUTE, WHITE_BALANCE_TEMPERATURE)
 
 
 @dataclass(slots=True)
@@ -113,24 +106,6 @@ class LiveBench:
                         yield Shot(name, frame, self._clock.now_ns())
             if idle:
                 self._clock.sleep_until_ns(self._clock.now_ns() + _POLL_NS)
-
-    def chosen_settings(self, camera: str) -> Settings:
-        try:
-            exposure, white = present_values(self._plugged[camera].info.node, _CHOSEN_BY_ITSELF)
-        except OSError as error:
-            raise DeviceError(f"{camera} does not tell its controls: {error.strerror}") from error
-        return Settings(None if exposure is None else float(exposure * EXPOSURE_UNIT_US), white)
-
-    def use_settings(self, camera: str, settings: Settings) -> None:
-        plugged = self._plugged[camera]
-        plugged.camera.close()
-        plugged.config = plugged.config.model_copy(
-            update={
-                "exposure_us": settings.exposure_us,
-                "white_balance_k": settings.white_balance_k,
-            }
-        )
-        plugged.camera = self._started(camera, plugged.config)
 
     def screen(self) -> AbstractContextManager[Flashes]:
         return flashing_window(self._clock)

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Settings, Shot
+from calibration.cameras.bench import Arm, Shot
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import Flashes
 from calibration.cameras.simulated_board import BoardPainter, BoardPerson
@@ -42,7 +42,6 @@ class CameraTruth:
     view: str
     latency_ms: float  # from the middle of its exposure to its timestamp
     exposure_ms: float
-    sharpest_px: float
     phase_ns: int
     rate_hz: float
 
@@ -67,7 +66,7 @@ class SimulatedBench:
             name: SensorNoise(seed, truth.view, sigma, HEIGHT_PX, WIDTH_PX)
             for name, truth in self.truth.items()
         }
-        self._person = CameraPerson({one.view: one.sharpest_px for one in self.truth.values()})
+        self._person = CameraPerson()
         self._flashes: Flashes | None = None
         self._setup = _Setup(config, seed, distortion or {})
         self._has_board = False
@@ -130,12 +129,6 @@ class SimulatedBench:
         truth = self.truth[name]
         index = math.ceil((from_ns - truth.phase_ns) * truth.rate_hz / NS_PER_S)
         return truth.phase_ns + math.ceil(index * NS_PER_S / truth.rate_hz), name, index
-
-    def chosen_settings(self, camera: str) -> Settings:
-        return Settings()  # the rig's cameras have nothing to set
-
-    def use_settings(self, camera: str, settings: Settings) -> None:
-        raise AssertionError("the rig's cameras have nothing to set")
 
     @contextmanager
     def screen(self) -> Iterator[Flashes]:
@@ -225,7 +218,6 @@ def _draw_truth(
             view=str(view),
             latency_ms=float(random.uniform(5, 45)),
             exposure_ms=float(random.uniform(6, 14)),
-            sharpest_px=float(random.uniform(0.3, 0.6)),
             phase_ns=int(random.uniform(0, NS_PER_S / fps)),
             rate_hz=float(fps * (1 + random.uniform(-1, 1) * _RATE_PPM / 1e6)),
         )

@@ -1,4 +1,4 @@
-"""`run_tams.py calibrate cameras`: which camera is which, and how well and how soon each sees."""
+"""`run_tams.py calibrate cameras`: which camera is which, its latency, lens and mount."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from calibration.cameras import board_steps, image_steps
+from calibration.cameras import board_steps, latency_step
 from calibration.cameras.bench import Bench, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.board_steps import LENS, MOUNT
-from calibration.cameras.findings import Findings, draw_findings, findings_of_log
+from calibration.cameras.findings import Findings, draw_findings
 from calibration.cameras.flashes import check_display
-from calibration.cameras.image_steps import EXPOSURE, FOCUS, RATE
 from calibration.options import CameraOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
 from tams_app.config import Config, LensConfig
+from tams_app.config.removed import REMOVED
 from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
@@ -30,9 +30,9 @@ from tams_app.runtime.clock import MonotonicClock
 
 KIND = "cameras"
 WHICH, LATENCY = "which", "latency"
-ALWAYS = (WHICH, FOCUS, EXPOSURE, RATE)
-STEPS = (*ALWAYS, LATENCY, LENS, MOUNT)  # in the order in which they are done
+STEPS = (WHICH, LATENCY, LENS, MOUNT)  # in the order in which they are done
 _NOWHERE = Pose(np.zeros(3), Rotation.identity())
+_LOOK_S = 0.5  # for the figure
 _OFFER = "Measure the latency, with a screen that the cameras can be pointed at?"
 
 MakeBench = Callable[[Config, CameraOptions], Bench]
@@ -52,17 +52,8 @@ class CameraWizard(Wizard[CameraOptions]):
         self._bench: Bench | None = None
         self._found: list[Findings] = []
 
-    @property
-    def writes(self) -> bool:
-        return not self.options.logs
-
     def check(self) -> None:
-        options = self.options
-        self._steps = chosen_steps(options.only)
-        if options.logs and options.sim:
-            raise ConfigError("--from and --sim exclude each other: take one")
-        if options.figure is not None and len(options.logs) > 1:
-            raise ConfigError("--figure is of one log: the next one's would be drawn over it")
+        self._steps = chosen_steps(self.options.only)
 
     def prepare(self) -> None:
         if self.config.rig.enabled and not self.options.sim:
@@ -72,10 +63,6 @@ class CameraWizard(Wizard[CameraOptions]):
             )
 
     def measure(self) -> Calibration | None:
-        if self.options.logs:
-            for folder in self.options.logs:
-                self._found = findings_of_log(self.ui, folder)
-            return None
         with closing(self._make_bench(self.config, self.options)) as bench:
             self._bench = bench
             if bench.attended:
@@ -110,19 +97,15 @@ class CameraWizard(Wizard[CameraOptions]):
 
     def _measure(self, bench: Bench) -> None:
         steps, ui = self._steps, self.ui
-        looking = [step for step in (FOCUS, EXPOSURE, RATE) if step in steps]
-        for each in self._found:
-            if FOCUS in steps:
-                image_steps.focus(ui, bench, each)
-            if looking:
-                image_steps.look(ui, bench, each, looking)
-            if EXPOSURE in steps:
-                image_steps.offer_settings(ui, bench, each)
+        if self.options.figure is not None:
+            for each in self._found:
+                for shot in bench.shots([each.camera], _LOOK_S):
+                    each.image = shot.frame.image
         if LATENCY in steps:
-            image_steps.measure_latency(ui, bench, self._found)
+            latency_step.measure_latency(ui, bench, self._found)
         elif not self.options.only and agreed(ui, bench, _OFFER):
             try:
-                image_steps.measure_latency(ui, bench, self._found)
+                latency_step.measure_latency(ui, bench, self._found)
             except SetupError as error:
                 ui.print(f"Left out: {error}.")
         self._measure_with_board(bench)
@@ -186,10 +169,9 @@ class CameraWizard(Wizard[CameraOptions]):
         before = self.config.cameras.get(found.view)
         keys: dict[str, Any] = dict(bench.binding(found.camera))
         is_same = before is not None and bench.camera_of(before) == found.camera
-        settings = found.settings or before
-        if settings is not None:
-            keys["exposure_us"] = settings.exposure_us
-            keys["white_balance_k"] = settings.white_balance_k
+        if before is not None:
+            keys["exposure_us"] = before.exposure_us
+            keys["white_balance_k"] = before.white_balance_k
         if found.latency is not None:
             keys["latency_ms"] = round(max(0.0, found.latency.ms), 1)
         elif before is not None and is_same:
@@ -212,13 +194,13 @@ class CameraWizard(Wizard[CameraOptions]):
 
 
 def chosen_steps(only: str) -> tuple[str, ...]:
-    """From `which,focus`; none given are those that always are. ConfigError lists the names."""
+    """From `which,lens`; none given: which camera is which. ConfigError lists the names."""
     if not only:
-        return ALWAYS
+        return (WHICH,)
     names = tuple(name.strip() for name in only.split(","))
     for name in names:
         if name not in STEPS:
-            raise ConfigError(f"--only: {not_one_of(name, STEPS)}")
+            raise ConfigError(f"--only: {REMOVED.get(name) or not_one_of(name, STEPS)}")
     return names
 
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calibration.phases.trials import CODE, NOT_COUNTED, PHASES, Floats, Scores, Trial, infer, score
+from calibration.phases.trials import CODE, NOT_COUNTED, PHASES, Scores, Trial, infer, score
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
@@ -255,47 +255,3 @@ def _check_labels(trial: Trial) -> None:
             f"{trial.name}: is labelled {needs_closed[0].value} but its gripper never closes: "
             "these labels are of another trial"
         )
-
-
-@dataclass(frozen=True, slots=True)
-class Sensitivity:
-    """Accuracy over all trials against one parameter, the others as chosen; shapes (n,)."""
-
-    parameter: str
-    values: Floats
-    accuracy: Floats
-    chosen: float
-    default: float
-
-
-def sensitivity(
-    trials: Sequence[Trial], chosen: PhasesConfig, progress: Progress = lambda *_: None
-) -> list[Sensitivity]:
-    """One curve per parameter, from the smallest searched to well beyond chosen and default."""
-    search = Search(trials)
-    everything = range(len(trials))
-    counted = sum(int(np.count_nonzero(trial.labels != NOT_COUNTED)) for trial in trials)
-    centre, default = point_of(chosen), point_of(PhasesConfig())
-    curves = []
-    for place, name in enumerate(SEARCHED):
-        last = min(LARGEST[place], 2 * max(centre[place], default[place]))
-        marks = np.linspace(SMALLEST[place], last, 25).round().astype(int)
-        values = sorted({*(int(mark) for mark in marks), centre[place], default[place]})
-        hits = []
-        for value in values:
-            v_eps, vz_min, align, pre = (
-                value if place == at else centre[at] for at in range(len(SEARCHED))
-            )
-            hits.append(search.hits((v_eps, vz_min, align, pre), everything))
-        step = SPEED_STEP_MM_S if place < 2 else DWELL_STEP_S
-        curves.append(
-            Sensitivity(
-                name,
-                np.array(values) * step,
-                np.array(hits) / counted,
-                centre[place] * step,
-                default[place] * step,
-            )
-        )
-        progress("looking around the optimum", (place + 1) / len(SEARCHED))
-    return curves

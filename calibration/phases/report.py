@@ -1,30 +1,18 @@
-"""What a search found: tables and remarks, numbers for the file, and the figure."""
+"""What a search found: tables and remarks, and numbers for the file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
-from matplotlib.axes import Axes
 from rich.table import Table
 
-from calibration.phases.fit import SEARCHED, PhaseFit, Sensitivity
+from calibration.phases.fit import SEARCHED, PhaseFit
 from calibration.phases.trials import PHASES, Scores
 from calibration.ui import plain_table
-from tams_app import palette
 from tams_app.config import PhasesConfig
-from tams_app.printing import known
 from tams_app.records import Phase
-from tams_app.report.plots import INK, PAGE_IN, legend_beside, new_figure, save_figure, styled
 
 POOR_RECALL = 0.5
-_TITLES = {
-    "v_eps_mm_s": "still below $v_\\epsilon$ [mm/s]",
-    "vz_min_mm_s": "descending above $v_z^{min}$ [mm/s]",
-    "align_dwell_s": "dwell $T_{align}$ [s]",
-    "pre_release_dwell_s": "dwell $T_{pre}$ [s]",
-}
 
 
 def thresholds_table(found: PhaseFit) -> Table:
@@ -53,33 +41,6 @@ def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> T
     table = plain_table(what, "calibrated", "defaults")
     for name, (calibrated, defaults) in rows.items():
         table.add_row(name, _of(calibrated), _of(defaults))
-    return table
-
-
-def confusion_table(scores: Scores) -> Table:
-    """Counted ticks: a row for each true phase, a column for each inferred one."""
-    names = [phase.value for phase in PHASES]
-    table = plain_table("true \\ inferred", *names, "recall", gap=1)
-    for phase, row in zip(PHASES, scores.confusion, strict=True):
-        cells = [str(count) if count else "·" for count in row]
-        table.add_row(phase.value, *cells, known(scores.recall(phase), "{:.3f}"))
-    return table
-
-
-def switches_table(scores: Scores) -> Table:
-    """How late each phase is entered."""
-    columns = ("found", "missed", "spurious", "delay median [s]", "90 % [s]")
-    table = plain_table("switch to", *columns)
-    for phase in PHASES:
-        switches = scores.switches[phase]
-        table.add_row(
-            phase.value,
-            str(len(switches.delays_s)),
-            str(switches.missed),
-            str(switches.spurious),
-            known(switches.percentile_s(50), "{:+.2f}"),
-            known(switches.percentile_s(90), "{:+.2f}"),
-        )
     return table
 
 
@@ -156,25 +117,3 @@ def _of(scores: Scores) -> str:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else round(value, 4)
-
-
-@styled
-def save_sensitivity(curves: Sequence[Sensitivity], path: Path) -> None:
-    """Draw `curves` to `path`; TamsError if it cannot be written."""
-    figure = new_figure(PAGE_IN, 5.0)
-    axes = figure.subplots(2, 2, sharey=True)
-    for axis, curve in zip(axes.flat, curves, strict=True):
-        _draw_curve(axis, curve)
-    for row in axes:
-        row[0].set_ylabel("frame-wise accuracy")
-    legend_beside(figure, axes[0][0])
-    save_figure(figure, path)
-
-
-def _draw_curve(axis: Axes, curve: Sensitivity) -> None:
-    axis.plot(curve.values, curve.accuracy, color=INK, label="the other three as chosen")
-    axis.axvline(curve.chosen, color=palette.BLUE, label="chosen")
-    axis.axvline(curve.default, color=palette.VERMILLION, linestyle="--", label="default")
-    axis.set_xlabel(_TITLES[curve.parameter])
-    axis.set_xlim(0.0, float(curve.values[-1]))
-    axis.grid()

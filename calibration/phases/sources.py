@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -10,10 +9,10 @@ from itertools import combinations
 from pathlib import Path
 from typing import TypeAlias
 
-from calibration.phases.labels import LabelRules, marked_labels, true_labels
+from calibration.phases.labels import marked_labels, true_labels
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
-from tams_app.console.replay.marks import FILE_NAME, Marking, read_marks
+from tams_app.console.replay.marks import FILE_NAME, read_marks
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.robot.build import task_geometry
@@ -33,9 +32,7 @@ class Material:
     simulated: bool
 
 
-def logged_trials(
-    folders: Sequence[Path], smoothing_ms: float, rules: LabelRules, progress: Progress
-) -> Material:
+def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progress) -> Material:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
@@ -45,24 +42,17 @@ def logged_trials(
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
         log, marked = _read(folder), (folder / FILE_NAME).is_file()
-        trials.append(_logged_trial(folder, log, smoothing_ms, rules))
+        trials.append(_logged_trial(folder, log, smoothing_ms))
         names.append(folder.name + (_MARKED if marked else ""))
         simulated |= bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
     for (one, a), (other, b) in combinations(zip(folders, trials, strict=True), 2):
         if a.motion.inputs == b.motion.inputs:
             raise ConfigError(f"{other}: is a copy of {one}: a trial left out must be unseen")
-    remark = "" if all(name.endswith(_MARKED) for name in names) else _in_words(rules)
-    return Material(trials, [], f"recorded trials: {', '.join(names)}{remark}", simulated)
-
-
-def marking_of(folder: Path, smoothing_ms: float, log: SessionLog) -> Marking:
-    """The marks beside `log`, which is in `folder`, to go on with."""
-    motion = motion_of(folder.name, log.ticks, log.header.started_ns, smoothing_ms)
-    return Marking(folder / FILE_NAME, motion.last_s)
+    return Material(trials, [], f"recorded trials: {', '.join(names)}", simulated)
 
 
 def virtual_trials(
-    config: Config, seeds: Sequence[int], unseen: int, rules: LabelRules, progress: Progress
+    config: Config, seeds: Sequence[int], unseen: int, progress: Progress
 ) -> Material:
     """One trial for each seed of scene and participant, made now, the last `unseen` held out.
 
@@ -81,18 +71,11 @@ def virtual_trials(
             progress(f"trial {number + 1} of {len(seeds)} in virtual time", done)
         name = f"seed {seed}"
         motion = motion_of(name, made.ticks, made.ticks[0].started_ns, smoothing_ms)
-        labels = true_labels(name, made.ticks, made.scene, task_geometry(), rules)
+        labels = true_labels(name, made.ticks, made.scene, task_geometry())
         trials.append(Trial(motion, labels))
     known = len(seeds) - unseen
-    source = f"simulated trials, seed {seeds[0]} to seed {seeds[known - 1]}{_in_words(rules)}"
+    source = f"simulated trials, seed {seeds[0]} to seed {seeds[known - 1]}"
     return Material(trials[:known], trials[known:], source, True)
-
-
-def _in_words(rules: LabelRules) -> str:
-    """Remarks on labels by geometry."""
-    if rules.goal_height == math.inf:
-        return ""
-    return f"; align and pre-release only below {1000 * rules.goal_height:g} mm"
 
 
 def check_folders(folders: Sequence[Path]) -> None:
@@ -104,7 +87,7 @@ def check_folders(folders: Sequence[Path]) -> None:
         seen.add(folder.resolve())
 
 
-def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: LabelRules) -> Trial:
+def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
     name = folder.name
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
@@ -113,9 +96,9 @@ def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: Lab
     if not log.scene:
         raise ConfigError(
             f"{folder}: its phases are not known: mark them with "
-            f"`run_tams.py calibrate phases --from {folder} --mark`"
+            f"`run_tams.py replay {folder} --mark`"
         )
-    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry(), rules))
+    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry()))
 
 
 def _read(folder: Path) -> SessionLog:

@@ -130,13 +130,6 @@ def not_kept(device: Device, settings: Iterable[Setting]) -> list[str]:
     ]
 
 
-def present_values(node: str, ids: Iterable[int]) -> list[int | None]:
-    """The values that these controls of a camera have now, None for those it lacks; OSError."""
-    with Device(node) as device:
-        there = {control.id for control in controls_of(device)}
-        return [get_control(device, number) if number in there else None for number in ids]
-
-
 def _setting(control: Control | None, what: str, value: int, has: Sequence[Control]) -> Setting:
     if control is None:
         names = ", ".join(sorted(control.name for control in has)) or "none"

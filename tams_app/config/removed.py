@@ -12,6 +12,11 @@ _PADS = (
     "TAMS does not read gamepads and 3D mice any more: use the keyboard, or install a driver "
     "(entry point `tams.controllers`)"
 )
+_CAMERAS = (
+    "`calibrate cameras` measures which camera is which, latency, lens and mount only: focus in a "
+    "session's window, set cameras.VIEW.exposure_us, and see frame rates in summary.json"
+)
+_MARKS = "mark each LOG with `replay LOG --mark`, and give the marked ones with --from"
 REMOVED = {
     "--metrics": _METRICS,
     "recording.metrics": _METRICS,
@@ -21,8 +26,17 @@ REMOVED = {
     "controller.desk.name": _PADS,
     "controller.desk.wireless": _PADS,
     "controller.desk.unchanged_ms": _PADS,
+    "focus": _CAMERAS,
+    "exposure": _CAMERAS,
+    "rate": _CAMERAS,
+    "calibrate cameras --from": _CAMERAS,
+    "calibrate phases --mark": _MARKS,
+    "calibrate phases --goal-height-mm": _MARKS,
+    "calibrate phases --yes": "it writes without a question; leave it out",
+    "calibrate phases --figure": "its figures are in the file that it writes; leave it out",
+    "calibrate phases --picture": "its figures are in the file that it writes; leave it out",
 }
-"""By key, option or word for a key."""
+"""By key, option (of one command, or of several) or word for a key or an option."""
 _DEFAULTS = {  # other than null: the configurations that sessions have stored hold them
     "recording.metrics": "",
     "controller.desk.dead_zone": 0.12,

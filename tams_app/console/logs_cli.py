@@ -78,10 +78,16 @@ def replay(
             "code 1 if it differs.",
         ),
     ] = False,
+    mark: Annotated[
+        bool,
+        typer.Option("--mark", help="Mark by keys where each phase begins, for calibrate phases."),
+    ] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Play back a session from its log; the arm does not move."""
     if recompute:
+        if mark:
+            raise ConfigError("--mark and --recompute exclude each other: take one")
         from tams_app.console.replay.recompute import run_recompute
 
         raise typer.Exit(run_recompute(log, as_json))
@@ -89,7 +95,7 @@ def replay(
         raise ConfigError("--json: is for --recompute; leave it out here")
     from tams_app.console.replay.run import run_replay
 
-    raise typer.Exit(run_replay(log, speed, headless))
+    raise typer.Exit(run_replay(log, speed, headless, mark))
 
 
 @log_app.command("list")

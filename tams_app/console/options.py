@@ -167,9 +167,10 @@ def with_values(arguments: list[str]) -> list[str]:
 
     ConfigError for an option that there was.
     """
-    for name in (argument.partition("=")[0] for argument in arguments):
-        if name.startswith("--") and name in REMOVED:
-            raise ConfigError(f"{name}: {REMOVED[name]}")
+    command = " ".join(arguments[:2])
+    for name in (argument.partition("=")[0] for argument in arguments if argument.startswith("--")):
+        if instead := REMOVED.get(name) or REMOVED.get(f"{command} {name}"):
+            raise ConfigError(f"{name}: {instead}")
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)

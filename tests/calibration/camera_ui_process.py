@@ -8,7 +8,7 @@ import mmap
 import sys
 from pathlib import Path
 
-from calibration.cameras import binding, image_steps
+from calibration.cameras import binding
 from calibration.cameras.bench import Bench
 from calibration.cameras.live_bench import LiveBench
 from calibration.cameras.wizard import CameraWizard
@@ -46,7 +46,6 @@ def main() -> None:
     """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
     dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
     played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
-    image_steps._LOOK_S = 4.0  # a busy machine loses images, and 30 are needed
     binding._REST_S = 1.0
     ui = WavingUI(answers, {view: played_camera(Path(at)) for view, at in played.items()})
 
@@ -54,7 +53,7 @@ def main() -> None:
         find = lambda: list_cameras(dev, sys_folder)  # noqa: E731
         return LiveBench(settings.video, MonotonicClock(), find)
 
-    code = CameraWizard(ui, CameraOptions(config=config, only="which,exposure"), make_bench).run()
+    code = CameraWizard(ui, CameraOptions(config=config, only="which"), make_bench).run()
     print("\n".join(ui.said))  # noqa: T201
     sys.exit(code)
 

@@ -107,8 +107,7 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     for view, node in nodes.items():
         played[view] = str(tmp_path / f"played-{view}")  # opened there, it is no device
         os.link(machine.dev / node, played[view])
-    # fix the first view's settings, not the others'; write
-    answers = ["y", "n", "n", "y"]
+    answers = ["y"]  # write
     environment = os.environ | {
         "LD_PRELOAD": str(library),
         "TAMS_FAKE_V4L2": str(machine.dev),
@@ -128,9 +127,6 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     assert found.cameras["gs"].serial == "S1"
     assert (found.cameras["eih"].serial, found.cameras["eih"].name) == ("", "")
     assert "by-path/usb-0:3" in found.cameras["eih"].path
-    assert found.cameras["eih"].exposure_us == 25_000
-    assert found.cameras["eih"].white_balance_k == 4000
-    assert found.cameras["gt"].exposure_us is None
 
     before = {number: camera.streams_started for number, camera in cameras.items()}
     process = CameraProcess(library, machine)

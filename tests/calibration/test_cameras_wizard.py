@@ -7,7 +7,7 @@ import pytest
 import yaml
 from rich.console import Console
 
-from calibration.cameras import binding, image_steps, simulated_bench
+from calibration.cameras import binding, latency_step, simulated_bench
 from calibration.cameras.binding import bind_views
 from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import FEWEST_FLASHES
@@ -59,8 +59,7 @@ def quick(config):
     scenes = simulated_bench._scenes(config, SEED)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated_bench, "_scenes", lambda *_: scenes)
-        patch.setattr(image_steps, "_LOOK_S", 1.5)
-        patch.setattr(image_steps, "_FLASHING_S", 11.0)
+        patch.setattr(latency_step, "_FLASHING_S", 11.0)
         yield
 
 
@@ -96,8 +95,7 @@ def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses
     (written,) = files(rig)
     assert config.calibrated_by == (written.name,)
     kept = yaml.safe_load(written.read_text())["calibration"]["quality"]["gt"]
-    assert kept["rate_hz"] == pytest.approx(30, rel=2e-3)
-    assert kept["edge_blur_px"] < 1.0
+    assert kept == {"camera": truth_of(bench, "gt")[0]}
     assert cv2.imread(str(figure)).shape[1] == round(WIDE_IN * DPI)
 
 
@@ -108,7 +106,7 @@ def test_the_latency_measured_is_what_the_configuration_then_says(rig, bench):
         true_ms = truth_of(bench, view)[1].latency_ms
         assert config.cameras[view].latency_ms == pytest.approx(true_ms, abs=6.0)
     # another calibration of the same cameras keeps it
-    assert run(rig, sim=True, yes=True, only="rate")[0] == 0
+    assert run(rig, sim=True, yes=True, only="which")[0] == 0
     assert load_config(rig).cameras == config.cameras
     assert len(files(rig)) == 2
 
@@ -129,11 +127,10 @@ def test_the_rigs_cameras_are_refused_at_once_for_a_laboratory(lab, tmp_path):
 def test_options_that_make_no_sense_are_one_sentence(rig, tmp_path):
     for options, words in (
         ({}, "give --sim, or --config"),
-        ({"sim": True, "logs": [tmp_path]}, "exclude each other"),
-        ({"sim": True, "only": "which,colour"}, "'colour' is not one of which, focus"),
+        ({"sim": True, "only": "which,colour"}, "'colour' is not one of which, latency"),
+        ({"sim": True, "only": "which,focus"}, "focus in a session's window"),
         ({"sim": True, "figure": tmp_path / "found.gif"}, r"drawn to \.png or \.jpg"),
         ({"sim": True, "figure": tmp_path / "no/found.png"}, "there is no folder"),
-        ({"logs": [tmp_path] * 2, "figure": tmp_path / "a.png"}, "drawn over it"),
     ):
         ui = ScriptedUI()
         with pytest.raises(ConfigError, match=words):
@@ -159,15 +156,14 @@ class WatchedBench(SimulatedBench):
 def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
     rig, monkeypatch, how
 ):
-    def look(ui, bench, found, want):
-        if found.view != "eih":
-            raise how
+    def measure(ui, bench, found):
+        raise how
 
-    monkeypatch.setattr(image_steps, "look", look)
+    monkeypatch.setattr(latency_step, "measure_latency", measure)
     monkeypatch.setattr(binding, "_STEP_BACK_S", 1.0)
     ui = ScriptedUI(["unused"], presses=1)
     with pytest.raises(type(how)):
-        run(rig, ui, lambda config, _: WatchedBench(config, SEED), sim=True, only="which,rate")
+        run(rig, ui, lambda config, _: WatchedBench(config, SEED), sim=True, only="which,latency")
     assert f"Ended early: {str(how) or 'Ctrl-C'}" in "\n".join(ui.said)
     (kept,) = files(rig)
     assert f"Kept, but not in force: {kept}" in ui.said[-1]
@@ -195,7 +191,7 @@ def test_a_cameras_name_is_shown_to_the_letter():
 
 def test_without_the_step_that_binds_them_the_cameras_must_be_bound(rig):
     with pytest.raises(ConfigError, match="add which to --only"):
-        run(rig, sim=True, only="focus")
+        run(rig, sim=True, only="latency")
 
 
 def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monkeypatch):
@@ -207,18 +203,10 @@ def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monk
 
     monkeypatch.setattr(bench, "prompt", prompt)
     ui = ScriptedUI()
-    image_steps.measure_latency(ui, bench, found)
+    latency_step.measure_latency(ui, bench, found)
     assert found[0].latency.flashes >= FEWEST_FLASHES
     assert found[1].latency is None
     assert any(text.startswith("GS: no latency: 0 flashes were seen") for text in ui.said)
-
-
-def test_the_bar_leads_the_ring_to_where_it_is_sharpest(bench):
-    ui, found = ScriptedUI(), Findings("gt", truth_of(bench, "gt")[0])
-    image_steps.focus(ui, bench, found)
-    bars = [str(shown) for shown in ui.shown]
-    assert bars[-1].count("█") >= 38
-    assert min(bar.count("█") for bar in bars[len(bars) // 2 :]) < 30
 
 
 def test_a_latency_of_another_camera_is_not_kept(rig, config):

@@ -20,7 +20,6 @@ from calibration.phases.fit import (
     check_trials,
     evaluate,
     fit_thresholds,
-    sensitivity,
     thresholds_at,
 )
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer, motion_of
@@ -169,23 +168,6 @@ def test_a_tick_that_is_not_counted_is_no_hit_whatever_is_inferred() -> None:
     trial = defaults_trials()[0]
     nothing = replace(trial, labels=np.full_like(trial.labels, NOT_COUNTED))
     assert Search([nothing]).hits(DEFAULT_POINT, [0]) == 0
-
-
-def test_sensitivity_passes_through_the_chosen_point_and_shows_the_default() -> None:
-    trials = labelled(KNOWN[0])
-    curves = sensitivity(trials, KNOWN[0])
-    assert [curve.parameter for curve in curves] == [
-        "v_eps_mm_s",
-        "vz_min_mm_s",
-        "align_dwell_s",
-        "pre_release_dwell_s",
-    ]
-    for curve in curves:
-        assert curve.chosen == pytest.approx(getattr(KNOWN[0], curve.parameter))
-        assert curve.default == pytest.approx(getattr(PhasesConfig(), curve.parameter))
-        at = int(np.flatnonzero(np.isclose(curve.values, curve.chosen))[0])
-        assert curve.accuracy[at] == 1.0
-        assert curve.accuracy.min() < 1.0
 
 
 def test_a_threshold_at_an_end_of_the_range_is_named() -> None:

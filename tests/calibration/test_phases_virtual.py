@@ -13,11 +13,9 @@ import pytest
 import yaml
 
 from calibration.options import PhaseOptions
-from calibration.phases import wizard
-from calibration.phases.labels import LabelRules
+from calibration.phases.command import calibrate_phases
 from calibration.phases.sources import virtual_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
-from calibration.phases.wizard import PhaseWizard
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.policy.phases import PhaseParameters
 from tams_app.records import Tick
@@ -62,12 +60,11 @@ def places(ticks: list[Tick]) -> np.ndarray:
 
 @pytest.mark.verify
 def test_thresholds_from_simulated_trials_beat_the_defaults_on_a_trial_not_seen(
-    tmp_path, monkeypatch
+    tmp_path,
 ) -> None:
     config_path = write_config(tmp_path)
-    monkeypatch.setattr(wizard, "sensitivity", lambda *_: [])  # held elsewhere
-    options = PhaseOptions(config=config_path, sim=True, trials=3, held_out=0, seed=SEED, yes=True)
-    assert PhaseWizard(ScriptedUI(), options, lambda: NOON).run() == 0
+    options = PhaseOptions(config=config_path, sim=True, trials=3, held_out=0, seed=SEED)
+    assert calibrate_phases(ScriptedUI(), options, lambda: NOON) == 0
     config = load_config(config_path)
     (name,) = config.calibrated_by
     file = config_path.parent / "calibration" / "rig" / name
@@ -86,15 +83,13 @@ def test_simulated_trials_come_labelled_and_the_last_are_held_out(
 ) -> None:
     monkeypatch.setattr(videoless, "VideolessTrial", lambda *_: made)
     monkeypatch.setattr(made, "perform", lambda: iter([1.0]))
-    seeds, rules, told = (SEED, SEED + 1, SEED + 2), LabelRules(goal_height=0.15), []
+    seeds, told = (SEED, SEED + 1, SEED + 2), []
     found = virtual_trials(
-        load_config(config_path), seeds, 1, rules, lambda *progress: told.append(progress)
+        load_config(config_path), seeds, 1, lambda *progress: told.append(progress)
     )
     assert [trial.name for trial in found.trials] == ["seed 6", "seed 7"]
     assert [trial.name for trial in found.held_out] == ["seed 8"]
-    assert found.source == (
-        "simulated trials, seed 6 to seed 7; align and pre-release only below 150 mm"
-    )
+    assert found.source == "simulated trials, seed 6 to seed 7"
     assert set(found.trials[0].labels) == {NOT_COUNTED, *CODE.values()}
     assert len(told) == 3
 
@@ -144,7 +139,7 @@ def imports_of(module: str) -> set[str]:
 
 def test_recorded_trials_need_no_simulator() -> None:
     """As on a machine with the hardware, where MuJoCo is not installed."""
-    seen, waiting = set[str](), {"calibration.phases.wizard"}
+    seen, waiting = set[str](), {"calibration.phases.command"}
     while waiting:
         module = waiting.pop()
         seen.add(module)

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import show_session
 from tams_app.console.replay.logged_config import logged_config
-from tams_app.console.replay.marks import Marking
+from tams_app.console.replay.marks import FILE_NAME, Marking
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
-from tams_app.errors import ConfigError, SignalledError, TamsError
+from tams_app.errors import ConfigError, SetupError, SignalledError, TamsError, UnreadableLogError
 from tams_app.faces.display import has_display
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
@@ -20,6 +19,7 @@ from tams_app.progress import waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.units import NS_PER_S
 
 FASTEST = 100.0
 
@@ -28,21 +28,26 @@ def run_replay(
     given: Path,
     speed: float = 1.0,
     headless: bool = False,
-    marking_of: Callable[[SessionLog], Marking] | None = None,
+    mark: bool = False,
 ) -> int:
     """Show the log of a session, or of the folder that has it, until it is ended; the exit code.
 
-    `marking_of`: where its phases are marked by keys, the marks so far.
+    `mark`: its phases are marked by keys; goes on with the marks beside the log.
     """
     if not 0.01 <= speed <= FASTEST:
         raise ConfigError(f"--speed: {speed:g} is not between 0.01 and {FASTEST:g}")
     path = session_log(given)
     headless = headless or not has_display()
+    if mark and headless:
+        raise SetupError(
+            "--mark shows the session in a window: start it where there is a display, or write "
+            f"{FILE_NAME} beside the log by hand as docs/calibration/phases.md says"
+        )
     console, signals = Console(), list[str]()
     with tempfile.TemporaryDirectory(prefix="tams-replay-") as folder:
         with waiting("reading the log", console):
             log = read_log(path)
-            marking = None if marking_of is None else marking_of(log)
+            marking = _marking(path, log) if mark else None
             session = ReplaySession(
                 log,
                 PictureFinder(path),
@@ -61,6 +66,15 @@ def run_replay(
     if signals:
         raise SignalledError(signals[0])
     return 0
+
+
+def _marking(path: Path, log: SessionLog) -> Marking:
+    if not any(tick.arm is not None for tick in log.ticks):
+        raise UnreadableLogError(
+            f"{path}: has no state of the arm in it: give a session in which the arm was connected"
+        )
+    last_s = (log.ticks[-1].started_ns - log.header.started_ns) / NS_PER_S
+    return Marking(path.parent / FILE_NAME, last_s)
 
 
 def _key_help(headless: bool) -> str:

@@ -1,4 +1,4 @@
-"""`calibrate phases --mark` with its real window: keys mark what is shown, log after log."""
+"""`replay --mark` with its real window: keys mark what is shown."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibration.options import PhaseOptions
-from calibration.phases.wizard import PhaseWizard
 from tams_app.console.replay.marks import Mark, read_marks
+from tams_app.console.replay.run import run_replay
+from tams_app.errors import SetupError, UnreadableLogError
 from tams_app.recording import LOG_NAME
 from tams_app.records import Phase
+from tests.calibration.phase_trials import record
 from tests.console.replay.test_replay_window import line_in_bar
 from tests.faces.played_session import window_processes
 from tests.faces.window.photographs import is_colour
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 from tests.golden_logs import golden_log
-from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.waiting
 
@@ -37,14 +37,9 @@ def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
         yield found
 
 
-def test_keys_mark_in_the_window_what_the_fit_reads_and_q_goes_on_to_the_next_log(
-    screen: Screen, tmp_path: Path
-) -> None:
-    folders = [tmp_path / name for name in ("first", "second")]
-    for folder in folders:
-        folder.mkdir()
-        shutil.copy(golden_log("outage"), folder / LOG_NAME)
-    first, second = (folder / "phases.csv" for folder in folders)
+def test_keys_mark_in_the_window_what_the_fit_reads(screen: Screen, tmp_path: Path) -> None:
+    shutil.copy(golden_log("outage"), tmp_path / LOG_NAME)
+    first = tmp_path / "phases.csv"
     first.write_text("t_s,phase\n2.0,REACH\n3.0,ALIGN\n")
 
     def in_a_new_window(*keys: str) -> None:
@@ -70,15 +65,11 @@ def test_keys_mark_in_the_window_what_the_fit_reads_and_q_goes_on_to_the_next_lo
         assert are_marks(first, [*BEFORE, grasp])
         assert wait_for(lambda: shows(8.0))
         screen.xdotool("key", "q")
-        assert wait_for(lambda: not window_processes())
-        in_a_new_window("Page_Down", "1", "q")
 
-    options = PhaseOptions(config=None, logs=folders, mark=True)
     with ThreadPoolExecutor(1) as pool:
         acted = pool.submit(act)
-        assert PhaseWizard(ScriptedUI(), options).run() == 0
+        assert run_replay(tmp_path, mark=True) == 0
         acted.result()
-    assert read_marks(second, LAST_S) == [Mark(0.1, Phase.REACH)]
     assert window_processes() == []
 
 
@@ -87,3 +78,16 @@ def marked_since(screen: Screen) -> float | None:
     row = screen.photograph()[ROW : ROW + 1, BAR]
     columns = np.flatnonzero(is_colour(row, MARKED_NOW)[0])
     return LAST_S * float(columns[0]) / row.shape[1] if len(columns) else None
+
+
+def test_marking_needs_a_display_and_a_log_with_an_arm(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record(tmp_path / "empty", [], [])
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    with pytest.raises(SetupError, match="start it where there is a display, or write"):
+        run_replay(tmp_path / "empty", mark=True)
+    monkeypatch.setenv("DISPLAY", ":none")
+    with pytest.raises(UnreadableLogError, match="has no state of the arm"):
+        run_replay(tmp_path / "empty", mark=True)
