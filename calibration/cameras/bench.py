@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from enum import Enum, auto
 from typing import Protocol, TypeAlias
 
 from calibration.cameras.flashes import Flashes
 from calibration.ui import WizardUI
-from hw.sim.operator.at_cameras import Task
 from tams_app.config import CameraConfig
 from tams_app.records import Frame, Vector
 
@@ -26,6 +26,17 @@ class Shot:
     camera: str
     frame: Frame
     delivered_ns: int
+
+
+class Task(Enum):
+    """What the person is asked to do; a simulated one does it."""
+
+    REST = auto()  # keep out of sight, hold still
+    WAVE = auto()  # a hand before one camera
+    SHOW_SCREEN = auto()  # point it at the screen that flashes
+    SHOW_BOARD = auto()  # hold the board before one camera, from many sides
+    MOVE_ARM = auto()  # the board lies still, the arm goes to many poses
+    MOVE_BOARD = auto()  # the board goes to another place
 
 
 class Bench(Protocol):

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 from rich.text import Text
 
-from calibration.cameras.bench import Bench, agreed, until_done
+from calibration.cameras.bench import Bench, Task, agreed, until_done
 from calibration.ui import WizardUI
-from hw.sim.operator.at_cameras import Task
 from tams_app.errors import DeviceError
 from tams_app.records import Image
 

@@ -7,7 +7,7 @@ from datetime import date
 
 from rich.text import Text
 
-from calibration.cameras.bench import Arm, Bench, agreed, until_done
+from calibration.cameras.bench import Arm, Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
 from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
@@ -22,7 +22,6 @@ from calibration.cameras.mount_fit import (
 from calibration.cameras.taking import WANTED_VIEWS, ViewTaker
 from calibration.cameras.watching import Place, Watcher
 from calibration.ui import WizardUI
-from hw.sim.operator.at_cameras import Task
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
 from tams_app.records import ArmFigure, Lens, Pose

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from calibration.cameras.bench import Bench, until_done
+from calibration.cameras.bench import Bench, Task, until_done
 from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import camera_latency
 from calibration.ui import WizardUI
-from hw.sim.operator.at_cameras import Task
 
 _POINTING_S = 120.0
 _FLASHING_S = 20.0

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Shot
+from calibration.cameras.bench import Arm, Shot, Task
 from calibration.cameras.flashes import Flashes, flashing_window
 from hw.arm_report import ReportWatch
 from hw.arms import arm_kind
 from hw.gstreamer.camera import GstCamera
-from hw.sim.operator.at_cameras import Task
 from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
 from hw.v4l2.source import V4l2Source
 from tams_app.config import ArmConfig, CameraConfig, VideoConfig

@@ -11,13 +11,12 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Shot
+from calibration.cameras.bench import Arm, Shot, Task
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import Flashes
-from calibration.cameras.simulated_board import BoardPainter, BoardPerson
+from calibration.cameras.simulated_person import BoardPainter, CameraPerson
 from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
-from hw.sim.operator.at_cameras import BOARD_TASKS, CameraPerson, Task
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera_images import SensorNoise
 from hw.sim.world.scene_renderer import SceneRenderer
@@ -66,10 +65,8 @@ class SimulatedBench:
             name: SensorNoise(seed, truth.view, sigma, HEIGHT_PX, WIDTH_PX)
             for name, truth in self.truth.items()
         }
-        self._person = CameraPerson()
         self._flashes: Flashes | None = None
         self._setup = _Setup(config, seed, distortion or {})
-        self._has_board = False
         self.refused: Sequence[str] = ()
 
     @property
@@ -95,16 +92,11 @@ class SimulatedBench:
         return self._setup.lenses
 
     def prompt(self, task: Task, view: str) -> None:
-        now_ns = self._clock.now_ns()
-        self._person.ask(task, view, now_ns)
-        self._has_board = task in BOARD_TASKS
-        if self._has_board:
-            self._setup.person.ask(task, view, now_ns)
+        self._setup.person.ask(task, view, self._clock.now_ns())
 
     @property
     def done(self) -> bool:
-        person = self._setup.person if self._has_board else self._person
-        return person.finished(self._clock.now_ns())
+        return self._setup.person.finished(self._clock.now_ns())
 
     @contextmanager
     def arm(self) -> Iterator[Arm]:
@@ -145,10 +137,8 @@ class SimulatedBench:
         truth = self.truth[name]
         end_ns = start_ns + round(truth.exposure_ms * NS_PER_MS)
         lit = None if self._flashes is None else self._flashes.lit_share(start_ns, end_ns)
-        scene = self._scenes[truth.view]
-        if self._has_board:
-            scene = self._setup.seen(truth.view, scene, start_ns)
-        image = self._person.seen(truth.view, scene, start_ns, end_ns, lit)
+        scene = self._setup.seen(truth.view, self._scenes[truth.view], start_ns)
+        image = self._setup.person.seen(truth.view, scene, start_ns, end_ns, lit)
         self._noise[name].apply(image, index)
         jitter_ms = float(self._random.normal(0, _JITTER_MS))
         capture_ns = (start_ns + end_ns) // 2 + round((truth.latency_ms + jitter_ms) * NS_PER_MS)
@@ -174,7 +164,7 @@ class _Setup:
         }
         self._ready = np.radians(config.arm.ready_joints_deg)
         random = np.random.default_rng([_BOARD_SEED, seed])
-        self.person = BoardPerson(self.lenses, figure, self._ready, random)
+        self.person = CameraPerson(self.lenses, figure, self._ready, random)
         self._board, self._painters = Board(), dict[str, BoardPainter]()
         self._layout = draw_layout(seed)
         self._renderer: SceneRenderer | None = None

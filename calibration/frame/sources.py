@@ -10,11 +10,11 @@ from typing import Generic, Protocol, TypeAlias, TypeVar
 import numpy as np
 
 from calibration.frame.fit import Matrix
+from calibration.frame.simulated_person import PromptedPerson
 from calibration.frame.stroke import AXES
 from hw.openvr.component_reader import ComponentReader
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
-from hw.sim.operator.prompted import PromptedPerson
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config, ControllerConfig

@@ -1,4 +1,11 @@
-"""`calibrate weights --sim`: a session on the simulated rig, and raters who are not people."""
+"""`calibrate weights --sim`: a session on the simulated rig, and raters who are not people.
+
+They exercise the way from ratings to W, and say nothing about views. A simulated rater feels a
+necessity for each view (its mean in the phase, plus the rater's generosity, plus noise), rounds it
+to the scale, and names the view that feels, noise drawn anew, the most necessary. `paper` prefers
+the dominant view of the paper's Table I in each phase and is indifferent between the others;
+`indifferent` prefers nothing.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +15,49 @@ from pathlib import Path
 import numpy as np
 
 from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
-from hw.sim.operator.rater import NOISE, PANELS, rate
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError, not_one_of
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 
+PAPER_DOMINANT = {
+    Phase.REACH: "gt",
+    Phase.ALIGN: "eih",
+    Phase.GRASP: "eih",
+    Phase.TRANSPORT: "gs",
+    Phase.PRE_RELEASE: "eih",
+    Phase.RELEASE: "eih",
+}
+PANELS: Mapping[str, Mapping[Phase, str]] = {"paper": PAPER_DOMINANT, "indifferent": {}}
+_PREFERRED, _OTHER = 4.5, 3.0  # mean necessity
+_GENEROSITY, _NOISE = 0.4, 0.7  # standard deviations, in points of the scale
+
 
 def simulate_panel(
+    panel: str, views: Sequence[str], phases: Iterable[Phase], raters: int, seed: int
+) -> list[Sheet]:
+    """`raters` simulated sheets on `phases`; `panel`: of `PANELS`."""
+    rated = tuple(phases)
+    return [_sheet(PANELS[panel], views, rated, number, seed) for number in range(1, raters + 1)]
+
+
+def _sheet(
     preferred: Mapping[Phase, str],
     views: Sequence[str],
-    phases: Iterable[Phase],
-    raters: int,
+    phases: Sequence[Phase],
+    number: int,
     seed: int,
-    noise: float = NOISE,
-) -> list[Sheet]:
-    """`raters` simulated sheets on `phases`; `preferred`: the favoured view of a phase, if any."""
-    rated, sheets = tuple(phases), []
-    for number in range(1, raters + 1):
-        random = np.random.default_rng([seed, number])
-        answers = tuple(
-            Answer(phase=phase, necessity=necessity, most_critical=needed_most)
-            for phase, necessity, needed_most in rate(
-                preferred, views, rated, (LEAST, MOST), random, noise
-            )
-        )
-        sheets.append(Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=answers))
-    return sheets
+) -> Sheet:
+    random, answers = np.random.default_rng([seed, number]), list[Answer]()
+    generosity = random.normal(0.0, _GENEROSITY)
+    for phase in phases:
+        means = np.array([_PREFERRED if preferred.get(phase) == one else _OTHER for one in views])
+        felt = means + generosity + random.normal(0.0, _NOISE, len(views))
+        points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
+        needed_most = views[int(np.argmax(means + random.normal(0.0, _NOISE, len(views))))]
+        necessity: dict[str, int | None] = dict(zip(views, points.tolist(), strict=True))
+        answers.append(Answer(phase=phase, necessity=necessity, most_critical=needed_most))
+    return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 
 RATERS = 8  # as many as the paper asked
@@ -117,4 +140,4 @@ def rate_by_panel(
 
 def _sheets(panel: str, views: Sequence[str], seed: int) -> list[Sheet]:
     """On every phase, so that an answer does not depend on which others have clips."""
-    return simulate_panel(PANELS[panel], views, Phase, RATERS, seed)
+    return simulate_panel(panel, views, Phase, RATERS, seed)

@@ -8,13 +8,13 @@ import pytest
 import yaml
 
 from calibration.cameras import board_steps
+from calibration.cameras.bench import Task
 from calibration.cameras.findings import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.in_force import show_in_force
 from calibration.options import CameraOptions
 from hw.arms import arm_kind
-from hw.sim.operator.at_cameras import Task
 from tams_app.config import Config, LensConfig, MountConfig, load_config
 from tams_app.console import checks
 from tams_app.errors import SetupError, TamsError

@@ -8,13 +8,13 @@ import yaml
 from rich.console import Console
 
 from calibration.cameras import binding, latency_step, simulated_bench
+from calibration.cameras.bench import Task
 from calibration.cameras.binding import bind_views
 from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import FEWEST_FLASHES
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
-from hw.sim.operator.at_cameras import Task
 from tams_app.config import CameraConfig, load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
 from tams_app.report.plots import DPI, WIDE_IN

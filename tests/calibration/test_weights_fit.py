@@ -8,9 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from calibration.weights.fit import assess, fit_weights, smallest_share
-from calibration.weights.panel import simulate_panel
+from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
-from hw.sim.operator.rater import PANELS, PAPER_DOMINANT
 from tams_app.config import load_config
 from tams_app.records import Phase
 
@@ -186,7 +185,7 @@ def test_a_phase_nobody_rated_keeps_its_present_row_and_says_so():
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_panel_that_prefers_the_papers_views_gets_table_ones_dominant_view_in_every_phase(seed):
-    sheets = simulate_panel(PANELS["paper"], VIEWS, Phase, raters=8, seed=seed)
+    sheets = simulate_panel("paper", VIEWS, Phase, raters=8, seed=seed)
     rows = assess(sheets, VIEWS, PRESENT).rows
     assert {phase: row.dominant for phase, row in rows.items()} == PAPER_DOMINANT
 
@@ -198,7 +197,7 @@ def test_the_papers_dominant_views_are_those_of_the_configured_table_one():
 
 def test_a_panel_that_prefers_nothing_is_reported_as_disagreeing():
     for seed in range(20):
-        sheets = simulate_panel(PANELS["indifferent"], VIEWS, Phase, raters=8, seed=seed)
+        sheets = simulate_panel("indifferent", VIEWS, Phase, raters=8, seed=seed)
         result = assess(sheets, VIEWS, PRESENT)
         assert result.necessity_alpha < 0.667
         assert result.critical_alpha < 0.667
@@ -208,7 +207,7 @@ def test_a_panel_that_prefers_nothing_is_reported_as_disagreeing():
 
 
 def test_few_and_simulated_raters_are_told():
-    sheets = simulate_panel(PANELS["paper"], VIEWS, Phase, raters=2, seed=1)
+    sheets = simulate_panel("paper", VIEWS, Phase, raters=2, seed=1)
     sheets.append(Sheet(rater="p01", simulated=False, answers=sheets[0].answers))
     remarks = assess(sheets, VIEWS, PRESENT).all_remarks
     assert "2 of 3 ratings are of a simulated panel, not of people" in remarks
@@ -216,14 +215,12 @@ def test_few_and_simulated_raters_are_told():
 
 
 def test_one_rater_alone_makes_a_matrix_whose_agreement_is_not_defined():
-    result = assess(simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0), VIEWS, PRESENT)
+    result = assess(simulate_panel("paper", VIEWS, Phase, 1, 0), VIEWS, PRESENT)
     assert result.necessity_alpha is None
     assert any("is not defined" in remark for remark in result.remarks)
 
 
 def test_a_panel_is_the_same_for_the_same_seed_and_another_for_another():
-    first, again, other = (
-        simulate_panel(PANELS["paper"], VIEWS, Phase, 4, seed) for seed in (1, 1, 2)
-    )
+    first, again, other = (simulate_panel("paper", VIEWS, Phase, 4, seed) for seed in (1, 1, 2))
     assert first == again
     assert first != other

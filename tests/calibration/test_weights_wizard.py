@@ -12,12 +12,11 @@ from calibration.ui import WizardUI
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
 from calibration.weights.fit import assess
-from calibration.weights.panel import simulate_panel
+from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks, save_weights
 from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
-from hw.sim.operator.rater import PANELS, PAPER_DOMINANT
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.errors import ConfigError, TamsError
@@ -104,7 +103,7 @@ def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the
 
 def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_path):
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    for sheet in simulate_panel(PANELS["paper"], VIEWS, Phase, 3, 0):
+    for sheet in simulate_panel("paper", VIEWS, Phase, 3, 0):
         folder.open(sheet.rater.replace("simulated", "p"))
         for answer in sheet.answers:
             folder.add(sheet.rater.replace("simulated", "p"), answer)
@@ -118,7 +117,7 @@ def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_pa
 def test_without_anybody_to_ask_and_without_yes_nothing_is_written(config, tmp_path):
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
     folder.open("p01")
-    folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
+    folder.add("p01", simulate_panel("paper", VIEWS, Phase, 1, 0)[0].answers[0])
     assert WeightWizard(ScriptedUI(), WeightOptions(config=config, ratings=folder.path)).run() == 1
     assert not (config.parent / "calibration").exists()
 
@@ -228,7 +227,7 @@ def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
 def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
     folder.open("p01")
-    folder.add("p01", simulate_panel(PANELS["paper"], VIEWS, Phase, 1, 0)[0].answers[0])
+    folder.add("p01", simulate_panel("paper", VIEWS, Phase, 1, 0)[0].answers[0])
     (tmp_path / "work").write_text("in the way")
     options = WeightOptions(config=config, ratings=folder.path, folder=tmp_path / "work", yes=True)
     with pytest.raises(TamsError, match=r"work: cannot be written"):
@@ -237,7 +236,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
 
 def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
     folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    for sheet in simulate_panel(PANELS["paper"], VIEWS, Phase, 2, 0):
+    for sheet in simulate_panel("paper", VIEWS, Phase, 2, 0):
         folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers[: 6 if sheet.rater.endswith("1") else 2]:
             folder.add(sheet.rater, answer)
@@ -253,7 +252,7 @@ def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
 
 def test_the_same_ratings_give_the_same_figure(tmp_path):
     present = load_config().policy.weights.matrix
-    sheets = simulate_panel(PANELS["paper"], VIEWS, list(Phase)[:4], 5, 0)
+    sheets = simulate_panel("paper", VIEWS, list(Phase)[:4], 5, 0)
     for name in ("one.png", "two.png"):
         save_weights(assess(sheets, VIEWS, present), sheets, VIEWS, tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()

@@ -1,7 +1,8 @@
-"""The board before the simulated cameras, and a person who holds it and moves the arm."""
+"""A person who does at the cameras what `calibrate cameras` asks for, and how that looks."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -9,14 +10,17 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.cameras.bench import Task
 from calibration.cameras.board import MODULES, Board, Points
-from hw.sim.operator.at_cameras import Task
 from tams_app.prediction.plane_warp import corners_of, inverse, mounted, silhouette
 from tams_app.records import ArmFigure, Image, Lens, Pose, Vector
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import BASE
 from tams_app.units import NS_PER_S
 
+_SKIN = (120, 150, 205)  # BGR
+_SCREEN_BLACK, _SCREEN_WHITE = 25.0, 215.0  # grey levels of the screen in an image
+_GAMMA = 2.2
 _MODULE_PX = 20
 _PAPER, _INK = 235.0, 25.0  # grey levels in an image
 _FINER = 3  # the board is drawn so much finer than the picture, and averaged
@@ -95,8 +99,8 @@ def _map(pixels: Points, lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.fl
     return np.ascontiguousarray(both[..., 0]), np.ascontiguousarray(both[..., 1])
 
 
-class BoardPerson:
-    """Does with board and arm what was asked last, in virtual time."""
+class CameraPerson:
+    """Does what was asked last, and knows when it is finished; all of it in virtual time."""
 
     def __init__(
         self,
@@ -115,8 +119,9 @@ class BoardPerson:
         self._arms: list[Vector] = []
 
     def ask(self, task: Task, view: str, now_ns: int) -> None:
-        """Begin to do it."""
+        """Begin to do it for `view`, "" for all."""
         self._task, self._view, self._since_ns = task, view, now_ns
+        self._arms = []
         if task is Task.SHOW_BOARD:
             self._held = [self._hold(self._lenses[view], number) for number in range(_SHOWN)]
         elif task is Task.MOVE_ARM:
@@ -127,20 +132,37 @@ class BoardPerson:
             self._arms = [self._arm_that_sees(self._places[self._at])]
 
     def finished(self, now_ns: int) -> bool:
-        """Whether what was asked is done."""
+        """Whether what was asked is done; waving and resting have no end of their own."""
         after_s = (now_ns - self._since_ns) / NS_PER_S
         lasts = {
+            Task.SHOW_SCREEN: 0.0,
             Task.SHOW_BOARD: _SHOWN * _HELD_S,
             Task.MOVE_ARM: _ARM_POSES * _HELD_S,
             Task.MOVE_BOARD: _PLACED_S,
         }
         return self._task in lasts and after_s >= lasts[self._task]
 
+    def seen(
+        self, view: str, scene: Image, start_ns: int, end_ns: int, lit_share: float | None
+    ) -> Image:
+        """What `view` sees in an exposure; `lit_share`: of it the screen is white, if there is one.
+
+        The screen's light adds up over the exposure; grey levels do not.
+        """
+        middle_s = ((start_ns + end_ns) / 2 - self._since_ns) / NS_PER_S
+        meant = self._view in ("", view)
+        image = scene.copy()
+        if self._task is Task.WAVE:
+            _draw_hand(image, middle_s, 1.0 if meant else 0.12)
+        elif self._task is Task.SHOW_SCREEN and meant and lit_share is not None:
+            level = _SCREEN_BLACK + (_SCREEN_WHITE - _SCREEN_BLACK) * lit_share ** (1 / _GAMMA)
+            image[40:-40, 40:-40] = round(level)
+        return image
+
     def joints(self, now_ns: int) -> Vector:
         """Of the arm [rad], shape (6,)."""
-        return (
-            self._arms[min(self._step(now_ns), len(self._arms) - 1)] if self._arms else self._ready
-        )
+        arms = self._arms or [self._ready]
+        return arms[min(self._step(now_ns), len(arms) - 1)]
 
     def board(self, view: str, now_ns: int) -> Pose | None:
         """Where it is in the frame of the camera of `view`; None: out of its sight."""
@@ -235,3 +257,13 @@ class BoardPerson:
             if inside.mean() >= _SEEN_SHARE:
                 return np.asarray(joints)
         raise AssertionError("no pose of the arm sees the board")
+
+
+def _draw_hand(image: Image, after_s: float, size: float) -> None:
+    height, width = image.shape[:2]
+    centre = (
+        int(width * (0.5 + 0.25 * math.sin(7.0 * after_s))),
+        int(height * (0.5 + 0.1 * math.cos(5.0 * after_s))),
+    )
+    axes = (max(3, int(0.2 * size * width)), max(3, int(0.3 * size * height)))
+    cv2.ellipse(image, centre, axes, 15 * math.sin(6 * after_s), 0, 360, _SKIN, -1)
