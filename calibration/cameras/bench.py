@@ -21,11 +21,10 @@ Arm: TypeAlias = Callable[[], Vector | None]
 
 @dataclass(frozen=True, slots=True)
 class Shot:
-    """A frame of the camera called `camera`, and when the process had it."""
+    """A frame of the camera called `camera`."""
 
     camera: str
     frame: Frame
-    delivered_ns: int
 
 
 class Task(Enum):

@@ -102,7 +102,7 @@ class LiveBench:
                 if frame is not None:
                     idle = False
                     if frame.index % every == 0:
-                        yield Shot(name, frame, self._clock.now_ns())
+                        yield Shot(name, frame)
             if idle:
                 self._clock.sleep_until_ns(self._clock.now_ns() + _POLL_NS)
 

@@ -28,10 +28,8 @@ from tams_app.session.lenses import rig_lens
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _SEED, _BOARD_SEED = 0xCA3, 0xB0A
-_RATE_PPM = 100.0  # by which crystals differ
 _JITTER_MS = 0.3
 Distortion: TypeAlias = tuple[float, float, float, float, float]
-_DELIVERY_MS = (12.0, 2.0)  # at least, and the mean of what comes on top
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,6 @@ class CameraTruth:
     latency_ms: float  # from the middle of its exposure to its timestamp
     exposure_ms: float
     phase_ns: int
-    rate_hz: float
 
 
 class SimulatedBench:
@@ -119,8 +116,8 @@ class SimulatedBench:
     def _next(self, name: str, from_ns: int) -> tuple[int, str, int]:
         """When the camera's first frame from a time on begins, and its index."""
         truth = self.truth[name]
-        index = math.ceil((from_ns - truth.phase_ns) * truth.rate_hz / NS_PER_S)
-        return truth.phase_ns + math.ceil(index * NS_PER_S / truth.rate_hz), name, index
+        index = math.ceil((from_ns - truth.phase_ns) * self.fps / NS_PER_S)
+        return truth.phase_ns + math.ceil(index * NS_PER_S / self.fps), name, index
 
     @contextmanager
     def screen(self) -> Iterator[Flashes]:
@@ -142,10 +139,7 @@ class SimulatedBench:
         self._noise[name].apply(image, index)
         jitter_ms = float(self._random.normal(0, _JITTER_MS))
         capture_ns = (start_ns + end_ns) // 2 + round((truth.latency_ms + jitter_ms) * NS_PER_MS)
-        least_ms, mean_ms = _DELIVERY_MS
-        late_ms = least_ms + float(self._random.exponential(mean_ms))
-        frame = Frame(name, index, capture_ns, image)
-        return Shot(name, frame, capture_ns + round(late_ms * NS_PER_MS))
+        return Shot(name, Frame(name, index, capture_ns, image))
 
 
 class _Setup:
@@ -209,7 +203,6 @@ def _draw_truth(
             latency_ms=float(random.uniform(5, 45)),
             exposure_ms=float(random.uniform(6, 14)),
             phase_ns=int(random.uniform(0, NS_PER_S / fps)),
-            rate_hz=float(fps * (1 + random.uniform(-1, 1) * _RATE_PPM / 1e6)),
         )
         for letter, view in zip("ABCDEFGH", random.permutation(list(views)), strict=False)
     }

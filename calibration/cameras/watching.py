@@ -128,10 +128,6 @@ class Watcher:
             self._seen.pop(view, None)
 
 
-def _is_same_pose(one: Pose, other: Pose) -> bool:
-    return _near(one, other, _OTHERWISE_M, _OTHERWISE_DEG)
-
-
 def _near(one: Pose, other: Pose, metres: float, degrees: float) -> bool:
     apart = float(np.linalg.norm(one.position - other.position))
     turned = float(np.degrees((one.rotation.inv() * other.rotation).magnitude()))

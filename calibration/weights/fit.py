@@ -68,11 +68,6 @@ class _Ballot:
     necessity: dict[str, Fraction]  # mean
 
 
-def smallest_share(views: int) -> float:
-    """What every view keeps at least, in whole hundredths: 0.20 of three."""
-    return floor(HUNDREDTHS * GUARANTEED / views) / HUNDREDTHS
-
-
 def fit_weights(
     sheets: Sequence[Sheet],
     views: Sequence[str],

@@ -123,10 +123,6 @@ class Lite6Model:
         tcp: Matrix = _transform(links(joints)[-1]) @ self._offset
         return tcp
 
-    def tcp_position(self, joints: Numbers) -> Floats3:
-        """The TCP's place in the base frame."""
-        return placed(links(joints)[-1], self._tool)
-
     def tcp_pose(self, joints: Vector) -> Pose:
         """The TCP in the base frame."""
         return pose_from_matrix(self.tcp_matrix(joints))
