@@ -24,8 +24,8 @@ STILL, ALL = 32, 64  # images of a played camera: at rest; then those with a han
 class WavingUI(ScriptedUI):
     """Waves before the camera that it is asked to; its images then have a hand."""
 
-    def __init__(self, answers: list[str], played: dict[str, FakeCamera]) -> None:
-        super().__init__(answers, presses=100)
+    def __init__(self, played: dict[str, FakeCamera]) -> None:
+        super().__init__(["y"], presses=100)  # write
         self._played = played
 
     def print(self, text: str) -> None:
@@ -43,11 +43,11 @@ def played_camera(node: Path) -> FakeCamera:
 
 
 def main() -> None:
-    """Arguments: folders of /dev and /sys, configuration, JSON of files by view, of answers."""
+    """Arguments: folders of /dev and /sys, configuration, JSON of files by view."""
     dev, sys_folder, config = (Path(argument) for argument in sys.argv[1:4])
-    played, answers = json.loads(sys.argv[4]), json.loads(sys.argv[5])
+    played = json.loads(sys.argv[4])
     binding._REST_S = 1.0
-    ui = WavingUI(answers, {view: played_camera(Path(at)) for view, at in played.items()})
+    ui = WavingUI({view: played_camera(Path(at)) for view, at in played.items()})
 
     def make_bench(settings, options) -> Bench:  # type: ignore[no-untyped-def]
         find = lambda: list_cameras(dev, sys_folder)  # noqa: E731

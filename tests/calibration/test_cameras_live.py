@@ -107,13 +107,12 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     for view, node in nodes.items():
         played[view] = str(tmp_path / f"played-{view}")  # opened there, it is no device
         os.link(machine.dev / node, played[view])
-    answers = ["y"]  # write
     environment = os.environ | {
         "LD_PRELOAD": str(library),
         "TAMS_FAKE_V4L2": str(machine.dev),
     }
     command = [sys.executable, "-m", "tests.calibration.camera_ui_process", str(machine.dev)]
-    command += [str(machine.sys), str(config), json.dumps(played), json.dumps(answers)]
+    command += [str(machine.sys), str(config), json.dumps(played)]
     done = subprocess.run(
         command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import shutil
 from contextlib import redirect_stdout
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -78,8 +78,8 @@ def config_path(tmp_path: Path) -> Path:
     return path
 
 
-def calibrate(config_path: Path, ui: ScriptedUI, **options) -> int:
-    return calibrate_phases(ui, PhaseOptions(config=config_path, **options), lambda: NOON)
+def calibrate(config_path: Path, **options) -> int:
+    return calibrate_phases(ScriptedUI(), PhaseOptions(config=config_path, **options), lambda: NOON)
 
 
 def labelled(folders: tuple[Path, ...]) -> Material:
@@ -97,17 +97,9 @@ def fitted(found, monkeypatch) -> None:
     monkeypatch.setattr(command, "fit_thresholds", lambda *_: found)
 
 
-@dataclass(frozen=True)
-class Written:
-    """Where a configuration's phases were calibrated from the logs, and what the command said."""
-
-    folder: Path
-    config_path: Path
-    said: str
-
-
 @pytest.fixture(scope="module")
-def written(logs, tmp_path_factory) -> Written:
+def written(logs, tmp_path_factory) -> tuple[Path, str]:
+    """A configuration whose phases were calibrated from the logs, and what the command said."""
     folder = tmp_path_factory.mktemp("written")
     config_path = folder / "tams.yaml"
     shutil.copy(DEFAULT_CONFIG, config_path)
@@ -115,7 +107,7 @@ def written(logs, tmp_path_factory) -> Written:
     arguments += [part for log in logs for part in ("--from", str(log))]
     with redirect_stdout(io.StringIO()) as said:
         assert cli._main(arguments) == 0
-    return Written(folder, config_path, said.getvalue())
+    return config_path, said.getvalue()
 
 
 def file_in_force(folder: Path) -> Path:
@@ -124,8 +116,8 @@ def file_in_force(folder: Path) -> Path:
 
 
 def test_recorded_trials_become_thresholds_that_the_next_session_uses(written) -> None:
-    config = load_config(written.config_path)
-    content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
+    config = load_config(written[0])
+    content = yaml.safe_load(file_in_force(written[0].parent).read_text(encoding="utf-8"))
     chosen = content["config"]["policy"]["phases"]
     assert set(chosen) == set(PhasesConfig.model_fields) - {"inference", "smoothing_ms"}
     assert config.policy.phases == PhasesConfig(**chosen) != PhasesConfig()
@@ -134,8 +126,8 @@ def test_recorded_trials_become_thresholds_that_the_next_session_uses(written) -
 
 @pytest.mark.verify
 def test_the_figures_kept_are_those_of_algorithm_1_over_the_trials(logs, found, written) -> None:
-    thresholds = load_config(written.config_path).policy.phases
-    content = yaml.safe_load(file_in_force(written.folder).read_text(encoding="utf-8"))
+    thresholds = load_config(written[0]).policy.phases
+    content = yaml.safe_load(file_in_force(written[0].parent).read_text(encoding="utf-8"))
     figures = content["calibration"]["quality"]
     trials = labelled(logs).trials
     assert thresholds == found.thresholds
@@ -169,7 +161,7 @@ def test_held_out_trials_are_judged_by_and_not_learned_from(
     monkeypatch.setattr(command, "virtual_trials", made)
     monkeypatch.setattr(command, "fit_thresholds", fit)
     options = {"sim": True, "trials": 3, "held_out": 1, "seed": 7}
-    assert calibrate(config_path, ScriptedUI(), **options) == 0
+    assert calibrate(config_path, **options) == 0
     assert learned == [trials]
     content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
     figures = content["calibration"]["quality"]
@@ -184,11 +176,11 @@ def test_no_thresholds_are_put_in_force_that_do_no_better_than_the_defaults(
     no_better = replace(found, left_out=found.defaults)
     monkeypatch.setattr(command, "fit_thresholds", lambda *_: no_better)
     with pytest.raises(TamsError, match=r"do no better than the defaults .*--accept-unfounded"):
-        calibrate(config_path, ScriptedUI(), logs=logs)
+        calibrate(config_path, logs=logs)
     assert load_config(config_path).calibrated_by == ()
     (kept,) = (config_path.parent / "calibration" / "rig").glob("phases-*.yaml")
     assert "no better" in yaml.safe_load(kept.read_text())["calibration"]["unfounded"]
-    assert calibrate(config_path, ScriptedUI(), logs=logs, accept_unfounded=True) == 0
+    assert calibrate(config_path, logs=logs, accept_unfounded=True) == 0
     assert len(load_config(config_path).calibrated_by) == 1
 
 
@@ -220,7 +212,7 @@ def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs) -> None:
 def test_the_file_says_which_trials_a_person_marked(logs, own_logs, config_path) -> None:
     mark(own_logs)
     folders = (logs[0], *own_logs[1:])
-    assert calibrate(config_path, ScriptedUI(), logs=folders) == 0
+    assert calibrate(config_path, logs=folders) == 0
     assert load_config(config_path).calibrated_by == (f"phases-{STAMP}.yaml",)
     content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
     assert content["calibration"]["source"] == (
@@ -230,13 +222,13 @@ def test_the_file_says_which_trials_a_person_marked(logs, own_logs, config_path)
 
 def test_a_log_whose_phases_nobody_knows_says_how_to_mark_it(unlabelled, config_path) -> None:
     with pytest.raises(ConfigError, match=r"trial-0: its phases are not known.*replay .*--mark"):
-        calibrate(config_path, ScriptedUI(), logs=unlabelled)
+        calibrate(config_path, logs=unlabelled)
 
 
 def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
     (own_logs[0] / "phases.csv").write_text("t_s,phase\n1.0,REACH\n900,ALIGN\n")
     with pytest.raises(ConfigError, match=r"phases\.csv: line 3: 900 s is outside the log"):
-        calibrate(config_path, ScriptedUI(), logs=own_logs)
+        calibrate(config_path, logs=own_logs)
 
 
 @pytest.mark.usefixtures("fitted")
@@ -244,18 +236,18 @@ def test_only_trials_of_real_devices_count_for_real_devices(logs, own_logs, tmp_
     config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
     mark(own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(config_path, ScriptedUI(), logs=(logs[0], *own_logs[1:]))
+        calibrate(config_path, logs=(logs[0], *own_logs[1:]))
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(config_path, ScriptedUI(), sim=True)
+        calibrate(config_path, sim=True)
     assert not load_config(config_path).calibrated_by
-    assert calibrate(config_path, ScriptedUI(), logs=own_logs) == 0
+    assert calibrate(config_path, logs=own_logs) == 0
     assert load_config(config_path).calibrated_by
 
 
 def test_a_copy_of_a_log_is_no_trial_of_its_own(logs, config_path, tmp_path) -> None:
     copy = shutil.copytree(logs[0], tmp_path / "trial-3")
     with pytest.raises(ConfigError, match=r"trial-3: is a copy of .*trial-0"):
-        calibrate(config_path, ScriptedUI(), logs=(*logs, copy))
+        calibrate(config_path, logs=(*logs, copy))
 
 
 def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
@@ -263,13 +255,13 @@ def test_a_log_in_which_nothing_happened_is_refused_with_its_name(
 ) -> None:
     empty = record(tmp_path / "empty", [], [])
     with pytest.raises(LogError, match="empty: has no state of the arm"):
-        calibrate(config_path, ScriptedUI(), logs=(*logs[:2], empty))
+        calibrate(config_path, logs=(*logs[:2], empty))
 
 
 def test_without_mujoco_simulated_trials_say_what_is_missing(config_path, monkeypatch) -> None:
     monkeypatch.setattr("calibration.phases.sources.find_spec", lambda _: None)
     with pytest.raises(SetupError, match="need MuJoCo"):
-        calibrate(config_path, ScriptedUI(), sim=True)
+        calibrate(config_path, sim=True)
 
 
 def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_path) -> None:
@@ -278,7 +270,7 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
         object.__setattr__(tick, "arm", None)
     blind = record(tmp_path / "blind", ticks, scene)
     with pytest.raises(LogError, match="blind: has no state of the arm"):
-        calibrate(config_path, ScriptedUI(), logs=(*logs[:2], blind))
+        calibrate(config_path, logs=(*logs[:2], blind))
 
 
 @pytest.mark.parametrize(
@@ -296,11 +288,11 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
 )
 def test_wrong_use_is_refused_before_anything_is_made(config_path, options, reason) -> None:
     with pytest.raises(ConfigError, match=reason):
-        calibrate(config_path, ScriptedUI(), **options)
+        calibrate(config_path, **options)
 
 
 def test_the_command_line_takes_logs_and_tells_by_its_exit_code(logs, written, capsys) -> None:
-    assert "frame-wise accuracy" in written.said
-    arguments = ["calibrate", "phases", "--config", str(written.config_path)]
+    assert "frame-wise accuracy" in written[1]
+    arguments = ["calibrate", "phases", "--config", str(written[0])]
     assert cli._main([*arguments, "--from", str(logs[0])]) == 2
     assert "1 trial is too few" in capsys.readouterr().err

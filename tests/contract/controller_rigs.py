@@ -49,7 +49,6 @@ class ControllerRig(ControllerBench):
     faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
     has_menu = True
     can_be_felt = True
-    can_fall_silent = True  # and not be noticed otherwise
 
     def __init__(self, cleaning: ExitStack) -> None:
         """What the rig needs is closed by `cleaning`."""

@@ -36,7 +36,6 @@ from tests.hw.sim.operator.faulty_controller import SensorFault
 pytestmark = pytest.mark.waiting
 
 STATUS_OF = {f: f.value for f in SensorFault if isinstance(f.value, ControllerStatus)}
-SILENT_FAULTS = [fault for fault in SensorFault if fault not in STATUS_OF]
 WITH_POSE = {SensorFault.DASHBOARD}
 WITH_BUTTONS = {  # that still stop the arm
     SensorFault.TRACKING_LOST,
@@ -166,9 +165,6 @@ def test_frozen_buttons_keep_their_time_while_the_pose_goes_on(
     assert sample.trigger == 1.0
 
 
-@pytest.mark.parametrize(
-    "rig", [name for name, rig in RIGS.items() if rig.can_fall_silent], indirect=True
-)
 def test_a_device_that_falls_silent_while_it_is_held_stands_still_and_becomes_stale(
     held: ControllerRig,
 ) -> None:

@@ -43,7 +43,6 @@ SECOND_MS = 1000.0
 REKEY_MS = REKEY_NS / NS_PER_MS
 LET_GO_MS = LET_GO_NS / NS_PER_MS
 REFUSED_MS = REFUSED_NS / NS_PER_MS
-PACKETS_A_SECOND = 1000
 
 
 def shown(rig: Rig, desk: Desk, packet: bytes) -> bytes | None:

@@ -12,7 +12,6 @@ from hw.sim.world.world import JOINTS, STEP_NS
 pytestmark = pytest.mark.untimed
 
 LAYOUT = layout.draw_layout(3)
-BLOCK_HALF = np.array([layout.BLOCK_EDGE_M, layout.BLOCK_EDGE_M, layout.BLOCK_HEIGHT_M]) / 2
 WALL_HALF = layout.CONTAINER_WALL_M / 2
 OUTER_HALF = layout.CONTAINER_INNER_M / 2 + layout.CONTAINER_WALL_M
 
