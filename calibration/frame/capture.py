@@ -12,8 +12,8 @@ from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
 from calibration.frame.touches import Touch, mean_rotation
 from tams_app.config import Config
-from tams_app.errors import UnreadableLogError
-from tams_app.recording import LOG_NAME, read_log, read_ticks
+from tams_app.console.report import session_log
+from tams_app.recording import read_log, read_ticks
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
 from tams_app.teleop.clutch import Clutch
 from tams_app.teleop.safety import ArmingState
@@ -108,14 +108,14 @@ def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
     """The strokes in a session's log, +x, +y, +z over and over; UnreadableLogError or
     RefusedError."""
     try:
-        return find_strokes(read_ticks(_log_of(folder)), config)
+        return find_strokes(read_ticks(session_log(folder)), config)
     except RefusedError as error:
         raise RefusedError(error.reason, f"{folder}: {error}") from error
 
 
 def was_simulated(folder: Path) -> bool:
     """Whether the session ran on the simulated rig, and so in its tracking frame."""
-    return bool(read_log(_log_of(folder)).header.config["rig"]["enabled"])
+    return bool(read_log(session_log(folder)).header.config["rig"]["enabled"])
 
 
 def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
@@ -143,13 +143,6 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
             "of three: +x, +y, +z, in this order, once or more often.",
         )
     return [Stroke(n % len(AXES), held.positions) for n, held in enumerate(found)]
-
-
-def _log_of(folder: Path) -> Path:
-    path = folder / LOG_NAME if folder.is_dir() else folder
-    if not path.is_file():
-        raise UnreadableLogError(f"{folder}: holds no {LOG_NAME}: give a session folder")
-    return path
 
 
 def travel_m(held: Held) -> float:

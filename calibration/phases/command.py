@@ -14,7 +14,6 @@ from calibration.phases.fit import SEARCHED, check_count, evaluate, fit_threshol
 from calibration.phases.sources import (
     Material,
     Progress,
-    check_folders,
     logged_trials,
     virtual_trials,
 )
@@ -75,7 +74,6 @@ def _check(options: PhaseOptions) -> None:
     if not options.sim and (options.trials is not None or options.held_out is not None):
         raise ConfigError("--trials and --held-out are for --sim: logs are given with --from")
     check_count(len(options.logs) if options.logs else _learn_from(options))
-    check_folders(options.logs)
 
 
 def _learn_from(options: PhaseOptions) -> int:

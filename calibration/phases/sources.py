@@ -13,6 +13,7 @@ from calibration.phases.labels import marked_labels, true_labels
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
 from tams_app.console.replay.marks import FILE_NAME, read_marks
+from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.robot.build import task_geometry
@@ -37,11 +38,11 @@ def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progre
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
     """
-    check_folders(folders)
+    folders = [session_log(folder).parent for folder in _each_once(folders)]
     trials, names, simulated = [], [], False
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
-        log, marked = _read(folder), (folder / FILE_NAME).is_file()
+        log, marked = read_log(folder / LOG_NAME), (folder / FILE_NAME).is_file()
         trials.append(_logged_trial(folder, log, smoothing_ms))
         names.append(folder.name + (_MARKED if marked else ""))
         simulated |= bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
@@ -78,13 +79,14 @@ def virtual_trials(
     return Material(trials[:known], trials[known:], source, True)
 
 
-def check_folders(folders: Sequence[Path]) -> None:
+def _each_once(folders: Sequence[Path]) -> Sequence[Path]:
     """ConfigError if one is given twice: it would be left out and learned from at once."""
     seen: set[Path] = set()
     for folder in folders:
         if folder.resolve() in seen:
             raise ConfigError(f"{folder}: is given twice: a trial left out must be unseen")
         seen.add(folder.resolve())
+    return folders
 
 
 def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
@@ -99,10 +101,3 @@ def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
             f"`run_tams.py replay {folder} --mark`"
         )
     return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry()))
-
-
-def _read(folder: Path) -> SessionLog:
-    path = folder / LOG_NAME
-    if not path.is_file():
-        raise ConfigError(f"{folder}: is no session folder: there is no {LOG_NAME} in it")
-    return read_log(path)

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
+from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, read_video
 from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
@@ -158,10 +159,7 @@ class RecordedSession:
 
 def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
     """The session in the folder `given`, or whose log that is; ConfigError or LogError if not."""
-    folder = given.parent if given.name == LOG_NAME else given
-    if not (folder / LOG_NAME).is_file():
-        raise ConfigError(f"--from {given}: is no session: give a folder that holds {LOG_NAME}")
-    folder = folder.resolve()
+    folder = session_log(given).parent.resolve()
     log = read_log(folder / LOG_NAME)
     if set(log.header.views) != set(views):
         raise ConfigError(

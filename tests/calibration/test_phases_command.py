@@ -283,12 +283,13 @@ def test_a_log_without_an_arm_is_refused_with_its_name(logs, config_path, tmp_pa
         ({"sim": True, "trials": 2}, "2 trials are too few"),
         ({"logs": (Path("a"),)}, "1 trial is too few"),
         ({"logs": (Path("a"), Path("b"), Path("a"))}, "a: is given twice"),
-        ({"logs": (Path("a"), Path("b"), Path("c"))}, "a: is no session folder"),
+        ({"logs": (Path("a"), Path("b"), Path("c"))}, "a: there is no such folder"),
     ],
 )
 def test_wrong_use_is_refused_before_anything_is_made(config_path, options, reason) -> None:
-    with pytest.raises(ConfigError, match=reason):
+    with pytest.raises(TamsError, match=reason) as error:
         calibrate(config_path, **options)
+    assert error.value.exit_code == 2
 
 
 def test_the_command_line_takes_logs_and_tells_by_its_exit_code(logs, written, capsys) -> None:

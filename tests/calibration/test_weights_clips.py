@@ -251,7 +251,7 @@ def test_two_sessions_of_one_name_are_not_taken_for_each_other(tmp_path):
 
 
 def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(tmp_path):
-    with pytest.raises(ConfigError, match="is no session"):
+    with pytest.raises(LogError, match="give a session folder"):
         open_session(tmp_path, VIEWS)
     folder = record_session(tmp_path / "s1", [], 0.1)
     with pytest.raises(ConfigError, match="shows the views eih, gt, gs"):
