@@ -53,12 +53,12 @@ class DamageGate:
         if self._is_undecoded:
             self._leave_out("JPEG pictures cannot be decoded")
         was_broken, self._broken, self._is_undecoded = self._broken, True, False
-        if buffer.has_flags(flags.CORRUPTED):
-            return self._leave_out("the driver or the network marks them as incomplete")
         if is_jpeg and jpeg.turbojpeg() is None:
             self.lacks = jpeg.LACKS
         if is_jpeg and (damage := jpeg.damage_of(gst.pixels_of(buffer).tobytes())):
             return self._leave_out(damage)
+        if buffer.has_flags(flags.CORRUPTED):  # jpegparse 1.26 marks damaged pictures, too
+            return self._leave_out("the driver or the network marks them as incomplete")
         if buffer.has_flags(flags.DELTA_UNIT) and (was_broken or buffer.has_flags(flags.DISCONT)):
             return self._leave_out(self.cause if was_broken else "frames before them are missing")
         self._broken, self._is_undecoded, self._is_predicted = False, is_jpeg, not is_jpeg
