@@ -318,7 +318,7 @@ class Application:
         until(lambda: said() or not self._reader.is_alive(), f"the words {beginning!r}")
         assert said(), f"{beginning!r} is not among {self.lines[after:]}"
 
-    def says_within(self, seconds: float, beginning: str, after: int) -> bool:
+    def says_within(self, seconds: float, beginning: str | tuple[str, ...], after: int = 0) -> bool:
         """Whether it says so within that time."""
         deadline_s = time.monotonic() + seconds
         while time.monotonic() < deadline_s:

@@ -26,7 +26,7 @@ class Screen:
         self.display = f":{number}"
         self.pid = pid
         self._dump = folder / "Xvfb_screen0"
-        self._shape = (height, width)
+        self.shape = (height, width)
 
     def photograph(self) -> Image:
         """What is on the screen now: BGR, shape (height, width, 3)."""
@@ -34,7 +34,7 @@ class Screen:
         (header_bytes,) = struct.unpack_from(">I", dump, 0)
         (colours,) = struct.unpack_from(">I", dump, 19 * 4)
         start = header_bytes + colours * 12
-        height, width = self._shape
+        height, width = self.shape
         pixels = np.frombuffer(dump, np.uint8, width * height * 4, start)
         return pixels.reshape(height, width, 4)[:, :, :3]
 
@@ -71,6 +71,18 @@ class Screen:
             yield
         finally:
             x11.XCloseDisplay(display)
+
+    @contextmanager
+    def full_but_for(self, free: int) -> Iterator[None]:
+        """Others have all connections that the server takes but so many, meanwhile."""
+        x11 = ctypes.CDLL("libX11.so.6")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        taken = list(iter(lambda: x11.XOpenDisplay(self.display.encode()), None))
+        for connection in taken[:free]:
+            x11.XCloseDisplay(ctypes.c_void_p(connection))
+        yield
+        for connection in taken[free:]:
+            x11.XCloseDisplay(ctypes.c_void_p(connection))
 
     def focus(self, title: str) -> None:
         """Give the window of this title the focus, as a window manager would."""
@@ -154,11 +166,12 @@ def compositor(screen: Screen, folder: Path, monkeypatch: pytest.MonkeyPatch) ->
     if shutil.which("weston") is None:
         pytest.skip("needs weston (see apt-packages.txt)")
     folder.chmod(0o700)
+    height, width = screen.shape
     with (folder / "weston.log").open("w") as log:
         program = subprocess.Popen(
             [
                 *("weston", "--backend=x11-backend.so", "--use-pixman", "--shell=kiosk-shell.so"),
-                *("--width=1280", "--height=720", "--socket=tams-test", "--no-config"),
+                *(f"--width={width}", f"--height={height}", "--socket=tams-test", "--no-config"),
                 "--idle-time=0",
             ],
             stdout=log,
