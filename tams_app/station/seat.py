@@ -59,12 +59,16 @@ def remote_seat(
     return next((f"the X server {display} is {kind}" for kind in found), "")
 
 
+def session_name() -> str:
+    """What logind calls the session of this process; "" if it is of none."""
+    found = re.search(r"/session-(\w+)\.scope", Path("/proc/self/cgroup").read_text())
+    return found[1] if found else os.environ.get("XDG_SESSION_ID", "")
+
+
 def logind_session() -> str:
     """What logind says to whether this process's session is remote: yes, no, or nothing."""
     try:
-        found = re.search(r"/session-(\w+)\.scope", Path("/proc/self/cgroup").read_text())
-        name = found[1] if found else os.environ.get("XDG_SESSION_ID", "")
-        if not name:
+        if not (name := session_name()):
             return ""  # of no session: logind would speak of itself
         command = ["loginctl", "show-session", name, "--property=Remote", "--value"]
         done = subprocess.run(

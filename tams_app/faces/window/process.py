@@ -12,6 +12,7 @@ from contextlib import closing
 
 from tams_app.errors import SetupError, TamsError
 from tams_app.faces.application import Application, Opened
+from tams_app.faces.window.sight import x_server
 from tams_app.faces.window.size_memory import first_size, keep_size, read_size, size_file
 from tams_app.faces.window.toolkit import load, screen_size
 from tams_app.faces.window.window import OperatorWindow
@@ -27,7 +28,7 @@ def main() -> None:
     side = HelperSide()
     use_nice(WINDOW_NICE, 0)
     try:
-        load()
+        x_server()
     except SetupError as error:
         side.fail(str(error))
         raise SystemExit(error.exit_code) from error

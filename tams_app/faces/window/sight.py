@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import os
+from contextlib import suppress
+from functools import cache
 from typing import Any
 
+from tams_app.errors import SetupError
 from tams_app.faces.window.toolkit import load
 from tams_app.runtime.clock import Clock
+from tams_app.station.seat import session_name
 from tams_app.units import NS_PER_MS
 
 PAINTED_NS = 150 * NS_PER_MS  # the window asks for a paint 50 times a second
@@ -31,7 +35,6 @@ class Sight:
         self._window, self._clock = window, clock
         states = Gdk.ToplevelState
         self._hidden = states.MINIMIZED | getattr(states, "SUSPENDED", states.MINIMIZED)  # GTK 4.12
-        self._on_x11 = _x11_window(window.get_surface())
         self._session = _graphical_session()
         self._painted_ns = 0
         self._painted: dict[str, int] = {}  # by view, when the frame was decoded
@@ -48,7 +51,7 @@ class Sight:
 
     def look(self) -> bool:
         """Whether the operator sees the window now; if so `seen_ns` has the frames."""
-        is_viewable = self._on_x11 is None or self._on_x11.is_viewable()  # may take long
+        is_viewable = _is_viewable(self._window.get_surface())  # may take long
         hidden = self._window.get_surface().get_state() & self._hidden
         stood_still, self._stood_still = self._stood_still, False
         if (
@@ -73,33 +76,32 @@ class Sight:
         )
 
 
-class _X11Window:
-    """A window of an X server, by a connection of its own."""
-
-    def __init__(self, name: str, window: int) -> None:
-        self._x11 = ctypes.CDLL("libX11.so.6")
-        self._x11.XOpenDisplay.restype = ctypes.c_void_p
-        self._display = ctypes.c_void_p(self._x11.XOpenDisplay(name.encode()))
-        self._window = ctypes.c_ulong(window)
-        self._attributes = (ctypes.c_int * 64)()  # XWindowAttributes, with room to spare
-
-    def is_viewable(self) -> bool:
-        """Ask the server, and wait for its answer."""
-        found = ctypes.byref(self._attributes)
-        if not self._x11.XGetWindowAttributes(self._display, self._window, found):
-            return False
-        return bool(self._attributes[_MAP_STATE] == _VIEWABLE)
-
-
-def _x11_window(surface: Any) -> _X11Window | None:
-    """None on Wayland."""
-    if type(surface.get_display()).__name__ != "X11Display":
+@cache
+def x_server() -> tuple[ctypes.CDLL, ctypes.c_void_p] | None:
+    """A connection of its own to the X server; None on Wayland. SetupError if it takes none."""
+    display = load().Gdk.Display.get_default()
+    if type(display).__name__ != "X11Display":
         return None
-    return _X11Window(surface.get_display().get_name(), surface.get_xid())
+    x11 = ctypes.CDLL("libX11.so.6")
+    x11.XOpenDisplay.restype = ctypes.c_void_p
+    if not (connection := ctypes.c_void_p(x11.XOpenDisplay(display.get_name().encode()))):
+        raise SetupError(f"the X server {display.get_name()} takes no second connection")
+    return x11, connection
+
+
+def _is_viewable(surface: Any) -> bool:
+    """Ask the X server, and wait for its answer; True on Wayland."""
+    if (server := x_server()) is None:
+        return True
+    x11, connection = server
+    found = (ctypes.c_int * 64)()  # XWindowAttributes, with room to spare
+    window = ctypes.c_ulong(surface.get_xid())
+    answered = x11.XGetWindowAttributes(connection, window, ctypes.byref(found))
+    return bool(answered and found[_MAP_STATE] == _VIEWABLE)
 
 
 def _graphical_session() -> Any:
-    """The graphical session of this user as logind knows it, kept up to date; None without one."""
+    """This process's graphical session, else its user's, as logind knows it; None without one."""
     modules = load()
     Gio, GLib = modules.Gio, modules.GLib
 
@@ -111,9 +113,11 @@ def _graphical_session() -> Any:
     try:
         manager = of("/org/freedesktop/login1", "Manager")
         manager.set_default_timeout(_ANSWER_MS)
+        with suppress(GLib.Error, OSError):  # of none, as terminals that the user's systemd starts
+            own = of(manager.GetSession("(s)", session_name() or "self"), "Session")
+            if (kind := own.get_cached_property("Type")) and kind.unpack() in ("x11", "wayland"):
+                return own
         user = of(manager.GetUser("(u)", os.getuid()), "User").get_cached_property("Display")
-        if user is None or not user.unpack()[0]:
-            return None
-        return of(user.unpack()[1], "Session")
+        return of(user.unpack()[1], "Session") if user and user.unpack()[0] else None
     except GLib.Error:
         return None

@@ -1,4 +1,4 @@
-"""A bus of the system with a logind that knows one graphical session, which can be locked."""
+"""A bus of the system with a logind that knows two sessions of the user, which can be locked."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ import pytest
 
 NAME = "org.freedesktop.login1"
 _PATH = "/org/freedesktop/login1"
-_SESSION, _USER = f"{_PATH}/session/_31", f"{_PATH}/user/_0"
+_CONSOLE, _OWN = f"{_PATH}/session/_31", f"{_PATH}/session/_32"
+_USER = f"{_PATH}/user/_0"
 _INTERFACES = f"""<node>
 <interface name="{NAME}.Manager">
   <method name="GetUser"><arg type="u" direction="in"/><arg type="o" direction="out"/></method>
@@ -25,7 +26,7 @@ _INTERFACES = f"""<node>
 <interface name="{NAME}.Session">
   <property name="LockedHint" type="b" access="read"/>
   <property name="Active" type="b" access="read"/>
-  <property name="Remote" type="b" access="read"/>
+  <property name="Type" type="s" access="read"/>
 </interface>
 </node>"""
 _BUS = """<busconfig><listen>unix:path={}</listen><policy context="default">
@@ -35,9 +36,12 @@ _BUS = """<busconfig><listen>unix:path={}</listen><policy context="default">
 
 @contextmanager
 def logind(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, remote: bool = False
+    folder: Path, monkeypatch: pytest.MonkeyPatch, own: str = "tty"
 ) -> Iterator[Callable[[str, bool], None]]:
-    """As long as the context lasts; sets a property of the session, and says so on the bus."""
+    """As long as the context lasts; sets a property of the user's session at the console.
+
+    `own`: the type of the session that this process is of, "" for none; it is not locked.
+    """
     if shutil.which("dbus-daemon") is None:
         pytest.skip("needs dbus-daemon")
     from gi.repository import Gio, GLib
@@ -49,7 +53,7 @@ def logind(
     assert daemon.stdout is not None
     address = daemon.stdout.readline().strip()
     monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", address)
-    properties = {"LockedHint": False, "Active": True, "Remote": remote}
+    properties = {"LockedHint": False, "Active": True}
     context = GLib.MainContext()
     loop = GLib.MainLoop(context)
     flags = Gio.DBusConnectionFlags
@@ -57,12 +61,17 @@ def logind(
     ready = threading.Event()
 
     def answer(_c: Any, _sender: str, _p: str, _i: str, method: str, _v: Any, call: Any) -> None:
-        call.return_value(GLib.Variant("(o)", (_USER if method == "GetUser" else _SESSION,)))
+        if method == "GetSession" and not own:
+            call.return_dbus_error(f"{NAME}.NoSessionForPID", "of no session")
+        else:
+            call.return_value(GLib.Variant("(o)", (_USER if method == "GetUser" else _OWN,)))
 
-    def value(_c: Any, _sender: str, _p: str, _i: str, name: str) -> Any:
+    def value(_c: Any, _sender: str, path: str, _i: str, name: str) -> Any:
         if name == "Display":
-            return GLib.Variant("(so)", ("1", _SESSION))
-        return GLib.Variant("b", properties[name])
+            return GLib.Variant("(so)", ("1", _CONSOLE))
+        if name == "Type":
+            return GLib.Variant("s", "x11" if path == _CONSOLE else own)
+        return GLib.Variant("b", properties[name] if path == _CONSOLE else name == "Active")
 
     def serve() -> None:
         nonlocal connection
@@ -71,7 +80,9 @@ def logind(
             address, flags.AUTHENTICATION_CLIENT | flags.MESSAGE_BUS_CONNECTION, None, None
         )
         found = Gio.DBusNodeInfo.new_for_xml(_INTERFACES).interfaces
-        for place, interface in zip((_PATH, _USER, _SESSION), found, strict=True):
+        for place, interface in zip(
+            (_PATH, _USER, _CONSOLE, _OWN), (*found, found[-1]), strict=True
+        ):
             connection.register_object(place, interface, answer, value, None)
         connection.call_sync(
             *("org.freedesktop.DBus", "/org/freedesktop/DBus", "org.freedesktop.DBus"),
@@ -85,7 +96,7 @@ def logind(
         properties[name] = now
         changed = (f"{NAME}.Session", {name: GLib.Variant("b", now)}, [])
         signal = ("org.freedesktop.DBus.Properties", "PropertiesChanged")
-        connection.emit_signal(None, _SESSION, *signal, GLib.Variant("(sa{sv}as)", changed))
+        connection.emit_signal(None, _CONSOLE, *signal, GLib.Variant("(sa{sv}as)", changed))
 
     thread = threading.Thread(target=serve)
     thread.start()

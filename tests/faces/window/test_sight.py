@@ -11,9 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tams_app.errors import SetupError
+from tams_app.faces.client import WINDOW, FaceClient
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tests.faces.window.conftest import ShownWindow, shown_window
 from tests.faces.window.facts import OPENING
@@ -70,6 +73,7 @@ def is_seen_again(window: ShownWindow) -> None:
     hold(window)
 
 
+@pytest.mark.matrix
 def test_what_a_compositor_shows_that_stands_still_is_not_seen(
     screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -97,6 +101,7 @@ def test_a_window_without_new_video_is_seen_all_the_same(screen: Screen, tmp_pat
         assert keys_of(window).drawings == 0
 
 
+@pytest.mark.matrix
 def test_what_an_x_server_shows_that_stands_still_is_not_seen(
     screen: Screen, tmp_path: Path
 ) -> None:
@@ -133,6 +138,7 @@ def test_what_was_pressed_while_the_window_stood_still_only_stops_the_arm(
             assert "Return" not in keys_of(window).presses
 
 
+@pytest.mark.matrix
 def test_a_window_that_is_not_mapped_is_not_seen(screen: Screen, tmp_path: Path) -> None:
     with shown_window(tmp_path, screen) as window:
         hold(window)
@@ -144,12 +150,14 @@ def test_a_window_that_is_not_mapped_is_not_seen(screen: Screen, tmp_path: Path)
         is_seen_again(window)
 
 
+@pytest.mark.matrix
 @pytest.mark.parametrize(("name", "hidden"), [("LockedHint", True), ("Active", False)])
 def test_what_a_lock_or_another_session_hides_is_not_seen(
     screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, hidden: bool
 ) -> None:
+    own = "tty" if hidden else ""
     with (
-        logind(tmp_path, monkeypatch) as change,
+        logind(tmp_path, monkeypatch, own) as change,
         shown_window(tmp_path, screen) as window,
     ):
         hold(window)
@@ -157,3 +165,28 @@ def test_what_a_lock_or_another_session_hides_is_not_seen(
         lets_go_unseen(window)
         change(name, not hidden)
         is_seen_again(window)
+
+
+def test_a_locked_console_hides_no_window_of_another_graphical_session(
+    screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (
+        logind(tmp_path, monkeypatch, "x11") as change,
+        shown_window(tmp_path, screen) as window,
+    ):
+        hold(window)
+        change("LockedHint", True)
+        before = len(window.events)
+        assert wait_for(lambda: len(window.events) > before + 50)
+        assert all(event.focused for event in window.events[before:] if isinstance(event, Keys))
+
+
+def test_a_window_that_cannot_ask_the_x_server_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with (
+        virtual_screen(tmp_path, monkeypatch, 640, 400, "-maxclients", "64") as screen,
+        screen.full_but_for(1),
+        pytest.raises(SetupError, match="takes no second connection"),
+    ):
+        FaceClient(MonotonicClock(), WINDOW).launch(tmp_path)
