@@ -57,7 +57,7 @@ def test_the_signal_stops_the_arm_while_the_main_thread_holds_what_a_stop_needs(
     bench = wired_bench
     bench.engage_and_move()
     ended: list[str] = []
-    with handled_signals(ended.append, bench.signals.estop, pytest.fail):
+    with handled_signals(ended.append, bench.signals.estop, lambda *why: pytest.fail(str(why))):
         with bench.gate._lock:
             os.kill(os.getpid(), signal.SIGUSR1)
             threading.Event().wait(0.05)

@@ -108,9 +108,10 @@ def test_a_session_ends_as_failed_also_where_the_stop_of_its_arm_raises(tmp_path
     def refuse() -> None:
         raise OSError("no answer")
 
+    compose: Any = None  # it is never started
     config, signals = load_config(None, {"control.realtime_priority": 0}), Signals()
     signals.stop_with(refuse)
-    session = Session(config, VirtualClock(), tmp_path, signals, pytest.fail)
+    session = Session(config, VirtualClock(), tmp_path, signals, compose)
     with pytest.raises(OSError, match="no answer"):
         session.fail("a part failed")
     assert (session.failure, session.ended.is_set()) == ("a part failed", True)
