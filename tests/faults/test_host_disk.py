@@ -66,16 +66,15 @@ def test_what_a_disk_that_stands_still_costs_is_warned_of_counted_and_fails_epis
         does_nothing: Any = lambda *_: ""  # noqa: E731
         return SimpleNamespace(poll=does_nothing, stop_arm=does_nothing, finish=does_nothing)
 
-    changes = {"recording.min_free_mb": 1, "control.realtime_priority": 0}
-    config = load_config(None, {"recording.episodes": True, **changes})
-    clock, path, warned = MonotonicClock(), disk / LOG_NAME, list[str]()
+    recording = {"recording.episodes": True, "recording.min_free_mb": 1}
+    config = load_config(None, {**recording, "control.realtime_priority": 0})
+    clock, path = MonotonicClock(), disk / LOG_NAME
     session = Session(config, clock, disk, Signals(), compose)
     session.start()
 
     def warns(beginning: str) -> bool:
         session.poll()
-        warned.extend(session.sentences.take())
-        return any(one.startswith(beginning) for one in warned)
+        return any(one.startswith(beginning) for one in session.sentences.take())
 
     run("fsfreeze", "-f", disk)
     session.log.record(Note(clock.now_ns(), "info", "0"))

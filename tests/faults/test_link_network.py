@@ -37,7 +37,6 @@ LINK = load_config().link
 REST_MS, SLACK_MS = 100.0, 100.0
 CUT_S, WHILE_S = 1.6, 2.0  # samples without a new echo count for a second
 HOSTILE_HZ = 2000
-BURST_S = 0.15  # for so long everything waits, as while the Wi-Fi of a headset saves power
 GAPS_ADVICE = f"a minute exceed link.lost_after_ms ({LINK.lost_after_ms:g} ms), and each holds"
 # Of the frames: if a late datagram were a lost one, a fifth of them would damage nearly all frames.
 # A frame that the machine has encoded too late for the jitter buffer to wait is damaged by one.
@@ -129,7 +128,7 @@ def test_a_session_that_gaps_hold_more_than_three_times_a_minute_says_once_what_
         two.side.engages()
         before = len(two.side.notes)
         two.link.passage("hold", "hold")
-        time.sleep(BURST_S)
+        time.sleep(0.15)  # as while the Wi-Fi of a headset saves power
         two.link.passage("open", "open")
         two.side.becomes(ArmingState.HOLDING)
         assert any(note.startswith("holding, link gap") for note in two.side.notes[before:])

@@ -278,14 +278,14 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
 @pytest.mark.parametrize("connected", [False, True])
 def test_the_robots_terminal_alone_says_once_who_called_in_vain(connected: bool):
     sides = Sides()
-    there, robot = sides.there, sides.robot
-    sides.robot_log.show = robot.note  # as the session forwards what it shows
+    there = sides.there
+    sides.robot_log.show = sides.robot.note  # as the session forwards what it shows
     refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
     there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=connected)
     sides.run(0.5)
     assert sides.robot_log.notes.count(refusal) == 1
     there.event = msgspec.structs.replace(there.event, connected=True)
-    robot.note("for the operator")
+    sides.robot.note("for the operator")
     sides.run(0.5)
     assert "for the operator" in sides.operator_log.notes
     assert refusal not in sides.operator_log.notes
