@@ -54,7 +54,8 @@ def disk() -> Iterator[Path]:
             run("fsfreeze", "-u", folder)
         except (OSError, subprocess.CalledProcessError) as error:
             pytest.skip(f"no file system can be mounted and frozen here: {error}")
-        stack.callback(subprocess.run, ["fsfreeze", "-u", folder], capture_output=True)
+        thaw = "fsfreeze", "-u", folder
+        stack.callback(lambda: subprocess.run(thaw, check=False, capture_output=True))
         yield folder
 
 
