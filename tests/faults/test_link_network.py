@@ -133,9 +133,9 @@ def test_a_session_that_gaps_hold_more_than_three_times_a_minute_says_once_what_
         two.side.becomes(ArmingState.HOLDING)
         assert any(note.startswith("holding, link gap") for note in two.side.notes[before:])
     two.side.arms()
-    (said,) = [note for note in two.side.notes if GAPS_ADVICE in note]
-    assert "set link.lost_after_ms to " in said
-    assert [note.text for note in two.log().notes if GAPS_ADVICE in note.text] == [said]
+    assert sum(GAPS_ADVICE in note for note in two.side.notes) == 1  # cut where it gets too long
+    (advice,) = [note.text for note in two.log().notes if GAPS_ADVICE in note.text]
+    assert "set link.lost_after_ms to " in advice
 
 
 def test_an_operator_who_no_longer_hears_the_robot_moves_nothing_beyond_the_bound(two: Two):
