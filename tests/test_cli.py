@@ -17,6 +17,7 @@ import typer
 from tams_app import __version__
 from tams_app.cli import _main, app, main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, Config, load_config
+from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.further import further
@@ -334,7 +335,7 @@ UNKNOWN = "controller.device: 'pedal' is not one of auto, openvr, keyboard, sim"
         ),
         ("run", "controller: {device: pedal}", UNKNOWN),
         ("operate", "controller: {device: pedal}", UNKNOWN),
-        ("run", "controller: {device: gamepad}", "controller.device: TAMS does not read gamepads"),
+        ("run", "controller: {device: gamepad}", f"controller.device: {REMOVED['gamepad']}"),
         (
             "robot",
             "policy: {budget: {mode: guess}}",

@@ -22,7 +22,7 @@ from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
 from tams_app.config import Config, LensConfig
-from tams_app.config.removed import REMOVED
+from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation

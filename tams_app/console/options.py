@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_args
 import typer
 
 from tams_app.config import Config, OperatorKind, load_config
-from tams_app.config.removed import REMOVED
+from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS

@@ -14,7 +14,7 @@ from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
 from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
-from tams_app.config.removed import REMOVED
+from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, not_one_of
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
