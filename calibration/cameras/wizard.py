@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from calibration.cameras import board_steps, latency_step
-from calibration.cameras.bench import Bench, agreed
+from calibration.cameras.bench import Bench, Task, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.board_steps import LENS, MOUNT
@@ -98,6 +98,7 @@ class CameraWizard(Wizard[CameraOptions]):
     def _measure(self, bench: Bench) -> None:
         steps, ui = self._steps, self.ui
         if self.options.figure is not None:
+            bench.prompt(Task.REST, "")
             for each in self._found:
                 for shot in bench.shots([each.camera], _LOOK_S):
                     each.image = shot.frame.image
