@@ -294,8 +294,7 @@ def test_a_removed_key_is_left_out_of_stored_configurations_and_told_where_it_as
     assert load_config(None, {key: stored}) == load_config()
     with pytest.raises(ConfigError, match=f"command line: {key}: .*{sentence}"):
         load_config(None, {key: asking})
-    logged = load_config().model_dump(mode="json")
-    section = logged
+    section = logged = load_config().model_dump(mode="json")
     *parents, name = key.split(".")
     for parent in parents:
         section = section[parent]
