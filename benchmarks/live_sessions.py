@@ -115,8 +115,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--network", default="s2")
     parser.add_argument("--seeds", type=int, default=10, help="sessions of each rate (default 10)")
-    parser.add_argument("--fps", type=int, nargs="*", default=[], help="fixed rates, one by one")
-    parser.add_argument("--operator", choices=("auto", "seeing", "scripted"), default="auto")
+    parser.add_argument("--fps", type=int, nargs="*", default=[], help="rates, one by one")
+    parser.add_argument("--operator", choices=("seeing", "scripted"), default="seeing")
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     console, rows = Console(width=110), []

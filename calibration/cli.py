@@ -71,7 +71,7 @@ def frame(options: FrameOptions) -> int:
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
-    """Fit the phases' thresholds (Algorithm 1) to trials marked in `replay --mark`."""
+    """Fit the thresholds of Algorithm 1 to trials that `replay --mark` marked."""
     from calibration.phases.command import calibrate_phases
     from calibration.ui import WizardUI
 

@@ -188,10 +188,6 @@ def doctor(
     devices: Annotated[
         bool, typer.Option("--devices", help="List the arms, controllers and cameras found.")
     ] = False,
-    speed: Annotated[
-        bool,
-        typer.Option("--speed", help="Measure which frame rate this machine holds, on the rig."),
-    ] = False,
     link: Annotated[
         str | None,
         typer.Option(metavar="HOST:PORT", help="Measure the network to a `robot` that runs there."),
@@ -200,7 +196,7 @@ def doctor(
     as_json: options.JsonOption = False,
 ) -> None:
     """Check this machine, and say how to fix what is missing."""
-    asked = {"--devices": devices, "--speed": speed, "--link": link is not None}
+    asked = {"--devices": devices, "--link": link is not None}
     chosen = [option for option, given in asked.items() if given]
     if len(chosen) > 1:
         raise ConfigError(f"{' and '.join(chosen)}: one at a time")
@@ -213,12 +209,7 @@ def doctor(
         from tams_app.console.two_sided import endpoint_of
 
         raise typer.Exit(run_link_check(endpoint_of("--link", link, key), as_json))
-    rig = {"rig.enabled": True, "controller.device": "sim"}
-    settings = load_config(config, rig if speed else {})
-    if speed:
-        from tams_app.console.speed import run_speed
-
-        raise typer.Exit(run_speed(settings, as_json, config_path=config))
+    settings = load_config(config)
     if devices:
         from tams_app.console.devices import show_devices
 

@@ -142,7 +142,7 @@ def test_the_version_is_told(capsys):
         (["study", "rnu"], "Did you mean 'run'? (see run_tams.py study --help)"),
         (["run", "--strategy", "tms"], "'tms' is not one of equal, static, tams, tams+; did you"),
         (["run", "--network", "S3"], "did you mean s3?"),
-        (["run", "--operator", "seing"], "auto, seeing, scripted; did you mean seeing?"),
+        (["run", "--operator", "seing"], "seeing, scripted; did you mean seeing?"),
         (["run", "--hand", "keybord"], "did you mean keyboard?"),
         (["network", "s2", "--interface", "eth0", "--action", "aply"], "did you mean apply?"),
         (["allocate", "--phase", "Aling", "--budget-kbps", 1], "did you mean Align?"),
@@ -187,16 +187,14 @@ def test_wrong_use_is_one_sentence_and_exit_code_two(capsys, tmp_path, arguments
     assert len(err.splitlines()) == 1
 
 
-def test_a_rate_that_is_asked_for_is_held_and_without_one_the_cameras_may_be_stepped_down(
-    capsys, monkeypatch
-):
+def test_cameras_are_asked_for_the_rate_that_is_given(capsys, monkeypatch):
     settings = []
     monkeypatch.setattr(
         "tams_app.console.app.run_session", lambda config, **_: settings.append(config) or 0
     )
     assert run(capsys, "run", "--fps", 12)[0] == 0
     assert run(capsys, "run")[0] == 0
-    assert [(one.video.fps, one.rig.fixed_fps) for one in settings] == [(12, True), (30, False)]
+    assert [one.video.fps for one in settings] == [12, 30]
 
 
 def test_a_session_has_episodes_only_if_they_are_asked_for(capsys, monkeypatch):
@@ -272,18 +270,25 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
 
 
 @pytest.mark.parametrize(
-    "arguments", [["run", "--metrics"], ["operate", "--metrics=h:1"], ["--metrics", "h:1"]]
+    ("arguments", "sentence"),
+    [
+        (["run", "--metrics"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
+        (["operate", "--metrics=h:1"], "--metrics: there are no figures for Prometheus any more"),
+        (["--metrics", "h:1"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
+        (["doctor", "--speed"], "--speed: a session says at its end where frames were missing"),
+    ],
 )
-def test_who_asks_for_prometheus_reads_what_takes_its_place(capsys, arguments):
+def test_an_option_that_was_removed_names_what_takes_its_place(capsys, arguments, sentence):
     code, out, err = run(capsys, *arguments)
     assert (code, out) == (2, "")
-    assert err.startswith("tams: --metrics: there are no figures for Prometheus any more: Foxglove")
+    assert err.startswith(f"tams: {sentence}")
 
 
 @pytest.mark.parametrize(
     ("key", "stored", "asking", "sentence"),
     [
         ("recording.metrics", "", "127.0.0.1:9464", "no figures .*summary.json"),
+        ("arm.servo", "velocity", "position", "the arm follows velocities"),
         ("controller.desk.wireless", None, False, "use the keyboard, or install a driver"),
         ("controller.desk.dead_zone", 0.12, 0.2, "use the keyboard, or install a driver"),
     ],
@@ -361,30 +366,10 @@ def test_a_word_that_stands_for_nothing_is_one_sentence_before_a_session_leaves_
     assert not (tmp_path / "logs").exists()
 
 
-def test_the_speed_is_measured_on_the_rig_whatever_the_configuration(capsys, monkeypatch):
-    settings = []
-    monkeypatch.setattr(
-        "tams_app.console.speed.run_speed", lambda one, *_, **__: settings.append(one) or 1
-    )
-    assert run(capsys, "doctor", "--speed", "--config", HARDWARE)[0] == 1
-    assert settings[0].rig.enabled
-
-
 def with_keyboard(folder):
     path = folder / "yours.yaml"
     path.write_text(f"include: [{HARDWARE}]\ncontroller: {{device: keyboard}}\n")
     return path
-
-
-def test_whatever_the_hand_the_simulated_operator_moves_the_arm_whose_speed_is_measured(
-    capsys, monkeypatch, tmp_path
-):
-    settings = []
-    monkeypatch.setattr(
-        "tams_app.console.speed.run_speed", lambda one, *_, **__: settings.append(one) or 1
-    )
-    assert run(capsys, "doctor", "--speed", "--config", with_keyboard(tmp_path))[0] == 1
-    assert settings[0].operator_is_simulated
 
 
 def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, monkeypatch, tmp_path):
@@ -427,8 +412,7 @@ def test_operate_with_sim_has_the_simulated_operator_unless_a_hand_is_named(
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (("--speed", "--devices"), "--devices and --speed: one at a time"),
-        (("--link", "127.0.0.1:7499", "--speed"), "--speed and --link: one at a time"),
+        (("--link", "127.0.0.1:7499", "--devices"), "--devices and --link: one at a time"),
         (("--link", "127.0.0.1:7499", "--config", "any.yaml"), "--config: --link needs none"),
         (("--key", "lab.key"), "--key: is for --link"),
     ],

@@ -595,7 +595,7 @@ def test_a_log_of_a_newer_version_names_that_version(tmp_path: Path) -> None:
 def test_what_was_called_rates_up_to_schema_3_reads_as_the_rates_of_the_cameras(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = CameraRates(START_NS, 20.0, "the machine is slow", {"eih": 19.5}, {"eih": 0.0})
+    told = CameraRates(START_NS, {"eih": 19.5}, {"eih": 0.0})
     record_all(tmp_path / "new.mcap", [told])
     monkeypatch.setattr(TOPICS[CameraRates], "name", "/rates")
     record_all(tmp_path / "old.mcap", [told], schema=3)

@@ -117,7 +117,7 @@ KEYS: dict[str, Any] = {
         "padding_fraction": 0.0,
     },
     "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
-    "rates": {"steps": [], "shortfall": None},
+    "rates": {"shortfall": None},
     "primary_view": {
         **SSIM,
         "time_weighted": SSIM,

@@ -64,7 +64,6 @@ class Setting:
             "network": self.network,
             "strategy": self.strategy,
             "video.fps": self.fps,
-            "rig.fixed_fps": True,
             "headless": True,
         }
 

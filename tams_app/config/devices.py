@@ -67,14 +67,6 @@ class ControllerConfig(Section):
     mapping: dict[ControllerType, MappingConfig] = Field(default_factory=dict)
     """Departures from the default mapping, by the type that `doctor --devices` shows."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _without_removed(cls, keys: object) -> object:
-        """`input` was a choice up to version 2: stored configurations have it still."""
-        if isinstance(keys, dict) and keys.get("input") in ("auto", "actions"):
-            return {key: value for key, value in keys.items() if key != "input"}
-        return keys
-
 
 # What only a real camera has
 _V4L2_ONLY = (

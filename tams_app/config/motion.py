@@ -96,14 +96,6 @@ class ArmConfig(Section):
     """Gain of the position loop around the velocity servo."""
     guard: GuardConfig = GuardConfig()
 
-    @model_validator(mode="before")
-    @classmethod
-    def _without_removed(cls, keys: object) -> object:
-        """`servo` was a choice up to version 2: stored configurations have it still."""
-        if isinstance(keys, dict) and keys.get("servo") == "velocity":
-            return {key: value for key, value in keys.items() if key != "servo"}
-        return keys
-
     @field_validator("host")
     @classmethod
     def _somewhere(cls, host: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
@@ -99,14 +98,6 @@ class PolicyConfig(Section):
     weights: WeightsConfig
     allocation: AllocationConfig = AllocationConfig()
     budget: BudgetConfig = BudgetConfig()
-
-    @model_validator(mode="before")
-    @classmethod
-    def _without_removed(cls, keys: object) -> object:
-        """Older configurations may have a section that switched parts of `tams+`."""
-        if isinstance(keys, Mapping):
-            return {key: value for key, value in keys.items() if key != "tams_plus"}
-        return keys
 
 
 class QualityConfig(Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from tams_app.config.devices import (
     CameraConfig,
@@ -29,15 +29,20 @@ from tams_app.config.streaming import Network, PolicyConfig, RepairMode, VideoCo
 from tams_app.errors import not_one_of
 from tams_app.records import Phase
 
-OperatorKind = Literal["auto", "seeing", "scripted"]
+OperatorKind = Literal["seeing", "scripted"]
+
+
+def _before_there_was_one_default(word: object) -> object:
+    """`auto` was the default: seeing, where the computer was fast enough."""
+    return "seeing" if word == "auto" else word
 
 
 class OperatorConfig(Section):
     """The simulated rig's operator."""
 
-    kind: OperatorKind = "auto"
+    kind: Annotated[OperatorKind, BeforeValidator(_before_there_was_one_default)] = "seeing"
     """Who works in a live session: `seeing`, from the images alone; `scripted`, who knows where
-    things are; `auto`: seeing where this computer is fast enough. Studies: always seeing."""
+    things are. Studies: always seeing."""
     looks_at: Literal["shown", "received"] = "shown"
     """What the seeing operator looks at where a view is predicted: what is `shown` of a frame, or
     the frame as it was `received`."""
@@ -64,8 +69,6 @@ class RigConfig(Section):
     """Nice level of the renderer where no better scheduling is permitted."""
     camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5
     """Standard deviation of the cameras' noise in grey levels of 255."""
-    fixed_fps: bool = False
-    """Whether the cameras keep video.fps where the machine cannot; else they are stepped down."""
     operator: OperatorConfig = OperatorConfig()
     hand_rotation: tuple[Triple, Triple, Triple] | None = None
     """How the tracking frame truly stands to the arm; null: as hand.rotation says."""
@@ -195,10 +198,16 @@ _CAMERAS = (
     "`calibrate cameras` measures which camera is which, latency, lens and mount only: focus in a "
     "session's window, set cameras.VIEW.exposure_us, and see frame rates in summary.json"
 )
+_FPS = "cameras give what the machine can, of video.fps (--fps) at most; leave it out"
 _MARKS = "mark each LOG with `replay LOG --mark`, and give the marked ones with --from"
 REMOVED = {
     "--metrics": _METRICS,
     "recording.metrics": _METRICS,
+    "doctor --speed": f"a session says at its end where frames were missing: {_FPS}",
+    "rig.fixed_fps": _FPS,
+    "arm.servo": "the arm follows velocities; leave it out",
+    "controller.input": "SteamVR's actions are read where it has them; leave it out",
+    "policy.tams_plus": "`tams+` has no parts to switch any more; leave it out",
     "gamepad": _PADS,
     "spacemouse": _PADS,
     "controller.desk.dead_zone": _PADS,
@@ -216,11 +225,15 @@ REMOVED = {
     "calibrate phases --picture": "its figures are in the file that it writes; leave it out",
 }
 """By key, option (of one command, or of several) or word for a key or an option."""
-_DEFAULTS = {  # other than null: the configurations that sessions have stored hold them
-    "recording.metrics": "",
-    "controller.desk.dead_zone": 0.12,
-    "controller.desk.name": "",
-    "controller.desk.unchanged_ms": 500.0,
+_ASK_NOTHING: dict[str, tuple[object, ...] | None] = {  # as stored configurations have them; any
+    "policy.tams_plus": None,
+    "recording.metrics": ("",),
+    "rig.fixed_fps": (False, True),
+    "arm.servo": ("velocity",),
+    "controller.input": ("auto", "actions"),
+    "controller.desk.dead_zone": (0.12,),
+    "controller.desk.name": ("",),
+    "controller.desk.unchanged_ms": (500.0,),
 }
 
 
@@ -229,7 +242,8 @@ def removed_keys(content: dict[str, Any]) -> dict[str, str]:
     return {
         key: instead
         for key, instead in REMOVED.items()
-        if _at(content, key) not in (None, _DEFAULTS.get(key))
+        if (former := _ASK_NOTHING.get(key, ())) is not None
+        and _at(content, key) not in (None, *former)
     }
 
 

@@ -63,14 +63,14 @@ NetworkOption = Annotated[
 OperatorOption = Annotated[
     str | None,
     typer.Option(
-        help="Simulated operator: auto, seeing or scripted.",
+        help="Simulated operator: seeing or scripted.",
         autocompletion=lambda: list(get_args(OperatorKind)),
     ),
 ]
 SecondsOption = Annotated[float | None, typer.Option(help="End after this many seconds.")]
 SeedOption = Annotated[int | None, typer.Option(help="Seed of scene, noise and packet loss.")]
 FpsOption = Annotated[
-    int | None, typer.Option(help="Frame rate of each view, held even if the machine falls behind.")
+    int | None, typer.Option(help="Frames a second that each camera is asked for; 30 by default.")
 ]
 HandOption = Annotated[
     str | None,
@@ -157,7 +157,6 @@ def overrides_of(given: Mapping[str, Any]) -> dict[str, Any]:
     out = given.get("out")
     return overrides | {
         "recording.directory": str(out) if out else None,
-        "rig.fixed_fps": None if given.get("fps") is None else True,
         "recording.episodes": None if given.get("episodes") is None else True,
     }
 
@@ -167,10 +166,11 @@ def with_values(arguments: list[str]) -> list[str]:
 
     ConfigError for an option that there was.
     """
-    command = " ".join(arguments[:2])
+    words = [argument for argument in arguments[:2] if not argument.startswith("-")]
     for name in (argument.partition("=")[0] for argument in arguments if argument.startswith("--")):
-        if instead := REMOVED.get(name) or REMOVED.get(f"{command} {name}"):
-            raise ConfigError(f"{name}: {instead}")
+        for before in (words, words[:1], []):
+            if instead := REMOVED.get(" ".join([*before, name])):
+                raise ConfigError(f"{name}: {instead}")
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)

@@ -56,15 +56,9 @@ class EncodedFrame(Record):
 
 @dataclass(frozen=True, slots=True)
 class CameraRates(Record):
-    """How many frames a second the cameras gave lately, and what is asked of them from now on."""
+    """How many frames a second the cameras gave lately."""
 
     t_ns: TimeNs
-    asked_fps: Annotated[
-        float,
-        "what each camera is asked for from now on [1/s]; less than the header's `fps` while the "
-        "rig's cameras are stepped down",
-    ]
-    reason: Annotated[str, "why the cameras are asked for another rate; empty: they are not"]
     given_fps: Annotated[
         dict[str, float], "by view, frames that came in the last second [1/s]; first record: empty"
     ]

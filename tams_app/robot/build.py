@@ -24,9 +24,7 @@ from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import ControlLoop, ShownVideo, Signals
 from tams_app.robot.devices import Devices, Note
 from tams_app.robot.listener import Listener
-from tams_app.robot.rate_ladder import RateLadder
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.machine_speed import this_machine
 from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.limits import linear_profile
@@ -137,13 +135,6 @@ def codecs(config: Config, note: Note) -> Codecs:
     for remark in chosen.remarks:
         note("warning", remark)
     return chosen
-
-
-def rate_ladder(config: Config) -> RateLadder | None:
-    """The ladder for the rig's cameras, begun where this machine should be; None for all others."""
-    if not config.rig.enabled or config.rig.fixed_fps:
-        return None
-    return RateLadder(config.video.fps, this_machine().starting_fps(config.video.fps))
 
 
 def control_loop(

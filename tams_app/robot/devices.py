@@ -65,9 +65,6 @@ class Devices:
             for view in config.video.views
         ]
 
-    def ask_fps(self, fps: float) -> None:
-        """Have all cameras give `fps` frames a second from now on; no real one is ever slowed."""
-
     def put_back(self) -> None:
         """Put the block back to its start, now or once nothing is in the way; never waits.
 

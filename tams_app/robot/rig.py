@@ -81,9 +81,6 @@ class SimulatedRig(Devices):
     def make_cameras(self, note: Note) -> list[SimCamera]:
         return [SimCamera(view, self.memory_name, self._clock) for view in self._config.video.views]
 
-    def ask_fps(self, fps: float) -> None:
-        self.helpers["renderer"].send(fps=fps)
-
     def put_back(self) -> None:
         self._put_back += 1
         self.helpers["rig"].send(put_back=self._put_back)

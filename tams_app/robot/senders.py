@@ -93,10 +93,6 @@ class Senders(Video):
     def pad(self, size_bytes: int) -> None:
         self._senders[self._config.video.views[0]].pad(size_bytes)
 
-    def behind_ns(self) -> int:
-        """The largest delay of an encoder behind its camera [ns]."""
-        return max(sender.behind_ns for sender in self._senders.values())
-
     @property
     def latency(self) -> dict[str, LatencyState | None]:
         """By view, what its frames take here until their packets leave."""

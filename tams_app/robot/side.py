@@ -92,12 +92,9 @@ class RobotSide:
     def launch(self) -> str:
         """Begin to start the devices; the name of the rig's memory, "" without the rig."""
         config = self._config
-        self._ladder = build.rate_ladder(config)
         self._devices = build.devices(config, self._clock, self._parts.logs)
         self._parts.stack.callback(self._devices.close)
         self._devices.start()
-        if self._ladder is not None:
-            self._devices.ask_fps(self._ladder.fps)
         return self._devices.memory_name
 
     def stream(
@@ -133,15 +130,7 @@ class RobotSide:
         )
         parts.stack.callback(self._video.close)
         self._video.start()
-        self._rates = FrameRates(
-            config,
-            self._clock,
-            self._ladder,
-            self._devices.ask_fps,
-            self._video.behind_ns,
-            self._log.record,
-            self._log.note,
-        )
+        self._rates = FrameRates(config.video.views, self._clock, self._log.record)
 
     def wait_ready(self) -> None:
         """Wait until arm and cameras can be reached; TamsError says what is not."""
@@ -165,7 +154,7 @@ class RobotSide:
             log,
             self._signals,
             lambda: self._ending.end("the trial is over"),
-            (self._board, self._rates, *filter(None, (self._episodes,)), *listeners),
+            (self._board, *filter(None, (self._episodes,)), *listeners),
             self._arm_at_once,
             self._on_placed,
         )
@@ -224,7 +213,7 @@ class RobotSide:
         return {} if relay is None else {"relay": relay}
 
     def poll(self) -> str:
-        """Look after the frame rates; the first failure of any stream, "" while all work."""
+        """Record the frame rates; the first failure of any stream, "" while all work."""
         self._rates.poll()
         return self._video.poll() or self._operator.poll()
 

@@ -9,6 +9,7 @@ things truly are, the seeing one gets the frames shown, nothing else.
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -27,7 +28,6 @@ from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
-from tams_app.runtime.machine_speed import usable_cores
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import (
     APPLICATION_PRIORITY,
@@ -38,7 +38,6 @@ from tams_app.runtime.realtime import (
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
 from tams_app.station.mount_memory import described_views
-from tams_app.station.operator_choice import LEAST_GLANCES_HZ, eyes_share
 from tams_app.station.operator_screen import on_screen
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
@@ -47,7 +46,8 @@ from tams_app.video.live.reporting_helper import line_of, reports_to_session
 RATE_HZ = 125.0  # a sample for every tick of the control loop: each costs .1 to .3 ms
 _SEND_TIMEOUT_S = 5.0
 _POLL_S = 0.005
-_LONGEST_S = 1.0 / LEAST_GLANCES_HZ  # from glance to glance
+_LONGEST_S = 1.0 / 6.0  # from glance to glance
+_SHARE_OF_MACHINE = 0.10  # of all cores, for the eyes
 _SWITCH_S = 0.001  # how long the eyes may keep the hand waiting for the interpreter
 
 
@@ -83,6 +83,11 @@ class Eyes:
             stop.wait(max(_POLL_S, rest_s))
 
 
+def _cores() -> int:
+    """Those that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+
+
 def main() -> None:
     side = HelperSide()
     cv2.setNumThreads(1)
@@ -108,7 +113,7 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
         controller: Controller = person.controller
         eyes = Worker(
             "eyes",
-            Eyes(person.watch, clock, eyes_share(usable_cores())).run,
+            Eyes(person.watch, clock, min(1.0, _SHARE_OF_MACHINE * _cores())).run,
             lambda *_: side.stop_requested.set(),
         )
         sys.setswitchinterval(_SWITCH_S)

@@ -10,11 +10,9 @@ from hw.sim.operator.remote_controller import RemoteController
 from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.machine_speed import this_machine
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.mount_memory import MountMemory, mount_specification
-from tams_app.station.operator_choice import choose_operator
 from tams_app.video.live.frame_ring import FrameBlock
 from tams_app.video.live.reporting_helper import ReportingHelper
 
@@ -47,9 +45,8 @@ class RigOperator:
 
         `on_glance` and `on_failure` are called in a thread of their own.
         """
-        wanted = config.rig.operator.kind if world_memory else "seeing"
-        self.choice = choose_operator(wanted, this_machine)
-        sees = self.choice.kind == "seeing"
+        self.kind = config.rig.operator.kind if world_memory else "seeing"
+        sees = self.kind == "seeing"
         self._screen = screen if sees else None
         memory_name = new_block_name()  # of the controller
         self._specification = {

@@ -32,6 +32,10 @@ from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
 MakeHand = Callable[[Config], Controller]
+_SIMULATED = {
+    "seeing": "seeing (uses only the received images)",
+    "scripted": "scripted (gets positions from the simulator)",
+}
 _NONE: Mapping[str, PredictedCamera] = MappingProxyType({})
 
 
@@ -127,7 +131,8 @@ class Station:
         """Wait for a simulated operator; HelperError if they cannot begin."""
         if self._simulated is not None:
             self._simulated.wait_ready()
-            self._introduce(self._simulated.choice.kind, self._simulated.choice.sentence)
+            kind = self._simulated.kind
+            self._introduce(kind, f"simulated operator: {_SIMULATED[kind]}")
         elif self._make is None and self._config.operator_is_simulated:
             self._introduce("recorded", "the operator is a recorded hand, which sees nothing")
         else:

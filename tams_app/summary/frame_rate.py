@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 
 from tams_app.recording import SessionLog
-from tams_app.records import CameraRates
 from tams_app.summary.tables import FrameTable, Span, mean, percentiles
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
-ENOUGH = 0.9  # of what was asked
+ENOUGH = 0.8  # of what was asked
 _LEAST_FPS = 5  # that can be asked for
 
 
@@ -32,33 +31,20 @@ def view_rate(log: SessionLog, view: str, frames: FrameTable, span: Span | None)
 
 
 def rates(log: SessionLog, views: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The steps of the rig's cameras down and up, and the sentence on missing frames.
+    """The sentence on missing frames, null where every view was given enough.
 
-    `views`: their entries in the summary. `shortfall` is null where every view was given enough.
+    `views`: their entries in the summary.
     """
-    asked_fps, began_ns = log.header.fps, log.header.started_ns
     given_fps = {view: entry["fps"]["given"] or 0.0 for view, entry in views.items()}
-    steps = [one for one in log.rates if one.reason]
+    if not log.captured or min(given_fps.values()) >= ENOUGH * log.header.fps:
+        return {"shortfall": None}
     overrun_fps = {
         view: mean(np.array([one.overrun_fps.get(view, 0.0) for one in log.rates])) or 0.0
         for view in views
     }
     damaged = {view: entry["frames_damaged_at_camera"] for view, entry in views.items()}
     simulated = log.header.config.get("rig", {}).get("enabled", True)
-    short = log.captured and min(given_fps.values()) < ENOUGH * asked_fps
-    return {
-        "steps": [
-            {
-                "t_s": round((one.t_ns - began_ns) / NS_PER_S, 4),
-                "fps": one.asked_fps,
-                "reason": one.reason,
-            }
-            for one in steps
-        ],
-        "shortfall": shortfall(asked_fps, given_fps, overrun_fps, simulated, steps, damaged)
-        if short
-        else None,
-    }
+    return {"shortfall": shortfall(log.header.fps, given_fps, overrun_fps, simulated, damaged)}
 
 
 def shortfall(
@@ -66,7 +52,6 @@ def shortfall(
     given_fps: Mapping[str, float],
     overrun_fps: Mapping[str, float],
     simulated: bool,
-    steps: Sequence[CameraRates] = (),
     damaged: Mapping[str, int] = MappingProxyType({}),
 ) -> str:
     """The cause of too few frames, and the remedy, in one sentence.
@@ -76,19 +61,10 @@ def shortfall(
         given_fps: by view, what came.
         overrun_fps: by view, what the camera had besides, which the session did not take.
         simulated: the cameras are the rig's.
-        steps: where the rate of the rig's cameras was changed.
         damaged: by view, how many came damaged and were left out.
     """
     given = ", ".join(f"{view} {fps:.1f}" for view, fps in given_fps.items())
     what = f"Too few frames: {given} per second of {asked_fps:g}"
-    rates = [asked_fps, *(one.asked_fps for one in steps)]
-    downs = [one for before, one in zip(rates, steps, strict=False) if one.asked_fps < before]
-    if downs:
-        return (
-            f"{what}. The cameras were slowed down because {downs[-1].reason}, at the end to "
-            f"{rates[-1]:g} per second: close other programs or use a faster machine "
-            "(`doctor --speed` measures what this one sustains)."
-        )
     less_fps = max(int(min(given_fps.values())), _LEAST_FPS)
     less = f", or lower the rate with --fps {less_fps}" if less_fps < asked_fps else ""
     short = [view for view, fps in given_fps.items() if fps < ENOUGH * asked_fps]

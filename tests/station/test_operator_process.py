@@ -66,7 +66,7 @@ class Person:
     def start(self) -> None:
         self.process = self._operator.launch()
         self._operator.wait_ready()
-        self.kind = self._operator.choice.kind
+        self.kind = self._operator.kind
         self.screen.hide()
         self.controller.start()
 
@@ -223,5 +223,5 @@ def test_an_operator_without_the_rig_s_world_must_see_whatever_is_configured(
         on_glance=lambda _glance: None,
         on_failure=lambda _name, _failure: None,
     )
-    assert operator.choice.kind == "seeing"
+    assert operator.kind == "seeing"
     operator.close()

@@ -96,22 +96,6 @@ def test_frames_overrun_in_front_of_the_encoder_cost_the_others_nothing() -> Non
     assert all(each.capture_ns == captured_ns[each.index] for each in joined.encoded)
 
 
-def test_an_encoder_is_behind_its_camera_until_it_has_taken_the_last_frame() -> None:
-    with stream() as joined:
-        assert joined.sender.behind_ns == 0
-        earlier_ns = joined.capture_ns - 20 * NS_PER_MS
-        behind_ns = []
-        for index in range(20):
-            joined.sender.push(replace(frame(index), capture_ns=earlier_ns + index * NS_PER_MS))
-            behind_ns.append(joined.sender.behind_ns)
-        assert max(behind_ns) > 0
-        assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [19])
-        assert joined.sender.behind_ns == 0
-        joined.sender.set_target_kbps(40.0)
-        joined.push(range(20, 30))  # every other one is dropped and waits for nothing
-        assert joined.wait_until(lambda: joined.sender.behind_ns == 0)
-
-
 class NotedPacer(Pacer):
     """A pacer that keeps what it was asked and what it said: (asked, size, leaves)."""
 

@@ -1,15 +1,14 @@
 """The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name. It may be sent
-another fps at any time. Each view has a time grid, a third of a period apart from the next view's;
-an instant that passes before the renderer gets to it, up to the next, is left out: a gap in the
-index.
+Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name. Each view has a
+time grid, a third of a period apart from the next view's; an instant that passes before the
+renderer gets to it, up to the next, is left out: a gap in the index. After each frame it rests half
+as long as that took: where cores are short, frames are left out before the control loop is late.
 """
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -62,7 +61,7 @@ class CameraSchedule:
     """
 
     def __init__(self, writer: FrameWriter, fps: float, now_ns: int) -> None:
-        period_ns = _period_ns(fps)
+        period_ns = round(NS_PER_S / fps)
         self._cameras = []
         for view in VIEWS:
             grid, next_index = writer.grid(view), 0
@@ -72,22 +71,6 @@ class CameraSchedule:
             elif now_ns > grid.start_ns:
                 next_index = (now_ns - grid.start_ns) // grid.period_ns + 1
             self._cameras.append(_Camera(view, grid, next_index))
-
-    def keep_to(self, fps: float) -> None:
-        """Give `fps` frames a second of each view from the instant on that is due next.
-
-        The indices go on, and all views change together: they keep their turns, a third of a
-        period apart.
-        """
-        period_ns = _period_ns(fps)
-        if all(camera.grid.period_ns == period_ns for camera in self._cameras):
-            return
-        first = min(self._cameras, key=lambda camera: camera.due_ns)
-        from_ns, first_turn_ns = first.due_ns, stagger_ns(first.view, period_ns)
-        for camera in self._cameras:
-            turn_ns = stagger_ns(camera.view, period_ns) - first_turn_ns
-            due_ns = from_ns + turn_ns % period_ns
-            camera.grid = FrameGrid(due_ns - camera.next_index * period_ns, period_ns)
 
     def next(self, now_ns: int) -> _Camera:
         """Of the cameras that are due the one that waits longest, else the one due first.
@@ -106,30 +89,27 @@ def run(
     frames: CameraImages,
     world: WorldReader,
     writer: FrameWriter,
-    fps: Callable[[], float],
+    fps: float,
     clock: Clock,
     stop: threading.Event,
 ) -> None:
-    """Render each view at its instants, `fps()` a second, until `stop` is set."""
-    schedule = CameraSchedule(writer, fps(), clock.now_ns())
+    """Render each view at its instants, at most `fps` a second, until `stop` is set."""
+    schedule = CameraSchedule(writer, fps, clock.now_ns())
     while not stop.is_set():
-        schedule.keep_to(fps())
         camera = schedule.next(clock.now_ns())
         clock.sleep_until_ns(camera.due_ns)
         newest = world.read()
         if newest is None or clock.now_ns() - newest[0] > _STALE_NS:
             clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
             continue
-        t_ns, state = newest
+        (t_ns, state), began_ns = newest, clock.now_ns()
         image = frames.take(camera.view, camera.next_index, state.qpos)
         writer.publish(
             camera.view, camera.next_index, t_ns, image, camera.grid, ready_ns=clock.now_ns()
         )
         camera.taken()
-
-
-def _period_ns(fps: float) -> int:
-    return round(NS_PER_S / fps)
+        ended_ns = clock.now_ns()
+        clock.sleep_until_ns(ended_ns + (ended_ns - began_ns) // 2)
 
 
 def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> None:
@@ -154,16 +134,13 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
     cv2.setNumThreads(1)  # the rows of an image are too few for threads that wait by spinning
 
-    def fps() -> float:
-        return float(side.received.get("fps", specification["fps"]))
-
     world = WorldReader(name)
     frames = CameraImages(draw_layout(seed), seed, sigma)
     writer = FrameWriter(name, FrameShape())
     try:
         side.ready(memory_name=name)
         wait_for_world(world, clock, side.stop_requested)
-        run(frames, world, writer, fps, clock, side.stop_requested)
+        run(frames, world, writer, float(specification["fps"]), clock, side.stop_requested)
     finally:
         frames.close()
         writer.close()

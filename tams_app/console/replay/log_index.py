@@ -35,7 +35,6 @@ class LogIndex:
         self._pinned_ns = _times([pin.t_ns for pin in log.pins])
         self._capacity_ns = _times([one.t_ns for one in log.capacities])
         self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
-        self._rates_ns = _times([one.t_ns for one in log.rates])
         self._frames = {view: FrameTable.of(log, view) for view in self._views}
         self._packets = sorted(known_packets(log), key=lambda one: one.entered_ns)
         self._entered_ns = _times([packet.entered_ns for packet in self._packets])
@@ -52,7 +51,6 @@ class LogIndex:
         pin = _last(log.pins, self._pinned_ns, t_ns)
         pinned = "" if pin is None else pin.view
         capacity = _last(log.capacities, self._capacity_ns, t_ns)
-        rates = _last(log.rates, self._rates_ns, t_ns)
         stop = _last(self._stops, self._stop_ns, t_ns)
         arm = None if tick is None else tick.arm
         since, until = np.searchsorted(self._entered_ns, (t_ns - WINDOW_NS, t_ns))
@@ -80,7 +78,7 @@ class LogIndex:
             link_kbps=figures.link_kbps,
             capacity_kbps=None if capacity is None else finite(capacity.capacity_kbps),
             queue_ms=figures.queue_ms,
-            asked_fps=log.header.fps if rates is None else rates.asked_fps,
+            asked_fps=log.header.fps,
             primary_view=primary or "",
             is_pinned=primary == pinned,
             budget_kbps=None if allocation is None else allocation.budget_kbps,

@@ -85,7 +85,6 @@ class VideoSender:
         gst.require_elements()
         self.view = view
         self._on_encoded = on_encoded
-        self._admitted_ns = self._encoded_ns = 0  # capture times
         self._config = config
         self._rtx = rtx
         self._encoder = encoder
@@ -179,7 +178,6 @@ class VideoSender:
         """Encode and send `frame`; not if `left_out`, nor if its target cannot pay for it."""
         buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes, left_out)
         if buffer is not None:
-            self._admitted_ns = frame.capture_ns
             if self._parity is not None:
                 self._parity.captured(frame.image)
             self._source.emit("push-buffer", buffer)
@@ -204,11 +202,6 @@ class VideoSender:
         """IP datagram bytes sent so far: media, repair and padding."""
         return wire_bytes_sent(self._udpsink, self._link)
 
-    @property
-    def behind_ns(self) -> int:
-        """From the capture of the frame encoded last to that of the one admitted last."""
-        return max(0, self._admitted_ns - self._encoded_ns)
-
     def poll(self) -> str:
         """Look after the sender; its failure in one sentence, "" while it works."""
         if not self._failure and self._pipeline is not None:
@@ -226,7 +219,6 @@ class VideoSender:
         self._socket.close()
 
     def _encoded(self, frame: EncodedFrame) -> None:
-        self._encoded_ns = frame.capture_ns
         if self._pacer is not None:
             self._leaving.append(frame.encoded_ns)
         stages = self.stages
