@@ -54,6 +54,10 @@ ELEMENT_PACKAGES = _STREAMING | {
     "ximagesink": "gstreamer1.0-x",
     "mp4mux": _GOOD,
     "qtdemux": _GOOD,
+    "nvh264enc": _BAD,
+    "nvh264dec": _BAD,
+    "vah264enc": _BAD,
+    "vah264dec": _BAD,
 }
 # By media type, the Debian package that demuxes or decodes it, where that is not libav's.
 _FORMATS = (
@@ -175,9 +179,10 @@ def shut_down(pipeline: Any) -> None:
     pipeline.get_bus().set_flushing(True)
 
 
-def set_from_text(element: Any, name: str, value: str) -> None:
-    """Set a property to a value as gst-launch takes it, of whatever type it is."""
-    load().Gst.util_set_object_arg(element, name, value)
+def known_settings(element: str, settings: Iterable[str]) -> tuple[str, ...]:
+    """Those of `settings`, each `name=value`, that this version of an element has."""
+    made = load().Gst.ElementFactory.make(element)
+    return tuple(one for one in settings if made.find_property(one.partition("=")[0]))
 
 
 def raw_buffer(data: bytes | NDArray[np.uint8], pts_ns: int, duration_ns: int) -> Any:

@@ -134,9 +134,13 @@ class RepairConfig(Section):
     """Whether a keyframe is asked for where a packet stays lost."""
 
 
-def _renamed_decoder(word: object) -> object:
-    """Logs and studies of version 0.1 name the element."""
-    return "avdec" if word == "avdec_h264" else word
+_ELEMENTS = {"x264": "x264enc", "nvh264": "nvh264enc", "vah264": "vah264enc", "avdec": "avdec_h264"}
+
+
+def _element(default: str) -> BeforeValidator:
+    """Logs and studies up to version 3 have other words; `auto` chose by a probe."""
+    words = _ELEMENTS | {"auto": default}
+    return BeforeValidator(lambda word: words.get(word, word) if isinstance(word, str) else word)
 
 
 class VideoConfig(Section):
@@ -159,13 +163,14 @@ class VideoConfig(Section):
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
     """Payload of an RTP packet at most."""
-    encoder: Literal["auto", "x264", "nvh264", "vah264", "v4l2h264"] = "x264"
-    """What encodes in a live session: the processor, or hardware where it works here; if not, the
-    processor, and the session says so. `auto`: the first that works, hardware before x264."""
-    decoder: Annotated[
-        Literal["auto", "avdec", "nvh264dec", "vah264dec"], BeforeValidator(_renamed_decoder)
-    ] = "avdec"
-    """What decodes in a live session, in the same way."""
+    encoder: Annotated[Literal["x264enc", "nvh264enc", "vah264enc"], _element("x264enc")] = (
+        "x264enc"
+    )
+    """Element of GStreamer that encodes in a live session; `doctor` says whether it is here."""
+    decoder: Annotated[Literal["avdec_h264", "nvh264dec", "vah264dec"], _element("avdec_h264")] = (
+        "avdec_h264"
+    )
+    """Element of GStreamer that decodes in a live session."""
     bind_host: str = "127.0.0.1"
     """Address that the video flows are bound to."""
     first_port: Port = 0

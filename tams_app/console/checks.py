@@ -64,18 +64,19 @@ def configuration(config: Config) -> Iterator[Finding]:
 
 
 def codecs(config: Config) -> Iterator[Finding]:
-    """Trial of the configured encoder and decoder; if one fails, software stands in."""
+    """Whether the configured encoder and decoder are here."""
     from tams_app import gst
-    from tams_app.policy.budget import BUDGETS
-    from tams_app.robot.build import starts_at_capacity
-    from tams_app.video.live.codec_choice import choose_codecs
+    from tams_app.video.live.installed_codecs import installed_codecs
 
-    if gst.missing_elements() or config.policy.budget.mode not in BUDGETS:
+    if gst.missing_elements():
         return  # named above
-    found = choose_codecs(config.video, starts_at_capacity(config))
-    names = f"{found.encoder.element}, {found.decoder.element}"
-    fix = "; ".join(found.remarks)
-    yield Finding("Video encoder and decoder", not found.remarks, names, fix, essential=False)
+    names = f"{config.video.encoder}, {config.video.decoder}"
+    try:
+        installed_codecs(config.video)
+    except TamsError as error:
+        yield Finding("Video encoder and decoder", False, names, str(error))
+    else:
+        yield Finding("Video encoder and decoder", True, names)
 
 
 def rendering(config: Config) -> Iterator[Finding]:

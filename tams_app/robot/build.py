@@ -1,4 +1,4 @@
-"""A session's checks of its configuration, and its devices, codecs and control loop."""
+"""A session's checks of its configuration, and its devices and control loop."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from tams_app.policy.inference import INFERENCES, make_inference
 from tams_app.records import Pose
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import ControlLoop, ShownVideo, Signals
-from tams_app.robot.devices import Devices, Note
+from tams_app.robot.devices import Devices
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
 from tams_app.task.judge import TaskGeometry
@@ -31,8 +31,6 @@ from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
 from tams_app.teleop.workspace import Workspace
 from tams_app.vectors import floats
-from tams_app.video.core.codecs import Codecs
-from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.networks import resolve_network
 
 # of `Workspace.excess`, in its order
@@ -64,11 +62,6 @@ def check_hand(config: Config) -> None:
     if device not in (known := ("auto", *DEVICES, SIMULATED)):
         reason = REMOVED.get(device) or not_one_of(device, known)
         raise ConfigError(f"controller.device: {reason}")
-
-
-def starts_at_capacity(config: Config) -> bool:
-    """True if the budget knows the capacity from the start."""
-    return not BUDGETS[config.policy.budget.mode].receives_reports
 
 
 def check_ready_pose(config: Config) -> None:
@@ -127,14 +120,6 @@ def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
 
         return SimulatedRig(config, clock, log_directory)
     return Devices(config, clock)
-
-
-def codecs(config: Config, note: Note) -> Codecs:
-    """The configured encoder and decoder; what works here in their place is told by `note`."""
-    chosen = choose_codecs(config.video, starts_at_capacity(config))
-    for remark in chosen.remarks:
-        note("warning", remark)
-    return chosen
 
 
 def control_loop(

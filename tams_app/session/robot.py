@@ -7,12 +7,12 @@ from pathlib import Path
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
-from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
 from tams_app.session.session import Session
+from tams_app.video.live.installed_codecs import installed_codecs
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
@@ -33,6 +33,7 @@ def robot(
     config, signals = for_robot(config), Signals()
 
     def compose(session: Session) -> RobotSide:
+        codecs = installed_codecs(config.video)
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         side.launch()
@@ -44,7 +45,7 @@ def robot(
 
         operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at, folder.name)
         session.forward_notes(operator.note)
-        side.stream(operator, build.codecs(config, log.note), link=config.link)
+        side.stream(operator, codecs, link=config.link)
         session.go_on()
         side.wait_ready()
         if config.rig.enabled:

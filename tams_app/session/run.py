@@ -9,7 +9,6 @@ from msgspec.structs import replace
 
 from tams_app.config import Config
 from tams_app.records import SessionState
-from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.side import RobotSide
 from tams_app.runtime.clock import Clock
@@ -19,6 +18,7 @@ from tams_app.session.quality import LiveQuality
 from tams_app.session.session import Session
 from tams_app.session.task_place import task_regions
 from tams_app.station.station import Station
+from tams_app.video.live.installed_codecs import installed_codecs
 
 
 def run(
@@ -28,6 +28,7 @@ def run(
     signals = Signals()
 
     def compose(session: Session) -> BothSides:
+        codecs = installed_codecs(config.video)
         log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
@@ -38,7 +39,6 @@ def run(
         )
         parts.stack.callback(quality.close)
         quality.start()  # takes a moment, of which a capacity trace must lose nothing
-        codecs = build.codecs(config, log.note)
         regions = task_regions(config)  # of the frames that are scored
         captured = regions.through(quality.captured)
         robot.stream(LocalOperator(station, config, codecs.decoder), codecs, captured)

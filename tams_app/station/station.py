@@ -28,8 +28,8 @@ from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.stages import together
-from tams_app.video.live.codec_choice import choose_codecs
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.video.live.installed_codecs import installed_codecs
 
 MakeHand = Callable[[Config], Controller]
 _SIMULATED = {
@@ -113,7 +113,7 @@ class Station:
     ) -> Receivers:
         """Bind the receivers, which the caller closes; the arguments are those of `Receivers`.
 
-        `decoder`: None: the configured one, or what works here in its place.
+        `decoder`: None: the configured one.
         """
         self._receivers = receivers = Receivers(
             self._config.video,
@@ -122,7 +122,7 @@ class Station:
             self._clock,
             identify,
             self._on_shown,
-            decoder or self._chosen_decoder(),
+            decoder or installed_codecs(self._config.video).decoder,
             self._displays,
         )
         return receivers
@@ -160,12 +160,6 @@ class Station:
             return recorded_hand(Path(trajectory))
         note = self._log.note
         return make_controller(config.controller, config.hand, config.clutch, self._clock, note)
-
-    def _chosen_decoder(self) -> Decoder:
-        chosen = choose_codecs(self._config.video, starts_at_capacity=False)
-        for remark in chosen.remarks:
-            self._log.note("warning", remark)
-        return chosen.decoder
 
     def _introduce(self, operator: str, sentence: str) -> None:
         self._log.fact("operator", operator)

@@ -93,7 +93,7 @@ def driven(welcome: Welcome, ours: Config) -> Config | None:
 
 def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
     """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
-    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264"}
+    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264enc"}
     return understood(VideoConfig, {**video, "decoder": ours.video.decoder})
 
 

@@ -115,7 +115,7 @@ def conditions_of_all(config: Config) -> Config:
     """
     budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
     repair = config.video.repair.model_copy(update={"mode": config.study.repair})
-    video = {"encoder": "x264", "decoder": "avdec", "repair": repair}
+    video = {"encoder": "x264enc", "decoder": "avdec_h264", "repair": repair}
     changes = {
         "policy": config.policy.model_copy(update={"budget": budget}),
         "video": config.video.model_copy(update=video),

@@ -26,7 +26,6 @@ from tams_app.console.doctor import run_doctor
 from tams_app.console.findings import Finding
 from tams_app.faces.window import toolkit
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.video.core.codecs import ENCODERS
 
 pytestmark = pytest.mark.waiting
 
@@ -200,19 +199,18 @@ def test_a_name_that_run_would_refuse_is_found(key: str, value: Any, what: str) 
     assert "".join(value) in finding.fix
 
 
-def test_a_budget_that_does_not_exist_is_found_once() -> None:
-    assert list(checks.codecs(config(policy__budget__mode="guess"))) == []
-
-
-def test_codecs_that_are_asked_for_and_not_here_are_absent_with_what_stands_in(
+def test_an_encoder_that_is_not_here_is_one_row_with_what_to_do(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    none = replace(ENCODERS["nvh264"], element="nosuchenc")
-    monkeypatch.setitem(ENCODERS, "nvh264", none)
-    (finding,) = checks.codecs(config(video__encoder="nvh264"))
-    assert (finding.ok, finding.essential) == (False, False)
-    assert finding.detail == "x264enc, avdec_h264"
-    assert "nosuchenc is not on this machine" in finding.fix
+
+    def lacking(names: tuple[str, ...] = ()) -> dict[str, str]:
+        return dict.fromkeys({"nvh264enc"} & set(names), "a package")
+
+    monkeypatch.setattr(gst, "missing_elements", lacking)
+    (finding,) = checks.codecs(config(video__encoder="nvh264enc"))
+    assert (finding.ok, finding.essential) == (False, True)
+    assert finding.detail == "nvh264enc, avdec_h264"
+    assert finding.fix.startswith("video.encoder: GStreamer lacks nvh264enc; install a package")
     (finding,) = checks.codecs(config())
     assert finding.ok
 

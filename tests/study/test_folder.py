@@ -174,4 +174,4 @@ def test_a_study_is_encoded_and_decoded_in_software_whatever_its_machine_has(
     video = study.config().video.model_copy(update={"encoder": "auto", "decoder": "auto"})
     given = study.config().model_copy(update={"video": video})
     video = study.load().trials[0].configure(given).video
-    assert (video.encoder, video.decoder) == ("x264", "avdec")
+    assert (video.encoder, video.decoder) == ("x264enc", "avdec_h264")

@@ -8,8 +8,7 @@ that their time allowed, and biases `bitrate`. `SourceDrop` leaves out whole fra
 would starve the encoder.
 
 Other encoders are set to 30 frames a second, too, but none has a rate buffer of one frame that
-grows with its bitrate (`codecs`): what they send too much, `Overdraft` pays back by leaving frames
-out.
+grows with its bitrate (`codecs`).
 """
 
 from __future__ import annotations
@@ -32,7 +31,6 @@ _BIAS_MIN, _BIAS_MAX = -0.60, 0.45  # with the packets' headers no frame reaches
 _ERROR_MAX = 0.5  # one burst of repair packets must not starve the next eight frames
 # Below this share of the target the frame itself needs no more bits: do not wind up.
 _CONTENT_LIMITED_BELOW = 0.60
-_OVERDRAWN_FRAMES = 2  # too much, before the next is left out: at 30 a second a queue of 67 ms
 _WHOLE = 0.95  # of a frame's credit: an interval that jitters drops nothing at the threshold
 
 
@@ -144,23 +142,3 @@ class SourceDrop:
     def frame_target_kbps(self, target_kbps: float, usual_ns: int) -> float:
         """The rate that the kept frames would have if all were kept."""
         return max(target_kbps, self._threshold_kbps * NS_PER_S / (X264_FPS * usual_ns))
-
-
-class Overdraft:
-    """Leaves frames out until what was sent too much is paid for.
-
-    For encoders that do not hold each frame to its share, or cannot change their rate at all. What
-    `EncoderServo` corrects by itself is let pass.
-    """
-
-    def __init__(self) -> None:
-        self._wire_bytes = 0
-        self._owed_bytes = 0.0
-
-    def keep(self, wire_bytes: int, target_kbps: float, time: FrameTime) -> bool:
-        """True if the next captured frame is encoded; `wire_bytes` have left so far."""
-        sent_bytes = wire_bytes - self._wire_bytes
-        self._wire_bytes = wire_bytes
-        paid_bytes = _frame_bytes(target_kbps, time.elapsed_ns)
-        self._owed_bytes = max(0.0, self._owed_bytes + sent_bytes - paid_bytes)
-        return self._owed_bytes <= _OVERDRAWN_FRAMES * _frame_bytes(target_kbps, time.usual_ns)

@@ -47,7 +47,7 @@ class VideoReceiver:
             identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
             on_shown: called once per frame in the decoder's thread: it must only hand over.
             feedback: whether it reports to the sender when each packet came; the sender must agree.
-            decoder: one that works here (`codec_choice`).
+            decoder: one that is here (`installed_codecs`).
 
         Raises:
             ConfigError: a port is taken.

@@ -74,7 +74,7 @@ class VideoSender:
             received: gets what the receiver reports; None: not asked for.
             feedback: whether packets are numbered for feedback on each; the receiver must agree.
             parity: protects the frames, where `RepairRule.parity` lets it.
-            encoder: one that works here (`codec_choice`).
+            encoder: one that is here (`installed_codecs`).
             may_resend: asked with its size before a packet is sent again, where `feedback`.
             pacer: says when the packets of each frame leave; None: at once.
 
@@ -102,7 +102,6 @@ class VideoSender:
             source_drop_below_kbps,
             self._encoded,
             on_dropped,
-            encoder,
         )
         self._clock = clock
         self._received = received

@@ -14,11 +14,10 @@ from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
-from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.colour import i420_of
 from tams_app.video.core.frame_identity import SentFrame, SentFrames, rtp_timestamp
 from tams_app.video.core.frame_interval import FrameIntervals, FrameTime
-from tams_app.video.core.rate_control import EncoderServo, Overdraft, SourceDrop
+from tams_app.video.core.rate_control import EncoderServo, SourceDrop
 
 
 class ViewEncoder:
@@ -38,7 +37,6 @@ class ViewEncoder:
         source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
-        encoder: Encoder = X264,
     ) -> None:
         self.view = view
         self.failure = ""
@@ -47,10 +45,7 @@ class ViewEncoder:
         self._on_encoded = on_encoded
         self._on_dropped = on_dropped
         self._target_kbps = start_kbps
-        self._codec = encoder
         self._source_drop = SourceDrop(source_drop_below_kbps)
-        exact = encoder.holds_each_frame and encoder.adjustable
-        self._overdraft = None if exact else Overdraft()
         first_ns = NS_PER_S // config.fps
         self._intervals = FrameIntervals(first_ns)
         self._servo = EncoderServo(config.mtu_bytes)
@@ -76,14 +71,11 @@ class ViewEncoder:
         pushed_ns, target_kbps = self._clock.now_ns(), self._target_kbps
         time = self._intervals.step(frame.capture_ns)
         kept = not left_out and self._source_drop.keep(target_kbps, time.usual_ns)
-        if self._overdraft is not None:  # asked for every frame: the time of each pays
-            kept = self._overdraft.keep(wire_bytes, target_kbps, time) and kept
         if not kept:
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns, left_out))
             return None
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
-        if self._codec.adjustable:
-            self._set_encoder_rate(wire_bytes, frame_kbps, time)
+        self._set_encoder_rate(wire_bytes, frame_kbps, time)
         sent = SentFrame(frame.index, frame.capture_ns, pushed_ns, frame.ready_ns)
         pts_ns = self.sent.add(sent)
         return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
@@ -91,8 +83,7 @@ class ViewEncoder:
     def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)
         if encoder_kbps != self.encoder_kbps:
-            codec = self._codec
-            gst.set_from_text(self._encoder, codec.rate_property, codec.rate_text(encoder_kbps))
+            self._encoder.set_property("bitrate", encoder_kbps)
             self.encoder_kbps = encoder_kbps
 
     # --- in the encoder's thread ------------------------------------------------------------
