@@ -275,6 +275,7 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
         (["run", "--metrics"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
         (["operate", "--metrics=h:1"], "--metrics: there are no figures for Prometheus any more"),
         (["--metrics", "h:1"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
+        (["replay", "logs", "--recompute"], "--recompute: what the code makes of a recorded"),
         (["doctor", "--speed"], "--speed: a session says at its end where frames were missing"),
     ],
 )

@@ -204,6 +204,8 @@ REMOVED = {
     "--metrics": _METRICS,
     "recording.metrics": _METRICS,
     "doctor --speed": f"a session says at its end where frames were missing: {_FPS}",
+    "replay --recompute": "what the code makes of a recorded session is compared by its tests "
+    "alone (tests/session/test_recompute.py); leave it out to see the session",
     "rig.fixed_fps": _FPS,
     "arm.servo": "the arm follows velocities; leave it out",
     "controller.input": "SteamVR's actions are read where it has them; leave it out",

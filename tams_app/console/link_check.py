@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import select
-import socket
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -16,51 +15,31 @@ from pydantic import ValidationError
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.addresses import addresses_of, called, datagram_socket
+from tams_app.link.echoes import number_of, ping
 from tams_app.link.ends import GOODBYE
 from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.probing import (
-    PART,
-    PONG,
-    TrainReceiver,
-    TrainReport,
-    ask,
-    numbers_of,
-    ping,
-    report_of,
-    train_of,
-)
-from tams_app.link.sealing import sealed_bytes
 from tams_app.printing import Console
-from tams_app.records import IP_UDP_HEADER_BYTES
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _ANSWER_NS = 8 * NS_PER_S
 _PINGS, _PING_EVERY_NS = 500, 20 * NS_PER_MS
-_TRAIN_PARTS, _TRAIN_NS = 300, 3 * NS_PER_S
 _QUIET_NS = NS_PER_S
-_BUFFER_BYTES = 4_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class LinkMeasured:
     """The measured network between the two computers.
 
-    lost_fraction: of the echoes. gaps: between those that came, in words. down, up: capacity from
-    and to the robot's side [kbit/s], None if too little came to decide, and the loss in a train of
-    packets. latency_ms, jitter_ms, lost_after_ms (None: no value of it helps): for `link` in the
-    configuration of the robot's side.
+    lost_fraction: of the echoes. gaps: between those that came, in words. latency_ms, jitter_ms,
+    lost_after_ms (None: no value of it helps): for `link` in the configuration of the robot's side.
     """
 
     round_trip_ms: dict[str, float]  # p50, p95, p99
     lost_fraction: float
-    down_kbps: float | None
-    down_lost_fraction: float
-    up_kbps: float | None
-    up_lost_fraction: float
     latency_ms: float
     jitter_ms: float
     gaps: str
@@ -74,7 +53,7 @@ def run_link_check(
     console = console or Console()
     if not as_json:
         where = called(endpoint.host, endpoint.port)
-        console.print(f"measuring the link to {where}, about fifteen seconds", soft_wrap=True)
+        console.print(f"measuring the link to {where}, about ten seconds", soft_wrap=True)
     try:
         found = _measure(endpoint)
     except OSError as error:
@@ -92,13 +71,11 @@ def _measure(endpoint: Endpoint) -> LinkMeasured:
         prober.connect()
         round_trips_ms = prober.round_trips_ms()
         gaps_ms = np.diff(prober.arrived_ns) / NS_PER_MS
-        return measured(round_trips_ms, prober.train_down(), prober.train_up(), gaps_ms.tolist())
+        return measured(round_trips_ms, gaps_ms.tolist())
 
 
-def measured(
-    round_trips_ms: list[float], down: TrainReport, up: TrainReport, gaps_ms: list[float]
-) -> LinkMeasured:
-    """Evaluate echoes, the gaps between them, and trains; TamsError if there was no echo."""
+def measured(round_trips_ms: list[float], gaps_ms: list[float]) -> LinkMeasured:
+    """Evaluate echoes, and the gaps between them; TamsError if there was no echo."""
     if not round_trips_ms:
         raise TamsError("the robot's side answers no measurement: is it still running?")
     of_gaps = gaps_ms, _PINGS * _PING_EVERY_NS / NS_PER_S, LinkConfig().lost_after_ms
@@ -106,10 +83,6 @@ def measured(
     return LinkMeasured(
         round_trip_ms={"p50": p50, "p95": p95, "p99": p99},
         lost_fraction=1 - len(round_trips_ms) / _PINGS,
-        down_kbps=down.kbps,
-        down_lost_fraction=1 - down.packets / _TRAIN_PARTS,
-        up_kbps=up.kbps,
-        up_lost_fraction=1 - up.packets / _TRAIN_PARTS,
         latency_ms=p50 / 2,
         jitter_ms=p95 - min(round_trips_ms),
         gaps=advice(*of_gaps),
@@ -122,12 +95,6 @@ def findings(found: LinkMeasured) -> Iterator[str]:
     trips = ", ".join(f"{value:.1f} ms ({name})" for name, value in found.round_trip_ms.items())
     yield f"round trip: {trips}; lost {found.lost_fraction:.1%}"
     yield found.gaps
-    for way, kbps, lost in (
-        ("robot to operator", found.down_kbps, found.down_lost_fraction),
-        ("operator to robot", found.up_kbps, found.up_lost_fraction),
-    ):
-        rate = "too little came to tell" if kbps is None else f"{kbps:.0f} kbit/s"
-        yield f"{way}: {rate}; of a train of {_TRAIN_PARTS} packets {lost:.0%} were lost"
     measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
     if found.lost_after_ms is not None and found.lost_after_ms != LinkConfig().lost_after_ms:
         measured_ms["lost_after_ms"] = found.lost_after_ms
@@ -157,7 +124,6 @@ class _Prober:
         self._clock = clock
         self.arrived_ns: list[int] = []  # when echoes came
         self._socket = datagram_socket(family)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER_BYTES)
         self._socket.setblocking(False)
         self._end = OperatorEnd(key, addresses, os.urandom)
 
@@ -193,33 +159,11 @@ class _Prober:
             self._send(ping(number))
             wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
             for now_ns, message in self._received(wait_ns):
-                if (numbers := numbers_of(message, PONG)) and numbers[0] in sent_ns:
+                echoed = number_of(message)
+                if echoed is not None and echoed in sent_ns:
                     self.arrived_ns.append(now_ns)
-                    trips_ms.append((now_ns - sent_ns.pop(numbers[0])) / NS_PER_MS)
+                    trips_ms.append((now_ns - sent_ns.pop(echoed)) / NS_PER_MS)
         return trips_ms
-
-    def train_down(self) -> TrainReport:
-        """A train from the robot's side; video that comes meanwhile takes its share."""
-        receiver = TrainReceiver(1, _TRAIN_PARTS)
-        self._send(ask(1, _TRAIN_PARTS))
-        for now_ns, message in self._received(_TRAIN_NS):
-            if numbers_of(message, PART):
-                size_bytes = sealed_bytes(len(message)) + IP_UDP_HEADER_BYTES
-                receiver.part(now_ns, size_bytes)
-                if len(receiver.arrivals) == _TRAIN_PARTS:
-                    break
-        return receiver.report()
-
-    def train_up(self) -> TrainReport:
-        """A train to the robot's side, as that side reports it."""
-        for message in train_of(2, _TRAIN_PARTS):
-            self._send(message)
-        report = TrainReport(2, 0, 0, 0)
-        for _, message in self._received(_TRAIN_NS):
-            report = report_of(message) or report
-            if report.packets == _TRAIN_PARTS:
-                break
-        return report
 
     def _send(self, message: bytes) -> None:
         if (addressed := self._end.message(message, self._clock.now_ns())) is not None:

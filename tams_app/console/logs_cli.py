@@ -12,7 +12,7 @@ import typer
 
 from tams_app.console.export_cli import export
 from tams_app.console.options import HeadlessOption, JsonOption
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import LogError
 from tams_app.outputs import refuse_existing
 
 log_app = typer.Typer(
@@ -70,29 +70,12 @@ def replay(
     log: Annotated[Path, typer.Argument(help="A session folder.")],
     speed: Annotated[float, typer.Option(help="Playback speed; 1 is real time.")] = 1.0,
     headless: HeadlessOption = False,
-    recompute: Annotated[
-        bool,
-        typer.Option(
-            "--recompute",
-            help="Instead, recompute what was recorded with the current code and compare; exit "
-            "code 1 if it differs.",
-        ),
-    ] = False,
     mark: Annotated[
         bool,
         typer.Option("--mark", help="Mark by keys where each phase begins, for calibrate phases."),
     ] = False,
-    as_json: JsonOption = False,
 ) -> None:
     """Play back a session from its log; the arm does not move."""
-    if recompute:
-        if mark:
-            raise ConfigError("--mark and --recompute exclude each other: take one")
-        from tams_app.console.replay.recompute import run_recompute
-
-        raise typer.Exit(run_recompute(log, as_json))
-    if as_json:
-        raise ConfigError("--json: is for --recompute; leave it out here")
     from tams_app.console.replay.run import run_replay
 
     raise typer.Exit(run_replay(log, speed, headless, mark))

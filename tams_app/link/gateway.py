@@ -27,13 +27,12 @@ import msgspec
 
 from tams_app.errors import TamsError
 from tams_app.link.addresses import addresses_of, datagram_socket, named
+from tams_app.link.echoes import PREFIX, answer
 from tams_app.link.ends import GOODBYE, Heard, RobotEnd
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
 from tams_app.link.peer import Address
-from tams_app.link.probing import PREFIX, Answering
-from tams_app.link.sealing import is_rtcp, sealed_bytes, ssrc_of
-from tams_app.records import IP_UDP_HEADER_BYTES
+from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS
@@ -142,7 +141,6 @@ class Carrier:
         self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
         self._now_ns = now_ns
-        self._answering = Answering()
         self._sessions = 0
         self._left = self._revoked = False
         self._address: Address = ("", 0)
@@ -243,9 +241,8 @@ class Carrier:
             self._revoked = False
             self._report(now_ns)  # before its first message
         if heard.message is not None and heard.message.startswith(PREFIX):
-            size_bytes = sealed_bytes(len(heard.message)) + IP_UDP_HEADER_BYTES
-            for answer in self._answering.answers(heard.message, now_ns, size_bytes):
-                self._send(self._end.message(answer, now_ns))
+            if (echo := answer(heard.message)) is not None:
+                self._send(self._end.message(echo, now_ns))
         elif heard.message is not None:
             self._hand_over(MESSAGE + RECEIVED.pack(now_ns, self._sessions) + heard.message)
         if heard.media is not None and not self._streams.hand_over(heard.media):

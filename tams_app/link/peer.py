@@ -8,8 +8,8 @@ that message. What was sealed before may still come for a while.
 
 from __future__ import annotations
 
+from tams_app.link.echoes import PREFIX
 from tams_app.link.handshake import SessionKeys
-from tams_app.link.probing import PREFIX
 from tams_app.link.sealing import (
     HAND_BYTES,
     STATE_BYTES,
