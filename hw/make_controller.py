@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
-from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
+from tams_app.config import ControllerConfig, HandConfig
 from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
@@ -23,8 +23,6 @@ class ControllerParts:
     """`controller` of the configuration."""
     hand: HandConfig
     """`hand`: how motions of the hand become motions of the arm."""
-    clutch: ClutchConfig
-    """`clutch`: how far [0 to 1] trigger and grip are pulled when they count as pressed."""
     clock: Clock
     """The session's clock, by which samples are stamped."""
     note: Note
@@ -32,14 +30,13 @@ class ControllerParts:
 
 
 def make_controller(
-    config: ControllerConfig, hand: HandConfig, clutch: ClutchConfig, clock: Clock, note: Note
+    config: ControllerConfig, hand: HandConfig, clock: Clock, note: Note
 ) -> Controller:
     """Make the configured controller.
 
     Args:
         config: `controller`; its `device` is a key of `DEVICES`, or `auto`: the tracked one.
         hand: `hand` of the configuration.
-        clutch: `clutch` of the configuration.
         clock: the session's.
         note: called with level and sentence, from any thread.
 
@@ -50,7 +47,7 @@ def make_controller(
         ConfigError: there is no such device.
     """
     device = "openvr" if config.device == "auto" else config.device
-    return DEVICES[device](ControllerParts(config, hand, clutch, clock, note))
+    return DEVICES[device](ControllerParts(config, hand, clock, note))
 
 
 def keyboard_of(controller: Controller) -> KeyboardController | None:
@@ -61,7 +58,7 @@ def keyboard_of(controller: Controller) -> KeyboardController | None:
 def _openvr(parts: ControllerParts) -> Controller:
     from hw.openvr.controller import OpenVrController
 
-    return OpenVrController(parts.config, parts.clock, parts.note, parts.clutch)
+    return OpenVrController(parts.config, parts.clock, parts.note)
 
 
 def _keyboard(parts: ControllerParts) -> Controller:

@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
-from tams_app.config import ClutchConfig
 from tams_app.records import Presses
 
+# How far trigger or grip is pulled, 0 to 1: between the two they stay as they were, so that a
+# finger that trembles at one of them does not press again and again.
+ENGAGE_ABOVE, RELEASE_BELOW = 0.6, 0.4
 
-def hysteresis(value: float, was: bool | None, clutch: ClutchConfig) -> bool | None:
+
+def hysteresis(value: float, was: bool | None) -> bool | None:
     """Decide with hysteresis whether trigger or grip is down.
 
     Args:
         value: how far it is pulled, 0 to 1.
         was: before; None if that is not known: then one that is down may be so since long ago.
-        clutch: the two thresholds.
 
     Returns:
         True if it is down; None: not known.
     """
-    if value <= clutch.release_below:
+    if value <= RELEASE_BELOW:
         return False
-    if value >= clutch.engage_above:
+    if value >= ENGAGE_ABOVE:
         return True if was is not None else None
     return was
 
@@ -27,14 +29,9 @@ def hysteresis(value: float, was: bool | None, clutch: ClutchConfig) -> bool | N
 class PressCounter:
     """Counts presses from readings that come faster than samples are taken."""
 
-    def __init__(self, clutch: ClutchConfig) -> None:
-        """Start with no presses.
-
-        Args:
-            clutch: the thresholds at which the grip counts as pressed.
-        """
+    def __init__(self) -> None:
+        """Start with no presses."""
         self.presses = Presses()
-        self._clutch = clutch
         self._down: tuple[bool | None, ...] = (None,) * 4
 
     def update(self, grip: float, a: bool, b: bool, menu: bool) -> Presses:
@@ -50,7 +47,7 @@ class PressCounter:
             All presses so far, for `ControllerSample.presses`.
         """
         was, last = self._down, self.presses
-        self._down = down = (hysteresis(grip, was[0], self._clutch), a, b, menu)
+        self._down = down = (hysteresis(grip, was[0]), a, b, menu)
         more = [now is True and before is False for now, before in zip(down, was, strict=True)]
         if any(more):
             self.presses = Presses(

@@ -63,7 +63,6 @@ def test_a_ready_pose_outside_the_workspace_is_named_with_the_bound(overrides, s
     [
         ({"limits.max_speed_mm_s": 60}, "limits.leash_mm must be below .*, 15, or an arm"),
         ({"limits.max_rotation_rad_s": 0.2}, "limits.leash_rad must be below .*, 0.05, or an arm"),
-        ({"arm.pose_gain_per_s": 20.0}, "limits.leash_mm must be below .*, 5, or an arm"),
     ],
 )
 def test_a_leash_that_would_hide_an_arm_that_stands_still_is_refused(overrides, sentence):

@@ -24,6 +24,7 @@ from benchmarks.experiments.virtual_runs import VirtualRuns, read_summary
 from benchmarks.runs import Run, run_session
 from tams_app.config import Config, dump_config, load_config
 from tams_app.errors import TamsError
+from tams_app.presses import ENGAGE_ABOVE
 from tams_app.recording import LOG_NAME
 from tams_app.study.trial_process import TrialProcess
 from tams_app.units import NS_PER_S
@@ -60,7 +61,7 @@ def measure_seed(folder: Path, given: Mapping[str, Any]) -> Pair:
     hand = folder / "hand.mcap"
     config = load_config(None, given)
     record_hand(config, hand, LIVE)
-    span = HandSpan.of(hand, config.clutch.engage_above)
+    span = HandSpan.of(hand, ENGAGE_ABOVE)
     config = load_config(
         None,
         {

@@ -23,6 +23,7 @@ from tams_app.capacity import Capacity
 from tams_app.config import Network, PolicyConfig
 from tams_app.policy.allocation import Policy, make_strategy
 from tams_app.policy.budget import BUDGETS, Budget
+from tams_app.policy.budget.sender import START_KBPS
 from tams_app.records import (
     PacketArrival,
     PacketFate,
@@ -179,7 +180,7 @@ class _Sender:
         self._receiver = Random(f"{setting.seed}/receiver{name}")
         self._flight = FlightBound(VIEWS)
         kind = BUDGETS[policy.budget.mode]
-        self._pacer = Pacer(policy.budget.start_kbps) if kind.receives_packets else None
+        self._pacer = Pacer(START_KBPS) if kind.receives_packets else None
         self._drop = {view: SourceDrop(self._policy.source_drop_below_kbps) for view in VIEWS}
         self._start_ns = self._end_ns = 0
         self._targets: dict[str, float] = dict.fromkeys(VIEWS, 0.0)

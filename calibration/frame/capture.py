@@ -38,7 +38,7 @@ class Capture:
     """Collects while the trigger is held, with the clutch's own rules for what that means."""
 
     def __init__(self, config: Config) -> None:
-        self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * 1e6)
+        self._clutch = Clutch(config.freshness.buttons_ms * 1e6)
         self._poses: list[Pose] | None = None  # None: the trigger is up
         self._pose_ns = 0
 

@@ -35,12 +35,14 @@ class Deflection:
 
 NEUTRAL = Deflection()
 
+RAMP_S = 0.25  # from rest to full speed: soon enough for a tap, and no jump
+
 
 @dataclass(slots=True)
 class VirtualHand:
     """A hand that moves as fast as the axes are deflected; pure.
 
-    It reaches the speed asked for within `DeskConfig.ramp_s` and stands still as soon as the
+    It reaches the speed asked for within `RAMP_S` and stands still as soon as the
     deadman is let go. `rotation` takes the tracking frame to the arm's base frame
     (`HandConfig.rotation`): the hand's pose is in the tracking frame, as that of any controller.
     """
@@ -65,7 +67,7 @@ class VirtualHand:
 
     def _go(self, interval_s: float, asked: Deflection) -> None:
         config = self.config
-        change = interval_s / config.ramp_s
+        change = interval_s / RAMP_S
         for_linear = times(_within_one(asked.linear), config.speed_m_s)
         for_angular = times(_within_one(asked.angular), config.turn_rad_s)
         self._linear = _towards(self._linear, for_linear, config.speed_m_s * change)

@@ -20,7 +20,7 @@ from hw.controller import Controller
 from hw.openvr import bindings as openvr_bindings
 from hw.openvr.components import COMPONENTS
 from hw.openvr.poller import OpenVrPoller
-from tams_app.config import ClutchConfig, ControllerConfig
+from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import Clock, FixedRate
@@ -48,13 +48,8 @@ class OpenVrController(Controller):
         config: ControllerConfig,
         clock: Clock,
         note: Callable[[str, str], None],
-        clutch: ClutchConfig | None = None,
     ) -> None:
-        """ConfigError if the mapping does not fit the controllers it names.
-
-        `clutch`: its thresholds, None for those by default.
-        """
-        self._clutch = clutch
+        """ConfigError if the mapping does not fit the controllers it names."""
         for controller_type in COMPONENTS:
             openvr_bindings.bindings(controller_type, config)
         self._config, self._clock, self._note = config, clock, note
@@ -75,7 +70,7 @@ class OpenVrController(Controller):
         self.failure = ""
         self._pulses.take_all()
         joined: Future[None] = Future()
-        poller = OpenVrPoller(self._config, self._manifest(), self._note, self._clutch)
+        poller = OpenVrPoller(self._config, self._manifest(), self._note)
         body = partial(self._run, poller, joined)
         self._worker = Worker(THREAD_NAME, body, partial(self._on_death, joined))
         self._worker.start()

@@ -38,7 +38,7 @@ from hw.openvr.tracking import (
     frame_events,
     tracking_problem,
 )
-from tams_app.config import ClutchConfig, ControllerConfig
+from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
@@ -67,10 +67,8 @@ class OpenVrPoller:
         config: ControllerConfig,
         manifest: Path,
         note: Callable[[str, str], None],
-        clutch: ClutchConfig | None = None,
     ) -> None:
-        """`clutch`: its thresholds, None for those by default."""
-        self._counter = PressCounter(clutch or ClutchConfig())
+        self._counter = PressCounter()
         self._config, self._manifest, self._note = config, manifest, note
         self._announcer = Announcer(note)
         self._hand = HandKeeper()

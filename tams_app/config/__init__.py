@@ -12,7 +12,6 @@ from tams_app.config.devices import (
 from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
-    ClutchConfig,
     HandConfig,
     LimitsConfig,
     ProfileConfig,
@@ -36,7 +35,6 @@ __all__ = [
     "ArmConfig",
     "BudgetConfig",
     "CameraConfig",
-    "ClutchConfig",
     "Config",
     "ControllerConfig",
     "DeskConfig",

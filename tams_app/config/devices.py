@@ -48,8 +48,6 @@ class DeskConfig(Section):
     """Speed of the hand at full deflection."""
     turn_rad_s: Annotated[float, Field(gt=0, le=2)] = 0.8
     """How fast the hand turns at full deflection."""
-    ramp_s: Annotated[float, Field(ge=0.02, le=2)] = 0.25
-    """Time from rest to full speed; letting the deadman go stops at once."""
 
 
 class ControllerConfig(Section):

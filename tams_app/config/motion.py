@@ -13,7 +13,6 @@ from pydantic import Field, field_validator, model_validator
 
 from tams_app.config.section import (
     Finite,
-    Fraction,
     NonNegative,
     Port,
     Positive,
@@ -92,8 +91,6 @@ class ArmConfig(Section):
     """The ready pose. Default: TCP at (350, 0, 180) mm, gripper down."""
     ready_speed_deg_s: Annotated[float, Field(gt=0, le=30)] = 10.0
     """Joint speed of `home`, the motion to the ready pose."""
-    pose_gain_per_s: Annotated[float, Field(gt=0, le=20)] = 4.0
-    """Gain of the position loop around the velocity servo."""
     guard: GuardConfig = GuardConfig()
 
     @field_validator("host")
@@ -120,21 +117,6 @@ class ArmConfig(Section):
         return self
 
 
-class ClutchConfig(Section):
-    """Trigger hysteresis and the mode button."""
-
-    engage_above: Fraction = 0.6
-    """Trigger travel above which the arm follows the hand."""
-    release_below: Fraction = 0.4
-    """Trigger travel below which it stops; smaller than engage_above."""
-
-    @model_validator(mode="after")
-    def _hysteresis(self) -> Self:
-        if self.release_below >= self.engage_above:
-            raise ValueError("release_below must be smaller than engage_above")
-        return self
-
-
 class HandConfig(Section):
     """From the controller's poses to velocities."""
 
@@ -144,30 +126,10 @@ class HandConfig(Section):
     """Travel of the TCP for each metre of the hand."""
     rotation_scale: Annotated[float, Field(gt=0, le=5)] = 1.0
     """Turn of the TCP for each radian of the hand."""
-    smoothing_s: Annotated[float, Field(gt=0, le=0.5)] = 0.04
-    """Time constant of the low-pass on the hand's velocity."""
-    clamp_above_m_s: Positive = 1.5
-    """A faster hand counts as this fast."""
-    reject_above_m_s: Positive = 4.0
-    """A pose that implies a faster hand is rejected; above clamp_above_m_s."""
-    clamp_above_rad_s: Positive = 6.0
-    """A hand that turns faster counts as turning this fast."""
-    reject_above_rad_s: Positive = 15.0
-    """A pose that implies a faster turn is rejected; above clamp_above_rad_s."""
-    max_rejects: Annotated[int, Field(ge=1, le=20)] = 6
-    """This many rejected poses in a row are a fault."""
-    max_drift_mm: Annotated[float, Field(gt=0, le=100)] = 25.0
-    """The arm holds when, within about a second, it was led so far from the hand by late poses."""
-    max_drift_deg: Annotated[float, Field(gt=0, le=30)] = 4.0
-    """The same for the turn in orientation mode."""
 
     @model_validator(mode="after")
     def _proper_rotation(self) -> Self:
         check_rotation("rotation", self.rotation)
-        if self.reject_above_m_s <= self.clamp_above_m_s:
-            raise ValueError("reject_above_m_s must exceed clamp_above_m_s")
-        if self.reject_above_rad_s <= self.clamp_above_rad_s:
-            raise ValueError("reject_above_rad_s must exceed clamp_above_rad_s")
         return self
 
 
@@ -229,8 +191,6 @@ class LimitsConfig(Section):
     """Before a limit of space, the outward speed shrinks to zero over this distance."""
     cone_deg: Annotated[float, Field(gt=0, le=90)] = 35.0
     """Tilt of the tool from the ready orientation at most."""
-    singularity_scale_from: Annotated[float, Field(gt=0, lt=1)] = 0.7
-    """Share of the joints' speed limit above which the TCP slows down, as near a singularity."""
     leash_mm: Annotated[float, Field(gt=0, le=50)] = 15.0
     """Following error at which the target waits for the arm."""
     leash_fault_mm: Annotated[float, Field(gt=0, le=100)] = 60.0

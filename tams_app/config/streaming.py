@@ -54,8 +54,6 @@ class AllocationConfig(Section):
 
     floor_kbps: NonNegative = 150.0
     """b_min: what each view gets at least, if the budget allows."""
-    source_drop_below_kbps: NonNegative = 80.0
-    """Frames are dropped if the target gives each less than this would give each of 30 a second."""
     static_weights: dict[str, Fraction] = Field(
         default_factory=lambda: {"eih": 0.50, "gt": 0.25, "gs": 0.25}
     )
@@ -81,12 +79,6 @@ class BudgetConfig(Section):
     delay_target_ms: Annotated[float, Field(ge=5, le=150)] = 40.0
     """`sender`: a packet that waits longer at the bottleneck has met congestion; `feedback`: the
     longest queue that it aims at, where delays vary."""
-    start_kbps: Positive = 3_000.0
-    """`sender`: capacity before the first report."""
-    window_ms: Positive = 1000.0
-    """`sender`: reports of this long are judged together."""
-    trace_window_ms: Positive = 100.0
-    """`oracle` on a trace: the mean of this long until now."""
 
 
 class PolicyConfig(Section):
@@ -156,9 +148,6 @@ class VideoConfig(Section):
     """Frames per second that each camera is asked for."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
     """x264's speed preset; other encoders have their own."""
-    vbv_ms: Annotated[float, Field(ge=1, le=36)] = 33.0
-    """Length of the encoder's rate buffer at 30 frames a second: 33 is one frame, at any rate. With
-    more than 36 x264 no longer holds each frame to it."""
     keyframe_interval: Annotated[int, Field(ge=1)] = 600
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200

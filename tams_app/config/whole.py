@@ -17,7 +17,6 @@ from tams_app.config.devices import (
 from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
-    ClutchConfig,
     ControlConfig,
     FreshnessConfig,
     HandConfig,
@@ -65,10 +64,6 @@ class RigConfig(Section):
 
     enabled: bool = True
     """Whether the simulated rig takes the place of arm, controller and cameras."""
-    render_nice: Annotated[int, Field(ge=0, le=19)] = 10
-    """Nice level of the renderer where no better scheduling is permitted."""
-    camera_noise_sigma: Annotated[float, Field(ge=0, le=20)] = 1.5
-    """Standard deviation of the cameras' noise in grey levels of 255."""
     operator: OperatorConfig = OperatorConfig()
     hand_rotation: tuple[Triple, Triple, Triple] | None = None
     """How the tracking frame truly stands to the arm; null: as hand.rotation says."""
@@ -106,10 +101,6 @@ class TrialConfig(Section):
 
     limit_s: Positive = 120.0
     """Time for a trial from the first engagement."""
-    success_within_s: Positive = 90.0
-    """A trial that is completed within this time is a success."""
-    max_drops: Annotated[int, Field(ge=0)] = 2
-    """Drops of the block that a successful trial may have."""
 
 
 class StudyConfig(Section):
@@ -200,6 +191,30 @@ _CAMERAS = (
 )
 _FPS = "cameras give what the machine can, of video.fps (--fps) at most; leave it out"
 _MARKS = "mark each LOG with `replay LOG --mark`, and give the marked ones with --from"
+_CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that has it
+    "policy.allocation.source_drop_below_kbps": (80.0, "tams_app.policy.strategy"),
+    "policy.budget.start_kbps": (3000.0, "tams_app.policy.budget.sender"),
+    "policy.budget.window_ms": (1000.0, "tams_app.policy.budget.sender"),
+    "policy.budget.trace_window_ms": (100.0, "tams_app.policy.budget.oracle"),
+    "arm.pose_gain_per_s": (4.0, "tams_app.teleop.drive"),
+    "clutch.engage_above": (0.6, "tams_app.presses"),
+    "clutch.release_below": (0.4, "tams_app.presses"),
+    "controller.desk.ramp_s": (0.25, "hw.desk.virtual_hand"),
+    "hand.smoothing_s": (0.04, "tams_app.teleop.motion"),
+    "hand.clamp_above_m_s": (1.5, "tams_app.teleop.motion"),
+    "hand.reject_above_m_s": (4.0, "tams_app.teleop.motion"),
+    "hand.clamp_above_rad_s": (6.0, "tams_app.teleop.motion"),
+    "hand.reject_above_rad_s": (15.0, "tams_app.teleop.motion"),
+    "hand.max_rejects": (6, "tams_app.teleop.motion"),
+    "hand.max_drift_mm": (25.0, "tams_app.teleop.motion"),
+    "hand.max_drift_deg": (4.0, "tams_app.teleop.motion"),
+    "limits.singularity_scale_from": (0.7, "tams_app.teleop.limits"),
+    "rig.render_nice": (10, "hw.sim.world.renderer"),
+    "rig.camera_noise_sigma": (1.5, "hw.sim.world.camera_images"),
+    "trial.success_within_s": (90.0, "tams_app.task.judge"),
+    "trial.max_drops": (2, "tams_app.task.judge"),
+    "video.vbv_ms": (33.0, "tams_app.video.core.codecs"),
+}
 REMOVED = {
     "--metrics": _METRICS,
     "recording.metrics": _METRICS,
@@ -225,10 +240,16 @@ REMOVED = {
     "calibrate phases --yes": "it writes without a question; leave it out",
     "calibrate phases --figure": "its figures are in the file that it writes; leave it out",
     "calibrate phases --picture": "its figures are in the file that it writes; leave it out",
+    **{
+        key: f"is a constant of {module} now, {value}: leave it out"
+        for key, (value, module) in _CONSTANTS.items()
+    },
+    "clutch": "",  # empty by now
 }
 """By key, option (of one command, or of several) or word for a key or an option."""
 _ASK_NOTHING: dict[str, tuple[object, ...] | None] = {  # as stored configurations have them; any
     "policy.tams_plus": None,
+    "clutch": None,
     "recording.metrics": ("",),
     "rig.fixed_fps": (False, True),
     "arm.servo": ("velocity",),
@@ -236,6 +257,7 @@ _ASK_NOTHING: dict[str, tuple[object, ...] | None] = {  # as stored configuratio
     "controller.desk.dead_zone": (0.12,),
     "controller.desk.name": ("",),
     "controller.desk.unchanged_ms": (500.0,),
+    **{key: (value,) for key, (value, _) in _CONSTANTS.items()},
 }
 
 
@@ -298,7 +320,6 @@ class Config(Section):
     calibrated_by: tuple[str, ...] = ()
     """Filled in when the configuration is read: the measured files that are in force."""
     arm: ArmConfig = ArmConfig()
-    clutch: ClutchConfig = ClutchConfig()
     hand: HandConfig = HandConfig()
     limits: LimitsConfig = LimitsConfig()
     freshness: FreshnessConfig = FreshnessConfig()

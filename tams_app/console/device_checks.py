@@ -55,9 +55,7 @@ def _device(config: Config) -> Finding:
     from tams_app.runtime.clock import MonotonicClock
 
     try:
-        made = make_controller(
-            config.controller, config.hand, config.clutch, MonotonicClock(), lambda *_: None
-        )
+        made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
     except TamsError as error:
         return Finding("Controller", False, "", str(error))
     try:

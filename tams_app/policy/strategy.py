@@ -10,6 +10,8 @@ from tams_app.config import PolicyConfig
 from tams_app.policy.sharing import allocate
 from tams_app.records import Phase
 
+SOURCE_DROP_BELOW_KBPS = 80.0  # a frame of 30 a second then has 330 bytes: less shows nothing
+
 
 class Strategy(Protocol):
     """The rule that shares the budget among the views."""
@@ -45,7 +47,7 @@ class Weighted(ABC):
             policy: `policy` of the configuration.
         """
         self.floor_kbps = policy.allocation.floor_kbps
-        self.source_drop_below_kbps = policy.allocation.source_drop_below_kbps
+        self.source_drop_below_kbps = SOURCE_DROP_BELOW_KBPS
 
     @abstractmethod
     def weights(self, phase: Phase) -> Mapping[str, float]:

@@ -96,7 +96,7 @@ class ForwardModel:
         """`ready`: TCP rotation at the ready pose, as for `Teleop`."""
         self._model = model
         self._drive = Drive(config, model, ready)
-        self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * NS_PER_MS)
+        self._clutch = Clutch(config.freshness.buttons_ms * NS_PER_MS)
         self._stall_s = config.arm.velocity_deadman_s
         self._engaged = False
         self._changed_ns = 0  # when trigger or mode was changed last

@@ -26,6 +26,7 @@ from tams_app.robot.devices import Devices
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
 from tams_app.task.judge import TaskGeometry
+from tams_app.teleop.drive import POSE_GAIN_PER_S
 from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.limits import linear_profile
 from tams_app.teleop.loop import Teleop
@@ -90,12 +91,12 @@ def _check_leashes(config: Config) -> None:
 
     The lag of an arm that stands still would then not grow, and it would not be noticed.
     """
-    limits, gain_per_s = config.limits, config.arm.pose_gain_per_s
+    limits = config.limits
     for leash, speed in (("leash_mm", "max_speed_mm_s"), ("leash_rad", "max_rotation_rad_s")):
-        most = getattr(limits, speed) / gain_per_s
+        most = getattr(limits, speed) / POSE_GAIN_PER_S
         if getattr(limits, leash) >= most:
             raise ConfigError(
-                f"limits.{leash} must be below limits.{speed} / arm.pose_gain_per_s, {most:.3g}, "
+                f"limits.{leash} must be below limits.{speed} / {POSE_GAIN_PER_S:g}, {most:.3g}, "
                 "or an arm that stands still is not noticed"
             )
 

@@ -42,7 +42,6 @@ _ARM = {
     "tcp_offset_mm_deg",
     "ready_joints_deg",
     "velocity_deadman_s",
-    "pose_gain_per_s",
 }
 _FRESHNESS = {"hold_pose_ms", "buttons_ms"}
 _NOT_TOLD = (
@@ -244,7 +243,6 @@ def driving_of(config: Config) -> dict[str, dict[str, object]]:
 
     found = {
         "arm": told(config.arm, include=_ARM),
-        "clutch": told(config.clutch),
         "freshness": told(config.freshness, include=_FRESHNESS),
         "hand": told(config.hand, exclude={"rotation"}),
         "limits": told(config.limits, exclude=WORKSPACE),

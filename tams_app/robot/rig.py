@@ -52,8 +52,6 @@ class SimulatedRig(Devices):
             "memory_name": self.memory_name,
             "seed": config.seed,
             "fps": config.video.fps,
-            "nice": config.rig.render_nice,
-            "noise_sigma": config.rig.camera_noise_sigma,
         }
         self.helpers: dict[str, HelperProcess] = {
             "rig": HelperProcess("rig", kind.rig, world, log_directory),

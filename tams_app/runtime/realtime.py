@@ -10,7 +10,7 @@
 | the rig's world | FIFO 5 | simulated time must keep up with the wall's |
 | the simulated operator's hand | FIFO 5 | it stands for a VR runtime |
 | the simulated operator's eyes | round robin 1 | they share the GIL with the hand, and rest a lot |
-| renderer | ordinary, nice -10, else `rig.render_nice` | it fills a core: see below |
+| renderer | ordinary, nice -10, else 10 | it fills a core: see below |
 | window, headset | ordinary, nice -10 | what they show must not wait; they limit themselves |
 | the ROS 2 bridge | ordinary, nice 5 | what it publishes may wait |
 | quality | idle | it takes what is left over |

@@ -159,7 +159,7 @@ class Station:
         if config.operator_is_simulated and trajectory is not None:
             return recorded_hand(Path(trajectory))
         note = self._log.note
-        return make_controller(config.controller, config.hand, config.clutch, self._clock, note)
+        return make_controller(config.controller, config.hand, self._clock, note)
 
     def _introduce(self, operator: str, sentence: str) -> None:
         self._log.fact("operator", operator)

@@ -9,7 +9,7 @@ import msgspec
 
 from tams_app import __version__
 from tams_app.config import Config, LimitsConfig, VideoConfig
-from tams_app.config.motion import ArmConfig, ClutchConfig, FreshnessConfig, HandConfig
+from tams_app.config.motion import ArmConfig, FreshnessConfig, HandConfig
 from tams_app.config.section import Section
 from tams_app.errors import ConfigError, TamsError
 from tams_app.link.gateway import LinkEvent
@@ -19,7 +19,6 @@ from tams_app.video.core.repair import RepairRule
 Part = TypeVar("Part", bound=Section)
 _DRIVING: dict[str, type[Section]] = {
     "arm": ArmConfig,
-    "clutch": ClutchConfig,
     "freshness": FreshnessConfig,
     "hand": HandConfig,
     "limits": LimitsConfig,

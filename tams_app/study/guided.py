@@ -25,6 +25,7 @@ from tams_app.study.plan import (
     void,
 )
 from tams_app.study.runner import TrialRunner, mark_ended
+from tams_app.task import judge
 from tams_app.task.marks import MAX_DROPS, Marks
 
 
@@ -187,7 +188,7 @@ def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
     if not completed:
         return Verdict(completed=False, success=False, drops=drops)
     time_s = _completion_time(console, rules, marks.time_s)
-    obstacle = _obstacle(rules, drops, time_s)
+    obstacle = _obstacle(drops, time_s)
     if obstacle:
         console.print(f"Not a success by the rules: {obstacle}.", highlight=False)
     success = not obstacle and Confirm.ask("Was it placed correctly (a success)?", console=console)
@@ -221,9 +222,9 @@ def _completion_time(console: Console, rules: TrialConfig, measured_s: float | N
     return Seconds.ask("How many seconds from the start to the placing?", console=console)
 
 
-def _obstacle(rules: TrialConfig, drops: int, time_s: float) -> str:
-    if drops > rules.max_drops:
-        return f"more than {rules.max_drops} drops"
-    if time_s > rules.success_within_s:
-        return f"later than {rules.success_within_s:g} s"
+def _obstacle(drops: int, time_s: float) -> str:
+    if drops > judge.MAX_DROPS:
+        return f"more than {judge.MAX_DROPS} drops"
+    if time_s > judge.SUCCESS_WITHIN_S:
+        return f"later than {judge.SUCCESS_WITHIN_S:g} s"
     return ""

@@ -14,6 +14,7 @@ LIFTED_M = 0.010
 ON_TABLE_M = 0.003  # above its resting height
 PLACED_SPEED_M_S = 0.010
 PLACED_FOR_S = 0.5
+SUCCESS_WITHIN_S, MAX_DROPS = 90.0, 2  # of a successful trial: the paper's, section IV
 
 PLACED = "the block is placed"  # begins the sentence that says so
 
@@ -85,10 +86,9 @@ class TrialJudge:
         if not self._placed or self._opened_ns is None or self._started_ns is None:
             return Outcome(False, False, None, self.drops, reason or "not placed in time")
         time_s = round((self._opened_ns - self._started_ns) / NS_PER_S, 3)
-        rules = self._config
-        completed = not self._limited or time_s <= rules.limit_s
-        quick = not self._limited or time_s <= rules.success_within_s
-        success = completed and quick and self.drops <= rules.max_drops
+        completed = not self._limited or time_s <= self._config.limit_s
+        quick = not self._limited or time_s <= SUCCESS_WITHIN_S
+        success = completed and quick and self.drops <= MAX_DROPS
         return Outcome(completed, success, time_s, self.drops, "placed")
 
     def contains(self, container: Pose, block: Pose) -> bool:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from tams_app.config import ClutchConfig
 from tams_app.presses import hysteresis
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.teleop.records import is_fresh
@@ -47,8 +46,7 @@ class Clutch:
     it began and ended between two, counts by `ControllerSample.presses`.
     """
 
-    def __init__(self, config: ClutchConfig, buttons_limit_ns: float) -> None:
-        self._config = config
+    def __init__(self, buttons_limit_ns: float) -> None:
         self._limit_ns = buttons_limit_ns
         self._trigger: bool | None = None  # None: not known
         self._grip, self._a, self._b = _Button(), _Button(), _Button()
@@ -60,9 +58,9 @@ class Clutch:
         known = fresh and sample.status is ControllerStatus.OK
         known = known and math.isfinite(sample.trigger) and math.isfinite(sample.grip)
         was_up, presses = self._trigger is False, sample.presses
-        self._trigger = hysteresis(sample.trigger, self._trigger, self._config) if known else None
+        self._trigger = hysteresis(sample.trigger, self._trigger) if known else None
         grip_was = True if self._grip.was_pressed(presses.grip) else self._grip.down
-        grip = hysteresis(sample.grip, grip_was, self._config) if known else None
+        grip = hysteresis(sample.grip, grip_was) if known else None
         toggles = self._grip.update(grip, presses.grip)
         closes = self._a.update(sample.a if known else None, presses.a) > 0
         opens = self._b.update(sample.b if known else None, presses.b) > 0

@@ -16,6 +16,10 @@ from tams_app.vectors import ZERO, minus, plus, plus_times, times
 _BRAKES_AFTER_MS = 70.0  # without a new pose: bridged times and jitter are shorter
 _LIMITED_FOR_S = 0.3  # this long nothing is left of what the hand asks: the arm holds
 
+# Of the position loop around the velocity servo: an error halves within .17 s, and no delay of the
+# servo makes it swing.
+POSE_GAIN_PER_S = 4.0
+
 
 class Drive:
     """Moves the commanded velocity.
@@ -31,7 +35,7 @@ class Drive:
         self._limits = Limits(config, model, ready)
         self._target = Target(config.limits)
         self._predictor = TcpPredictor()
-        self._gain_per_s = config.arm.pose_gain_per_s
+        self._gain_per_s = POSE_GAIN_PER_S
         self._anchored = False
         self._limited_s = 0.0
         self._limited_by: Reason | None = None

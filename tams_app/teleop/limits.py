@@ -57,6 +57,7 @@ class _JointLaw(NamedTuple):
 
 
 _BRAKING = _JointLaw(0.9, _BRAKES_WITHIN_S)
+_FOLLOWS_FROM = 0.7  # share of the joints' speed limit from which the TCP slows down
 
 
 class Limits:
@@ -68,7 +69,7 @@ class Limits:
         self._deadman_s = deadman_s
         self._max_speed = limits.max_speed_mm_s / 1000.0
         self._max_rotation = limits.max_rotation_rad_s
-        self._following = _JointLaw(limits.singularity_scale_from, _STOPS_WITHIN_S)
+        self._following = _JointLaw(_FOLLOWS_FROM, _STOPS_WITHIN_S)
         self._model = model
         self._joint_speeds = model.joint_speed_limits.tolist()
         self._joint_ranges = model.joint_ranges

@@ -42,7 +42,7 @@ class Teleop:
         `video_floor_ns`: one-way latency plus jitter buffer of the primary view; the frame's age
         never slows or holds the arm below three times that.
         """
-        self._clutch = Clutch(config.clutch, config.freshness.buttons_ms * 1e6)
+        self._clutch = Clutch(config.freshness.buttons_ms * 1e6)
         self._watch = Watch(config, video_floor_ns)
         self._drive = Drive(config, model, ready)
         self._arming = Arming()

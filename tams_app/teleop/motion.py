@@ -12,6 +12,14 @@ from tams_app.vectors import ZERO, Floats3, dot, floats, minus, norm, plus_times
 
 _MIN_INTERVAL_S = 0.002  # two poses closer than this are one with jitter
 _LONGEST_GAP_NS = 50 * NS_PER_MS
+SMOOTHING_S = 0.04  # time constant of the low-pass: below what a tracked hand trembles at
+# Bands of the hand's speed: what no hand reaches at work counts as that fast, and what none
+# reaches at all is an error of tracking.
+CLAMP_ABOVE_M_S, REJECT_ABOVE_M_S = 1.5, 4.0
+CLAMP_ABOVE_RAD_S, REJECT_ABOVE_RAD_S = 6.0, 15.0
+MAX_REJECTS = 6  # poses in a row that are a fault
+# How far the arm may be led from the hand by late poses, within about a second.
+MAX_DRIFT_MM, MAX_DRIFT_DEG = 25.0, 4.0
 
 
 class HandMotion:
@@ -33,8 +41,8 @@ class HandMotion:
         """`fastest`: the arm at its fastest [m/s, rad/s]."""
         self._config = config
         linear, angular = config.translation_scale, config.rotation_scale
-        self._linear_drift = Drift(fastest[0] / linear, config.max_drift_mm / 1000.0 / linear)
-        most_rad = math.radians(config.max_drift_deg)
+        self._linear_drift = Drift(fastest[0] / linear, MAX_DRIFT_MM / 1000.0 / linear)
+        most_rad = math.radians(MAX_DRIFT_DEG)
         self._angular_drift = Drift(fastest[1] / angular, most_rad / angular)
         self._hold_ns = hold_ns
         self._rotation: tuple[Floats3, Floats3, Floats3] = config.rotation
@@ -50,7 +58,7 @@ class HandMotion:
     @property
     def impossible(self) -> bool:
         """Whether too many poses in a row were too far from the one before."""
-        return self.rejects >= self._config.max_rejects
+        return self.rejects >= MAX_REJECTS
 
     def is_adrift(self, turning: bool) -> bool:
         """Whether the arm was asked for too much, or too little, of what the hand did of late."""
@@ -74,7 +82,7 @@ class HandMotion:
             self._take(sample.pose, sample.pose_ns)
         if now_ns - self._accepted_ns > self._hold_ns:
             self._linear = self._angular = ZERO
-        alpha = 1.0 - math.exp(-max(0.0, interval_s) / self._config.smoothing_s)
+        alpha = 1.0 - math.exp(-max(0.0, interval_s) / SMOOTHING_S)
         self._smooth_linear = _approach(self._smooth_linear, self._linear, alpha)
         self._smooth_angular = _approach(self._smooth_angular, self._angular, alpha)
         return Twist(
@@ -101,13 +109,13 @@ class HandMotion:
             return
         linear = _banded(
             times(change, 1.0 / interval_s),
-            self._config.clamp_above_m_s,
-            self._config.reject_above_m_s,
+            CLAMP_ABOVE_M_S,
+            REJECT_ABOVE_M_S,
         )
         angular = _banded(
             times(turn, 1.0 / interval_s),
-            self._config.clamp_above_rad_s,
-            self._config.reject_above_rad_s,
+            CLAMP_ABOVE_RAD_S,
+            REJECT_ABOVE_RAD_S,
         )
         if linear is None or angular is None:
             self.rejects += 1

@@ -10,7 +10,7 @@ from contextlib import ExitStack
 import pytest
 
 from hw.make_controller import DEVICES, make_controller
-from tams_app.config import ClutchConfig, ControllerConfig, HandConfig
+from tams_app.config import ControllerConfig, HandConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import VirtualClock
@@ -86,7 +86,7 @@ def test_every_controller_keeps_what_is_promised(
 
 
 def test_a_tap_between_two_samples_has_been_pressed_once(held: ControllerRig) -> None:
-    clutch = Clutch(ClutchConfig(), FRESH_WITHIN_NS)
+    clutch = Clutch(FRESH_WITHIN_NS)
     edges = 0
 
     def seen(sample: ControllerSample) -> bool:
@@ -239,6 +239,6 @@ def test_a_start_with_nothing_to_connect_to_is_a_device_error() -> None:
 @pytest.mark.parametrize("device", DEVICES)
 def test_every_device_of_the_configuration_makes_a_controller(device: str) -> None:
     config = ControllerConfig(device=device)
-    made = make_controller(config, HandConfig(), ClutchConfig(), VirtualClock(), lambda *_: None)
+    made = make_controller(config, HandConfig(), VirtualClock(), lambda *_: None)
     assert made.sample(0).status is ControllerStatus.DISCONNECTED
     made.close()

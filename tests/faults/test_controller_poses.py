@@ -27,7 +27,7 @@ pytestmark = pytest.mark.untimed
 # Ticks from the first reading that shows the fault to the stop, at 120 Hz and the defaults.
 FROZEN_TICKS = 12  # 100 ms without a change (freshness.pose_frozen_ms)
 STALE_TICKS = 12  # 100 ms without a read of the buttons (freshness.buttons_ms)
-REJECTED_TICKS = 6  # impossible poses in a row (hand.max_rejects)
+REJECTED_TICKS = 6  # impossible poses in a row (`MAX_REJECTS`)
 SLOWING_TICKS = 4  # 25 ms: an unchanged pose keeps its velocity no longer (freshness.hold_pose_ms)
 
 

@@ -15,7 +15,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 pytestmark = pytest.mark.untimed
 
 STEP_NS = 100 * NS_PER_MS
-CONFIG = BudgetConfig(start_kbps=3000, window_ms=1000)
+CONFIG = BudgetConfig()
 TRIP_NS = 90 * NS_PER_MS
 
 

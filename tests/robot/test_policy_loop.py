@@ -10,6 +10,7 @@ import pytest
 
 from tams_app.capacity import ConstantCapacity
 from tams_app.config import load_config
+from tams_app.policy.budget.sender import START_KBPS
 from tams_app.records import (
     Allocation,
     PacketArrival,
@@ -166,8 +167,8 @@ def test_the_budget_hears_what_the_video_reports(clock, encoders, heard):
     for _ in range(22):
         loop.step_if_due()
         clock.advance_ns(50 * NS_PER_MS)
-    assert heard.allocations[0].capacity_kbps == config.policy.budget.start_kbps
-    assert heard.allocations[-1].capacity_kbps < config.policy.budget.start_kbps
+    assert heard.allocations[0].capacity_kbps == START_KBPS
+    assert heard.allocations[-1].capacity_kbps < START_KBPS
 
 
 def test_all_that_a_step_was_told_is_kept(clock, encoders, heard):

@@ -10,7 +10,7 @@ import pytest
 
 from hw.controller import Controller
 from tams_app.capacity import UnlimitedCapacity
-from tams_app.config import ClutchConfig, Config, load_config
+from tams_app.config import Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.policy.weights import WeightMatrix
@@ -66,7 +66,7 @@ class HeldController(Controller):
         self.pulses: list[Haptic] = []
         self.trigger = 0.0
         self.menu = False
-        self._counter = PressCounter(ClutchConfig())
+        self._counter = PressCounter()
         self._x = 0.0
 
     def start(self) -> None: ...

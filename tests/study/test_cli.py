@@ -212,7 +212,7 @@ def test_a_planned_study_is_not_run_as_another_one(
     sentence: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    configuration(tmp_path / "other.yaml", trial={"max_drops": 0})
+    configuration(tmp_path / "other.yaml", trial={"limit_s": 60})
     assert study("plan", "s", "--participants", 1, "--config", config)[0] == 0
     before = (tmp_path / "s" / "plan.json").read_bytes()
     code, out, err = study("run", "s", "--sim", *arguments)

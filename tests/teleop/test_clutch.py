@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.config import ClutchConfig
 from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Pose, Presses
 from tams_app.rotation import Rotation
@@ -24,7 +23,7 @@ IDLE = ControllerSample(
 
 class Finger:
     def __init__(self) -> None:
-        self.clutch = Clutch(ClutchConfig(), 100 * NS_PER_MS)
+        self.clutch = Clutch(100 * NS_PER_MS)
         self.now_ns = 0
 
     def read(self, after_ms: float = 8, age_ms: float = 0, **sample: object) -> Buttons:
@@ -207,7 +206,7 @@ def test_the_menu_pressed_anew_between_two_samples_was_clicked_and_is_not_held_t
 def test_whoever_samples_seldom_sees_each_press_that_whoever_samples_always_sees(
     readings: list[tuple[float, bool, bool]],
 ) -> None:
-    counter, always, seldom = PressCounter(ClutchConfig()), Finger(), Finger()
+    counter, always, seldom = PressCounter(), Finger(), Finger()
     start = counter.update(0.0, False, False, False)
     always.read(presses=start)
     seldom.read(presses=start)

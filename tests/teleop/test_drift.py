@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
+from tams_app.teleop import motion as of_hand
 from tams_app.teleop.drift import Drift
 from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.safety import ArmingState, Reason
@@ -79,11 +81,12 @@ def test_neither_side_counts_for_more_than_the_arm_at_its_fastest() -> None:
     hand=st.lists(st.floats(-0.25, 0.25), min_size=50, max_size=200),
     delays=st.lists(st.none() | st.integers(0, 12), min_size=50, max_size=200),
 )
+@patch.object(of_hand, "SMOOTHING_S", 1e-6)
 def test_until_it_is_too_much_the_arm_is_led_away_by_no_more_than_25_mm_and_25_mm_a_second(
     hand: list[float], delays: list[int | None]
 ) -> None:
     """Whatever is lost or late, and whatever the hand does meanwhile."""
-    config = HandConfig(rotation=((1, 0, 0), (0, 1, 0), (0, 0, 1)), smoothing_s=1e-6)
+    config = HandConfig(rotation=((1, 0, 0), (0, 1, 0), (0, 0, 1)))
     motion = HandMotion(config, 50 * NS_PER_MS)
     poses, position = [], 0.0
     for speed in hand:
@@ -138,15 +141,12 @@ def test_a_hand_that_is_seen_only_while_it_goes_one_way_is_not_followed(turning:
 @pytest.mark.parametrize("scale", [0.5, 1.0, 2.0])
 @pytest.mark.parametrize("turning", [False, True])
 def test_a_gap_in_which_the_arm_could_have_gone_further_than_allowed_holds_it(
-    turning: bool, scale: float, gap_ms: float, state: ArmingState
+    monkeypatch: pytest.MonkeyPatch, turning: bool, scale: float, gap_ms: float, state: ArmingState
 ) -> None:
     """The hand jumps meanwhile; the arm at its fastest goes 20 mm or turns by 40 mrad in 80 ms."""
-    config = make_config(
-        hand__translation_scale=scale,
-        hand__rotation_scale=scale,
-        hand__max_drift_mm=20.0,
-        hand__max_drift_deg=math.degrees(0.04),
-    )
+    monkeypatch.setattr(of_hand, "MAX_DRIFT_MM", 20.0)
+    monkeypatch.setattr(of_hand, "MAX_DRIFT_DEG", math.degrees(0.04))
+    config = make_config(hand__translation_scale=scale, hand__rotation_scale=scale)
     bench = engaged(turning, config)
     seen = bench.hand.sample(bench.now_ns, 0.0)
     for _ in range(10):

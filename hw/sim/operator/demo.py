@@ -57,4 +57,4 @@ def demo_controller(
     if participant is not None:
         seed, profile = participant, ParticipantProfile.draw(participant)
     operator = Operator(operator_hand(config), settings, eyes, seed, confirms, profile)
-    return VirtualController(operator, settings, config.seed, rig_wiring(config), config.clutch)
+    return VirtualController(operator, settings, config.seed, rig_wiring(config))

@@ -229,7 +229,7 @@ class SeeingParticipant:
         self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
         self.operator = Operator(hand, settings, self.eyes, seed, confirms, profile, asked)
         self.controller = VirtualController(
-            self.operator, settings, config.seed, rig_wiring(config), config.clutch
+            self.operator, settings, config.seed, rig_wiring(config)
         )
 
     def watch(self, now_ns: int) -> None:

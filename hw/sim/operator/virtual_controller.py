@@ -24,7 +24,7 @@ from hw.openvr.components import (
     role_map,
 )
 from hw.sim.operator.hand import Button, Hand
-from tams_app.config import ClutchConfig, Config, OperatorConfig
+from tams_app.config import Config, OperatorConfig
 from tams_app.errors import ConfigError
 from tams_app.presses import PressCounter
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
@@ -84,13 +84,9 @@ class VirtualController(Controller):
         config: OperatorConfig,
         seed: int,
         wiring: Wiring | None = None,
-        clutch: ClutchConfig | None = None,
     ) -> None:
-        """`wiring`: None for a controller whose every button plays its own role.
-
-        `clutch`: its thresholds, None for those by default.
-        """
-        self._counter = PressCounter(clutch or ClutchConfig())
+        """`wiring`: None for a controller whose every button plays its own role."""
+        self._counter = PressCounter()
         self.operator = operator
         self._wiring = wiring
         self._random = np.random.default_rng([seed, 0x5E450])

@@ -11,16 +11,17 @@ from hw.sim.world.scene_renderer import SceneRenderer
 from tams_app.records import Image
 from tams_app.vectors import Numbers
 
+NOISE_SIGMA = 1.5  # grey levels of 255, as of the sensors in good light
 _MARGIN_PX = 64  # the noise image is larger by this much each way, and shifted for each frame
 
 
 class CameraImages:
     """Takes the images of all views; use it from one thread only, and close it there."""
 
-    def __init__(self, layout: Layout, seed: int, noise_sigma: float) -> None:
-        """`noise_sigma` [grey levels of 255]. SetupError without off-screen OpenGL."""
+    def __init__(self, layout: Layout, seed: int) -> None:
+        """SetupError without off-screen OpenGL."""
         self._renderer = SceneRenderer(layout)
-        self._noises = {view: SensorNoise(seed, view, noise_sigma) for view in VIEWS}
+        self._noises = {view: SensorNoise(seed, view, NOISE_SIGMA) for view in VIEWS}
 
     def take(self, view: str, index: int, qpos: Numbers) -> Image:
         """Image `index` of `view` with all joints at `qpos`: BGR, shape (480, 640, 3)."""

@@ -1,6 +1,6 @@
 """The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, fps, nice, noise_sigma. Ready facts: memory_name. Each view has a
+Specification: memory_name, seed, fps. Ready facts: memory_name. Each view has a
 time grid, a third of a period apart from the next view's; an instant that passes before the
 renderer gets to it, up to the next, is left out: a gap in the index. After each frame it rests half
 as long as that took: where cores are short, frames are left out before the control loop is late.
@@ -24,6 +24,7 @@ from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RENDERER_NICE, use_nice
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+_NICE_OTHERWISE = 10  # where no better scheduling is permitted: below what keeps time
 _START_DELAY_NS = 50 * NS_PER_MS
 _STALE_NS = 200 * NS_PER_MS  # a world that has stopped has cameras that have stopped
 _POLL_NS = 20 * NS_PER_MS
@@ -121,7 +122,7 @@ def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> N
 def main() -> None:
     side = HelperSide()
     specification: dict[str, Any] = side.specification
-    use_nice(RENDERER_NICE, int(specification["nice"]))
+    use_nice(RENDERER_NICE, _NICE_OTHERWISE)
     try:
         _serve(side, specification)
     except TamsError as error:
@@ -131,11 +132,11 @@ def main() -> None:
 
 def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     name, seed = str(specification["memory_name"]), int(specification["seed"])
-    sigma, clock = float(specification["noise_sigma"]), MonotonicClock()
+    clock = MonotonicClock()
     cv2.setNumThreads(1)  # the rows of an image are too few for threads that wait by spinning
 
     world = WorldReader(name)
-    frames = CameraImages(draw_layout(seed), seed, sigma)
+    frames = CameraImages(draw_layout(seed), seed)
     writer = FrameWriter(name, FrameShape())
     try:
         side.ready(memory_name=name)

@@ -10,6 +10,8 @@ from tams_app.config import BudgetConfig
 from tams_app.records import Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
+START_KBPS = 3000.0  # capacity before the first report: what a poor uplink carries
+WINDOW_MS = 1000  # reports of this long are judged together: one of each view, or more
 _INCREASE_KBPS_S = 100.0
 _DECREASE = 0.85
 _HOLD_LOSS = 0.02  # a radio loses less without congestion
@@ -28,7 +30,7 @@ class SenderBudget:
     whether the allowance was used, and receiver reports whether it was carried: loss, or a round
     trip that is longer than the smallest of the last windows by the delay target and the jitter.
 
-    Limits: it starts at `start_kbps`, right or wrong, and stays there as long as no report comes;
+    Limits: it starts at `START_KBPS`, right or wrong, and stays there as long as no report comes;
     it finds free capacity at 100 kbit/s a second; it sees congestion a reporting interval late, in
     a round trip that includes the way back and in losses when the queue has overflowed; between
     2 and 10 % it cannot distinguish a bad radio from a full queue, and holds.
@@ -36,8 +38,8 @@ class SenderBudget:
 
     def __init__(self, config: BudgetConfig) -> None:
         self._config = config
-        self._window_ns = round(config.window_ms * NS_PER_MS)
-        self._kbps = min(config.start_kbps, config.max_kbps)
+        self._window_ns = WINDOW_MS * NS_PER_MS
+        self._kbps = min(START_KBPS, config.max_kbps)
         self._began: tuple[int, int] | None = None  # the window: its time, bytes sent until then
         self._reports: list[Reception] = []
         self._trips_ns: deque[int] = deque(maxlen=_TRIPS)  # the smallest of each window

@@ -83,8 +83,7 @@ class VirtualCameras:
         self._robot = robot
         self._events = events
         self._deliver = deliver
-        sigma = config.rig.camera_noise_sigma
-        self._frames = CameraImages(robot.layout, config.seed, sigma)
+        self._frames = CameraImages(robot.layout, config.seed)
 
     def start(self, now_ns: int) -> None:
         """Begin the grid of each view."""

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tams_app.config import ClutchConfig
 from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
@@ -224,7 +223,7 @@ def test_every_tap_of_the_mode_s_key_toggles_it_once_however_short_it_is(
 ) -> None:
     session = PlayedSession(tmp_path / "session")
     session.folder.mkdir()
-    clutch = Clutch(ClutchConfig(), 10_000 * NS_PER_MS)  # whatever the machine does meanwhile
+    clutch = Clutch(10_000 * NS_PER_MS)  # whatever the machine does meanwhile
     toggled = tapped = 0
 
     def sample() -> bool:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.desk.virtual_hand import Deflection, VirtualHand
+from hw.desk.virtual_hand import RAMP_S, Deflection, VirtualHand
 from tams_app.config import DeskConfig, HandConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.rotation import Rotation
@@ -49,7 +49,7 @@ def test_a_hand_is_never_faster_than_configured_and_never_jumps(
         np.array(before.rotation.turn_to(after.rotation)) / tick_s
         for before, after in pairwise(poses)
     ]
-    share = tick_s / config.ramp_s  # of full speed, that a tick may add
+    share = tick_s / RAMP_S  # of full speed, that a tick may add
     for rates, most, slack in ((speeds, config.speed_m_s, 1e-9), (turns, config.turn_rad_s, 1e-6)):
         sizes = [float(np.linalg.norm(rate)) for rate in rates]
         assert max(sizes) <= most * (1 + slack)
@@ -58,7 +58,7 @@ def test_a_hand_is_never_faster_than_configured_and_never_jumps(
 
 def test_full_deflection_reaches_the_configured_speed_and_keeps_it() -> None:
     config = DeskConfig()
-    ticks = round(1.5 * config.ramp_s * NS_PER_S / TICK_NS)
+    ticks = round(1.5 * RAMP_S * NS_PER_S / TICK_NS)
     at = way(a_hand(), Deflection((0.0, 1.0, 0.0), trigger=HELD), ticks)
     speed = (at[-1] - at[-2]) / (TICK_NS / NS_PER_S)
     assert speed == pytest.approx([0.0, config.speed_m_s, 0.0])

@@ -9,9 +9,10 @@ from hw.sim.operator.hand import REST_POSITION_M
 from hw.sim.operator.operator import Activity
 from hw.sim.operator.perception import Percept
 from hw.sim.operator.task import Stage
-from tams_app.config import HandConfig, OperatorConfig
+from tams_app.config import OperatorConfig
 from tams_app.records import ControllerSample, Haptic, Pose
 from tams_app.rotation import Rotation
+from tams_app.teleop.motion import CLAMP_ABOVE_M_S, CLAMP_ABOVE_RAD_S
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.toy_robot import TICK_NS, Trial
 
@@ -71,14 +72,13 @@ def test_the_hand_stays_within_reach_and_re_clutches_instead(results):
 
 
 def test_the_hand_moves_like_a_hand(results):
-    hand = HandConfig()
     for result in results:
         positions = np.array([sample.pose.position for sample in result.samples])
         speeds = np.linalg.norm(np.diff(positions, axis=0), axis=1) * NS_PER_S / TICK_NS
-        assert 0.2 < speeds.max() < 0.6 * hand.clamp_above_m_s
+        assert 0.2 < speeds.max() < 0.6 * CLAMP_ABOVE_M_S
         turns = [sample.pose.rotation for sample in result.samples[::10]]
         steps = [(b * a.inv()).magnitude() for a, b in pairwise(turns)]
-        assert max(steps) * NS_PER_S / (10 * TICK_NS) < 0.6 * hand.clamp_above_rad_s
+        assert max(steps) * NS_PER_S / (10 * TICK_NS) < 0.6 * CLAMP_ABOVE_RAD_S
 
 
 def test_the_gripper_is_turned_in_orientation_mode_and_moved_in_translation_mode(results):

@@ -47,7 +47,7 @@ def _blurred(image: Image) -> Image:
 
 @pytest.fixture(scope="module")
 def cameras():
-    cameras = CameraImages(draw_layout(CONFIG.seed), CONFIG.seed, CONFIG.rig.camera_noise_sigma)
+    cameras = CameraImages(draw_layout(CONFIG.seed), CONFIG.seed)
     yield cameras
     cameras.close()
 

@@ -132,7 +132,7 @@ def test_restart_keeps_the_time_grid_and_leaves_a_gap(writer: FrameWriter) -> No
 
 def renderer_process(name: str, directory: Path) -> HelperProcess:
     specification: dict[str, Any] = {
-        "memory_name": name, "seed": 3, "fps": 30, "nice": 10, "noise_sigma": 1.0,
+        "memory_name": name, "seed": 3, "fps": 30,
     }  # fmt: skip
     return HelperProcess("renderer", "hw.sim.world.renderer", specification, directory)
 
