@@ -1,5 +1,7 @@
 """Enabling and clearing outside the control loop, and the stops that outdate them."""
 
+import threading
+
 import numpy as np
 import pytest
 
@@ -70,6 +72,15 @@ def test_a_stop_outdates_an_enable_that_was_queued_before_it(gate, arm):
     gate.stop()
     gate.serve()
     assert arm.calls == ["stop"]
+    assert not gate.ready
+
+
+def test_each_stop_outdates_what_was_asked_since_the_one_before(gate, arm):
+    gate.stop()
+    gate.request(Request.ENABLE)
+    gate.stop()
+    gate.serve()
+    assert arm.calls == ["stop", "stop"]
     assert not gate.ready
 
 
@@ -195,12 +206,12 @@ def test_clearing_that_failed_can_be_asked_for_again(gate, arm, notes):
 
 
 def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(gate, arm, notes):
-    arm.tcp_m = (0.2, 0.0, 0.118)
+    arm.tcp_m = (0.6, 0.0, 0.118)
     gate.request(Request.ENABLE)
     gate.serve()
     assert (arm.calls, gate.ready) == ([], False)
     assert notes == [
-        "the TCP is at (200, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
+        "the TCP is at (600, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
     ]
     arm.tcp_m = (0.3, 0.0, 0.118)
     gate.request(Request.ENABLE)
@@ -213,3 +224,32 @@ def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(gate, arm):
     gate.request(Request.ENABLE)
     gate.serve()
     assert arm.calls == ["enable"]
+
+
+def test_what_was_done_and_what_the_arm_refused_is_noted(arm):
+    def refuse():
+        raise DeviceError("the brakes stay on")
+
+    noted = []
+    gate = ArmGate(arm, BOUNDARY, lambda *note: noted.append(note))
+    for during in (lambda: None, refuse):
+        arm.during = during
+        gate.request(Request.CLEAR_ERRORS)
+        gate.request(Request.ENABLE)
+        gate.serve()
+    cleared = ("info", "arm errors cleared")
+    assert noted == [cleared, ("info", "arm enabled"), cleared, ("error", "the brakes stay on")]
+
+
+def test_the_worker_carries_requests_out_until_its_end_and_waits_for_none_of_them(gate):
+    stop, waits = threading.Event(), []
+
+    def serve(wait_s):
+        waits.append(wait_s)
+        if len(waits) == 3:
+            stop.set()
+
+    gate.serve = serve
+    gate.run(stop)
+    assert len(waits) == 3
+    assert all(0.0 < wait_s < 1.0 for wait_s in waits)
