@@ -76,6 +76,25 @@ def test_a_singular_posture_leaves_nothing_and_says_so(gearing: float) -> None:
     assert left.limited_by is Reason.SINGULARITY
 
 
+class FoldingModel(RoomyModel):
+    """Turned about x until joint 4 is at 0, where it is singular: half its square is still left."""
+
+    def jacobian(self, joints: np.ndarray) -> np.ndarray:
+        jacobian = np.eye(6)
+        jacobian[3, 3] = joints[3]
+        return jacobian
+
+
+def test_a_turn_towards_a_singularity_ends_before_it() -> None:
+    def turns(left_rad: float) -> float:
+        joints = np.array([0.0, 0.0, 0.0, math.sqrt(2.0 * left_rad), 0.0, 0.0])
+        asked = Twist(NOTHING, np.array([-0.02, 0.0, 0.0]))
+        return norm(limits(FoldingModel()).limit(asked, MIDDLE, joints, 1.0).twist.angular)
+
+    assert turns(0.018) == 0.0
+    assert turns(0.025) > 0.0
+
+
 def test_what_leaves_nothing_is_named() -> None:
     on_floor = Tcp(np.array([0.33, 0, 0.005]), MIDDLE.rotation)
     down = Twist(np.array([0, 0, -0.1]), NOTHING)
