@@ -211,9 +211,10 @@ def test_the_guard_watches_once_it_has_answered_and_while_it_has_no_cause_to_sto
     assert not guard.watches(0)
     guard._link = ScriptedLink()
     guard._link.acknowledged = acknowledged
-    guard.before_tick(0)
+    beat_ns = 1_000_000_000
+    guard.before_tick(beat_ns)
     guard._link.latched = latched
-    assert guard.watches(after_ms * 1_000_000) is watches
+    assert guard.watches(beat_ns + after_ms * 1_000_000) is watches
 
 
 class NotedGuarding(Guarding):

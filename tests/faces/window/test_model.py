@@ -792,3 +792,13 @@ def test_stretches_leave_no_gap_between_them() -> None:
     assert len(stretches) > 5
     assert all(one.end_s == other.begin_s for one, other in pairwise(stretches))
     assert all(one.what != other.what for one, other in pairwise(stretches))
+
+
+def test_before_the_window_has_the_focus_no_key_counts_and_then_each_press_counts_once() -> None:
+    keyboard = Keyboard()
+    assert not keyboard.press(38, "a", 10_000_000_000)
+    keyboard.focus(True, 11_000_000_000)
+    for number in (1, 2):
+        assert keyboard.press(38, "a", 11_000_000_000 + 3_000_000_000 * number)
+        assert keyboard.presses["a"] == number
+        keyboard.release(38)
