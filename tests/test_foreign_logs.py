@@ -10,11 +10,10 @@ import pytest
 from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 from mcap.records import Header as FileHeader
-from mcap.writer import Writer
+from mcap.writer import MCAP0_MAGIC, Writer
 from zstandard import ZstdCompressor
 
 from tams_app.errors import UnreadableLogError
-from tams_app.recording.mcap_chunks import MAGIC
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.reader import read_log, read_records, read_video
 from tams_app.recording.topics import PROFILE, TOPICS, Header
@@ -82,7 +81,7 @@ def test_a_header_that_no_configuration_gives_is_one_sentence(
 @pytest.mark.parametrize("told", [100_000_000, 1000], ids=["told", "hidden"])
 def test_a_chunk_that_would_take_a_hundred_times_ours_is_damage(tmp_path: Path, told: int) -> None:
     data = ZstdCompressor(level=1).compress(bytes(100_000_000))
-    content = MAGIC
+    content = MCAP0_MAGIC
     for record in (
         FileHeader(profile=PROFILE, library=""),
         Chunk("zstd", data, 1, 0, 0, told),

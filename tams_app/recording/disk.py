@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-import tempfile
 from pathlib import Path
-from typing import IO
 
 from tams_app.errors import LogError
 
@@ -55,7 +54,7 @@ class LogFile:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._error: OSError | None = None
-        self._complete_bytes = 0
+        self._size_bytes = 0
         try:
             self._file = path.open("xb", buffering=0)
         except OSError as error:
@@ -63,19 +62,25 @@ class LogFile:
                 f"{path}: the log cannot be created: {error.strerror}; choose another folder"
             ) from error
 
+    @property
+    def size_bytes(self) -> int:
+        """What was written whole; the disk is not asked."""
+        return self._size_bytes
+
     def write(self, data: bytes | bytearray) -> int:
         """Write all of `data`."""
-        if self._error is None:
+        view = memoryview(data)
+        while view and self._error is None:
             try:
-                _write_all(self._file, data)
-                self._complete_bytes += len(data)
+                view = view[self._file.write(view) :]
             except OSError as error:
-                self.fail(error)
+                self._error = error
+        if self._error is None:
+            self._size_bytes += len(data)
         return len(data)
 
-    def fail(self, error: OSError) -> None:
-        """Something that belongs to the log could not be kept: what follows goes nowhere."""
-        self._error = error
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        return self._file.seek(offset, whence)
 
     def tell(self) -> int:
         return self._file.tell()
@@ -97,36 +102,5 @@ class LogFile:
         Both writers hand over whole records, so whole ones stay.
         """
         if self._error is not None:
-            self._file.truncate(self._complete_bytes)
+            self._file.truncate(self._size_bytes)
         self._file.close()
-
-
-class ScratchFile:
-    """Bytes that are wanted again once, on the disk of a log, in a file without a name."""
-
-    def __init__(self, directory: Path) -> None:
-        try:
-            self._file = tempfile.TemporaryFile(dir=directory, buffering=0)  # noqa: SIM115
-        except OSError as error:
-            raise LogError(
-                f"{directory}: the log folder cannot be used: {error.strerror}; choose another"
-            ) from error
-
-    def write(self, data: bytes) -> None:
-        """Write all of `data`; an OSError if the disk refuses."""
-        _write_all(self._file, data)
-
-    def read(self) -> bytes:
-        """All that was written; an OSError if the disk refuses."""
-        self._file.seek(0)
-        return self._file.read()
-
-    def close(self) -> None:
-        """Let it go."""
-        self._file.close()
-
-
-def _write_all(file: IO[bytes], data: bytes | bytearray) -> None:
-    view = memoryview(data)
-    while view:
-        view = view[file.write(view) :]

@@ -1,6 +1,7 @@
 """The MCAP file of a session: which record becomes which message.
 
-Our records go out as JSON with a schema, video as Foxglove's own messages.
+Our records go out as JSON with a schema, video as Foxglove's own messages. Chunks are built in
+memory and written whole, so that a kill leaves no half-written chunk behind.
 """
 
 from __future__ import annotations
@@ -11,11 +12,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from foxglove import Context, Schema, set_log_level
+from foxglove import Context, Schema, open_mcap, set_log_level
 from foxglove.channels import CompressedVideoChannel
+from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
-from tams_app.recording.mcap_file import McapFile
+from tams_app.recording.disk import LogFile
 from tams_app.recording.topics import (
     HEADER,
     PROFILE,
@@ -42,7 +44,11 @@ _keep_sdk_quiet()  # only before the first file or server of the process
 
 
 class McapLog:
-    """The log, with a context of its own so that several never mix; from one thread at a time."""
+    """The log, with a context of its own so that several never mix.
+
+    Use it from one thread at a time: the SDK keeps the GIL while it waits for its own lock, and
+    our file needs the GIL to finish a write, so two threads would wait for each other for ever.
+    """
 
     def __init__(
         self,
@@ -58,7 +64,17 @@ class McapLog:
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context()
-        self._file = McapFile(path, self._context, PROFILE)
+        self._closed = False
+        self._file = LogFile(path)
+        self._mcap = open_mcap(
+            self._file,
+            context=self._context,
+            writer_options=MCAPWriteOptions(
+                compression_threads=0,
+                profile=PROFILE,
+                disable_seeking=True,  # else a killed process leaves a chunk of unknown length
+            ),
+        )
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
         self._viewers: Viewers | None = None
@@ -83,8 +99,6 @@ class McapLog:
         if self._viewers is not None and not self.viewers_failure:
             with self._spared():
                 self._viewers.receive(item, now_ns)
-        if self._file.chunk_is_full:
-            self.flush()
 
     @property
     def size_bytes(self) -> int:
@@ -99,14 +113,19 @@ class McapLog:
 
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
-        self._file.flush()
+        self._mcap.flush()
+        self._file.check()
 
     def close(self) -> None:
         """Finish the file, or cut it after its last whole chunk; may be called twice."""
+        if self._closed:
+            return
+        self._closed = True
         if self._viewers is not None:
             with self._spared():
                 self._viewers.close()
-        self._file.close()
+        self._mcap.close()
+        self._file.close()  # of an error the owner has learned from `flush`
 
     @contextmanager
     def _spared(self) -> Iterator[None]:
