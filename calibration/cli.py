@@ -53,7 +53,7 @@ def _command(
 
 @_command(CameraOptions)
 def cameras(options: CameraOptions) -> int:
-    """Assign the cameras to views; measure latency, lens and mount on request."""
+    """Assign cameras to views; measure latency, lens and mount."""
     from calibration.cameras.wizard import CameraWizard
     from calibration.ui import WizardUI
 
@@ -71,7 +71,7 @@ def frame(options: FrameOptions) -> int:
 
 @_command(PhaseOptions)
 def phases(options: PhaseOptions) -> int:
-    """Fit the thresholds of Algorithm 1 to trials that `replay --mark` marked."""
+    """Fit the thresholds of Algorithm 1 to marked trials."""
     from calibration.phases.command import calibrate_phases
     from calibration.ui import WizardUI
 

@@ -63,7 +63,7 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"video.quality.enabled": "maybe"}, r"enabled: must be a valid boolean.* .given: 'maybe'"),
         ({"hand.max_drift_mm": NAN}, "max_drift_mm: is a constant of tams_app.teleop.motion now"),
         ({"hand.max_rejects": 7}, "max_rejects: is a constant of tams_app.teleop.motion now, 6"),
-        ({"clutch.release_below": 0.3}, "clutch: is a constant of tams_app.presses now"),
+        ({"clutch.release_below": 0.3}, "clutch.release_below: is a constant of tams_app.presses"),
         ({"limits": 3}, r"limits: must hold keys and values .given: 3.$"),
         ({"policy.weights.matrix.REACH.gt": 0.6}, "matrix.REACH sums to 1.1, not 1"),
         ({"limits.max_speed_mm_s": 300}, "max_speed_mm_s needs 110 ms to stop"),

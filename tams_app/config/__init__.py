@@ -27,7 +27,13 @@ from tams_app.config.streaming import (
     RepairConfig,
     VideoConfig,
 )
-from tams_app.config.whole import Config, OperatorConfig, OperatorKind, StudyConfig, TrialConfig
+from tams_app.config.whole import (
+    Config,
+    OperatorConfig,
+    OperatorKind,
+    StudyConfig,
+    TrialConfig,
+)
 
 __all__ = [
     "CONFIG_DIRECTORY",

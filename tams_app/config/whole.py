@@ -225,6 +225,7 @@ REMOVED = {
     "arm.servo": "the arm follows velocities; leave it out",
     "controller.input": "SteamVR's actions are read where it has them; leave it out",
     "policy.tams_plus": "`tams+` has no parts to switch any more; leave it out",
+    "sounds": "window, headset and terminal show each hold and fault; leave it out",
     "gamepad": _PADS,
     "spacemouse": _PADS,
     "controller.desk.dead_zone": _PADS,
@@ -311,7 +312,7 @@ class Config(Section):
     """Whether no windows are opened."""
     faces: tuple[Word, ...] = ("window", "headset")
     """What shows a session to the operator, each where it can: `window`, `headset`, or an
-    installed one; `sounds` plays a tone on hold, fault and ready again, also with --headless."""
+    installed one."""
     preset: Literal["reference"] | None = None
     """Constants that are laid over this file and the calibration: those of `reference.yaml`, of the
     nodes that the paper's authors published."""

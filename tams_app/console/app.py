@@ -10,12 +10,13 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from tams_app.config import Config
+from tams_app.config.whole import REMOVED
 from tams_app.console.end_screen import ask_at_end
 from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, actions_of, carry_out
 from tams_app.faces.display import has_display
-from tams_app.faces.registry import FACES, WITHOUT_DISPLAY, Shown, ShowsEnd, check_faces
+from tams_app.faces.registry import FACES, Shown, ShowsEnd, check_faces
 from tams_app.faces.session_face import (
     FacedSession,
     ShownReplay,
@@ -238,7 +239,7 @@ def _launch_faces(
     trial: ShownTrial | None,
     replay: ShownReplay | None,
 ) -> list[Shown]:
-    """Those of `faces`; without a display or with --headless few of them; not open yet."""
+    """Those of `faces`; without a display or with --headless none; not open yet."""
     names = session.config.faces
     if session.config.controller.device == "keyboard" and replay is None:
         # whether the arm at the other end of a link is real is known once it answers (`call_robot`)
@@ -246,8 +247,9 @@ def _launch_faces(
     if session.config.headless or not has_display():
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
-        names = tuple(name for name in names if name in WITHOUT_DISPLAY)
-    asked = (FACES[name](session, trial, replay) for name in names)
+        return []
+    # a log may have what `check_faces` refuses in a file
+    asked = (FACES[name](session, trial, replay) for name in names if name not in REMOVED)
     faces = [face for face in asked if face is not None]
     for face in faces:
         stack.callback(face.close)

@@ -51,7 +51,7 @@ def configuration(config: Config) -> Iterator[Finding]:
 
     names: dict[str, Callable[[], object]] = {
         "Configured strategy, network and devices": lambda: check_names(config),
-        "Configured displays and sounds": lambda: check_faces(config),
+        "Configured displays": lambda: check_faces(config),
         "Ready pose inside the workspace": lambda: check_ready_pose(config),
     }
     for what, look in names.items():

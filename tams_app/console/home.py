@@ -24,7 +24,6 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
-from tams_app.session.awake import KeptAwake
 from tams_app.station.seat import require_local_seat
 
 _POLL_S = 0.02
@@ -66,9 +65,6 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         dialogue = Dialogue(keys, console or Console(), go_on)
         stack.callback(dialogue.close)
         dialogue.start()
-        awake = KeptAwake(dialogue.notify)
-        stack.callback(awake.close)
-        awake.start()
         boundary = reach_boundary(config.arm, config.limits)
         kind = arm_kind(config.arm.model)
         arm = kind.make_arm(config.arm, clock, config.control.rate_hz, boundary)

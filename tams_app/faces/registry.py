@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Protocol, TypeAlias, runtime_checkable
 
 from tams_app.config import Config
+from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended
@@ -78,13 +79,9 @@ FACES: Registry[MakeFace] = Registry(
     {
         "window": "tams_app.faces.window.session_window:SessionWindow",
         "headset": "tams_app.faces.headset.session_headset:headset_if_wanted",
-        "sounds": "tams_app.faces.sounds.session_sounds:sounds_of",
     },
 )
 """Makers of a face by their word for `faces`; entry points of `tams.faces`."""
-
-WITHOUT_DISPLAY = frozenset({"sounds"})
-"""Those that need no display, and are there with --headless too."""
 
 
 def check_faces(config: Config) -> None:
@@ -97,6 +94,8 @@ def check_faces(config: Config) -> None:
         ConfigError: one does not exist, is named twice, or is missing.
     """
     for name in config.faces:
+        if name in REMOVED:
+            raise ConfigError(f"faces: {name}: {REMOVED[name]}")
         _ = FACES[name]
     if len(set(config.faces)) < len(config.faces):
         raise ConfigError(f"faces: {', '.join(config.faces)}: each may be named once only")

@@ -44,7 +44,7 @@ def operate(
         parts = session.parts
         call = call_robot(config, clock, endpoint, parts, session, notify, folder.name)
         ours, views = call.config, call.config.video.views
-        log = session.open_log(ours, is_real=not call.welcome.simulated)
+        log = session.open_log(ours)
         call.record(log)
         is_rig = call.welcome.simulated
         moves_by, displays = call.moves_by, session.displays

@@ -34,7 +34,7 @@ def robot(
 
     def compose(session: Session) -> RobotSide:
         codecs = installed_codecs(config.video)
-        log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
+        log, parts = session.open_log(config), session.parts
         side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
         side.launch()
 
@@ -64,7 +64,7 @@ def for_robot(config: Config) -> Config:
     """The configuration of a session whose operator is at the other end of the link.
 
     A pose or a button is judged by its age at the operator's side; what the link may add until it
-    is lost comes on top. Nothing is shown here, nor sounds. A datagram carries at most 1200 bytes,
+    is lost comes on top. Nothing is shown here. A datagram carries at most 1200 bytes,
     which every path lets through.
     """
     video = config.video

@@ -29,7 +29,7 @@ def run(
 
     def compose(session: Session) -> BothSides:
         codecs = installed_codecs(config.video)
-        log, parts = session.open_log(config, is_real=not config.rig.enabled), session.parts
+        log, parts = session.open_log(config), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
         robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)

@@ -18,7 +18,6 @@ from tams_app.runtime.ending import Ending
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_ordinary, use_round_robin
-from tams_app.session.awake import KeptAwake
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
@@ -108,8 +107,8 @@ class Session(Ending):
         parts.logs.mkdir(exist_ok=True)  # the window is there before
         self._side = self._compose(self)
 
-    def open_log(self, config: Config, is_real: bool) -> Recorders:
-        """The session's log, with the configuration that counts; `is_real`: so is the robot."""
+    def open_log(self, config: Config) -> Recorders:
+        """The session's log, with the configuration that counts."""
         self.config = config
         self._log = log = Recorders(
             config,
@@ -120,10 +119,6 @@ class Session(Ending):
             self.signals.estop,
         )
         self.parts.stack.callback(log.close)
-        awake = KeptAwake(lambda text: log.note("warning", text))
-        self.parts.stack.callback(awake.close)
-        if is_real:
-            awake.start()
         if config.calibrated_by:
             log.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         return log

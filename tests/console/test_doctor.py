@@ -188,7 +188,7 @@ def test_the_configuration_as_shipped_is_in_order() -> None:
     [
         ("network", "s9", "Configured strategy, network and devices"),
         ("policy.budget.mode", "guess", "Configured strategy, network and devices"),
-        ("faces", ["windw"], "Configured displays and sounds"),
+        ("faces", ["windw"], "Configured displays"),
         ("strategy", "clever", "Configured strategy, network and devices"),
     ],
 )
