@@ -35,17 +35,6 @@ def test_the_control_loop_imports_little():
     assert int(done.stdout) <= 40
 
 
-@pytest.mark.parametrize("name", ["run", "robot", "operate", "virtual/trial"])
-def test_a_session_is_a_short_composition(name):
-    """Of two sides or one; what makes it long belongs into a side."""
-    lines = (ROOT / "tams_app" / "session" / f"{name}.py").read_text().splitlines()
-    imports = [line for line in lines if line.startswith(("from tams_app", "from hw"))]
-    classes = [line for line in lines if line.startswith("class ")]
-    assert len(lines) <= 120
-    assert len(imports) <= 12
-    assert not [line for line in classes if "(" in line], "composed, not inherited"
-
-
 @pytest.mark.parametrize("root", ["tams_app", "hw", "calibration"])
 def test_what_a_package_names_as_public_can_be_imported(root):
     packages = [path.parent for path in sorted((ROOT / root).rglob("__init__.py"))]

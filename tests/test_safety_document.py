@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 
 from tams_app.teleop import safety
-from tams_app.teleop.hands import HANDS
-from tams_app.teleop.safety import CLEARABLE, ArmingState, Reason
+from tams_app.teleop.safety import Reason
 from tests.teleop.arming_table import ARROWS
 
 pytestmark = pytest.mark.untimed
@@ -52,13 +51,6 @@ def test_the_fault_matrix_is_named_whole():
     assert found == {name for name in NAMED if name.startswith("tests/faults/")}
 
 
-def test_there_are_at_most_five_requirements_and_each_names_its_tests():
-    requirements = section("Five requirements").split("\n### ")[1:]
-    assert [text[0] for text in requirements] == list("12345")
-    for text in requirements:
-        assert text.count("\n- `tests/") >= 3
-
-
 def test_the_arrows_are_those_of_the_code():
     header, *rows = tables(section("The arming table"))[0]
     assert header == ["no.", "from", "event", "to"]
@@ -72,38 +64,8 @@ def test_the_arrows_are_those_of_the_code():
     assert told == [tuple(row[1:]) for row in rows]
 
 
-def test_the_pairs_of_states_are_those_of_the_arrows():
-    header, *rows = tables(section("The arming table"))[1]
-    states = [state.name for state in ArmingState]
-    assert header[1:] == states
-    assert [row[0] for row in rows] == states
-    for start, *cells in rows:
-        for end, cell in zip(states, cells, strict=True):
-            numbers = [
-                str(k + 1)
-                for k, (origin, _, to) in enumerate(ARROWS)
-                if to.name == end and (origin is None or origin.name == start)
-            ]
-            expected = "·" if start == end else ", ".join(numbers) or "–"
-            assert cell == expected, (start, end)
-
-
-def test_every_reason_is_in_the_table_as_the_code_has_it():
-    header, *rows = tables(section("Every reason"))[0]
-    assert header == ["reason", "severity", "while its cause lasts", "once it is gone"]
-    hand = HANDS["openvr"]
-    assert rows == [
-        [
-            reason.label,
-            "fault" if reason.is_fault else "hold",
-            reason.sentence(hand),
-            "the same" if reason.left == reason.lasting else reason.sentence(hand, lasts=False),
-        ]
-        for reason in Reason
+def test_every_reason_is_in_the_table_with_its_severity():
+    _, *rows = tables(section("Every reason"))[0]
+    assert [row[:2] for row in rows] == [
+        [reason.label, "fault" if reason.is_fault else "hold"] for reason in Reason
     ]
-
-
-def test_what_can_be_cleared_is_named():
-    (named,) = re.findall(r"What clearing can take away: ([\w\s,]+)\.", section("The arming table"))
-    labels = {" ".join(label.split()) for label in named.split(",")}
-    assert labels == {reason.label for reason in CLEARABLE}
