@@ -12,15 +12,20 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from foxglove import Context, Schema, open_mcap
+from foxglove.mcap import MCAPWriteOptions
+from mcap.reader import make_reader
+
 from tams_app.recording import LOG_NAME, Facts, SessionLog, read_log
 from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.topics import PROFILE
 from tests.session.virtual.runs import run, short
 
 DATA = Path(__file__).parent / "data"
 GOLDEN: dict[str, dict[str, Any]] = {
-    # from reach to transport, the capacity estimated from what receivers tell
-    "feedback": {"network": "s2", "seconds": 15.0},
-    # the capacity known, and an outage in mid-motion
+    # the capacity estimated from what receivers tell
+    "feedback": {"network": "s2", "seconds": 4.3},
+    # from reach to transport, the capacity known, and an outage in mid-motion
     "outage": {
         "network": "config/traces/outage.csv",
         "seconds": 14.0,
@@ -45,12 +50,30 @@ def write_thinned(log: SessionLog, path: Path) -> None:
     thinned.close()
 
 
+def pack(path: Path) -> None:
+    """Write the log again, compressed as far as it goes."""
+    with path.open("rb") as file:
+        messages = list(make_reader(file).iter_messages(log_time_order=False))
+    path.unlink()
+    context, channels = Context(), {}
+    options = MCAPWriteOptions(profile=PROFILE, compression_level=19)
+    with open_mcap(path, context=context, writer_options=options):
+        for schema, channel, message in messages:
+            if channel.id not in channels:
+                made = Schema(name=schema.name, encoding=schema.encoding, data=schema.data)
+                channels[channel.id] = context._create_channel(
+                    channel.topic, message_encoding=channel.message_encoding, schema=made
+                )
+            channels[channel.id].log(message.data, message.log_time)
+
+
 def main() -> None:
     for name, changes in GOLDEN.items():
         with tempfile.TemporaryDirectory() as folder:
             run(short(**changes), Path(folder))
             log = read_log(Path(folder) / LOG_NAME)
-        write_thinned(log, Path(sys.argv[1]) / f"golden-{name}.mcap")
+        write_thinned(log, path := Path(sys.argv[1]) / f"golden-{name}.mcap")
+        pack(path)
 
 
 if __name__ == "__main__":

@@ -90,9 +90,8 @@ def test_nobody_is_told_to_ask_for_less_with_the_rate_that_they_asked_for(simula
     assert told.endswith("close other programs." if simulated else "shorten their exposure.")
 
 
-@pytest.mark.parametrize("name", ["live-0.1.mcap", "virtual-0.1.mcap"])
-def test_a_log_from_before_has_its_rates_as_far_as_its_frames_tell(name: str) -> None:
-    log = read_log(DATA / name)
+def test_a_log_from_before_has_its_rates_as_far_as_its_frames_tell() -> None:
+    log = read_log(DATA / "virtual-0.1.mcap")
     summary = summarise(log)
     for entry in summary["views"].values():
         assert entry["fps"]["asked"] == log.header.fps
