@@ -18,10 +18,10 @@ from tams_app.console.replay.log_index import LogIndex
 from tams_app.console.replay.marks import Marking
 from tams_app.console.replay.outline import outline_of, phases_row
 from tams_app.console.replay.playback import STEP_NS, Playback
-from tams_app.console.replay.predicted import DrawnPictures
 from tams_app.errors import UnreadableLogError
 from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
+from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
@@ -64,7 +64,7 @@ class ReplaySession:
     """Satisfies what the console needs of a session; from one thread, but for what is asked."""
 
     keyboard: KeyboardController | None = None
-    mount: MountMemory | None = None  # pictures are drawn before they come to the screen
+    mount: MountMemory | None = None  # pictures are shown as received
     failure = ""
 
     def __init__(
@@ -89,7 +89,6 @@ class ReplaySession:
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
         self._index = LogIndex(log)
-        self._drawn = DrawnPictures(log)
         self._now_ns, self._key_help = now_ns, key_help
         self.blind = marking is not None
         self._marking = marking
@@ -115,8 +114,9 @@ class ReplaySession:
     def start(self) -> None:
         """Begin now: the time that the window took to open does not count."""
         self.playback.begin(self._now_ns())
-        if self._drawn.views:
-            self.sentences.note(f"predicted, as they were shown: {', '.join(self._drawn.views)}")
+        if predicted := self._log.facts.get(PREDICTED_FACT):
+            views = ", ".join(predicted.split(","))
+            self.sentences.note(f"as received, while the session showed them predicted: {views}")
 
     def poll(self) -> None:
         """Go on by the time that has passed; show what belongs there."""
@@ -273,8 +273,7 @@ class ReplaySession:
                 continue
             image = np.asarray(cv2.resize(decoded, (video.width, video.height)), np.uint8)
             shown_ns = picture.shown_ns - self._log.header.wall_offset_ns
-            drawn = self._drawn.draw(view, image, shown_ns)
-            self.screen.put(view, shown_ns, shown_ns, drawn)
+            self.screen.put(view, shown_ns, shown_ns, image)
 
     def _take_away(self, found: Mapping[str, ShownPicture]) -> None:
         """Black where the pictures are not known that belong to a moment."""

@@ -21,6 +21,7 @@ from tams_app.console.replay.run import _shown_config
 from tams_app.console.replay.session import ReplaySession
 from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder
@@ -150,6 +151,16 @@ def test_pictures_of_a_log_that_was_cut_off_are_those_of_the_moment_too(
         replayed.passes(0.9 if number == 0 else 1.0)
         assert set(replayed.put) == set(VIEWS)
         assert all(abs(grey - GREYS[number]) < 3 for grey in replayed.put.values())
+
+
+def test_a_replay_says_which_views_were_predicted_in_the_session(
+    log_path: Path, tmp_path: Path
+) -> None:
+    replayed = Replayed(log_path, tmp_path)
+    replayed.session._log.facts[PREDICTED_FACT] = "eih,gt"
+    replayed.session.start()
+    said = "as received, while the session showed them predicted: eih, gt"
+    assert said in replayed.session.sentences.take()
 
 
 def test_speed_and_pause_are_told_and_kept(log_path: Path, tmp_path: Path) -> None:
