@@ -134,6 +134,8 @@ DOCS_EXTRA := import tomllib; \
 
 docs: $(SITE)/.ready
 	rm -rf build/pages && mkdir -p build/pages && cp -r --parents $(PAGES) build/pages
+	$(PY) run_tams.py config --explain all > build/pages/docs/CONFIGURATION.md
+	$(PY) run_tams.py log fields > build/pages/docs/LOG_FIELDS.md
 	$(SITE)/bin/python -m mkdocs build --quiet
 
 $(SITE)/.ready: $(READY) pyproject.toml

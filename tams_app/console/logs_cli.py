@@ -151,6 +151,18 @@ def show(
     Console().print(table)
 
 
+@log_app.command()
+def fields(
+    topic: Annotated[
+        str, typer.Argument(metavar="[TOPIC]", help="Such as /tick.", autocompletion=_topics)
+    ] = "",
+) -> None:
+    """Print what each field of a topic means, or of all topics."""
+    from tams_app.console.log_reference import reference
+
+    typer.echo(reference(topic), nl=False)
+
+
 @log_app.command("csv")
 def to_csv(
     session: SessionArgument,

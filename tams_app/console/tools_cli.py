@@ -1,4 +1,4 @@
-"""`network`, `phases` and `allocate`: commands that need neither an arm nor a session."""
+"""`config`, `network`, `phases` and `allocate`: commands that need neither an arm nor a session."""
 
 from __future__ import annotations
 
@@ -33,9 +33,21 @@ def _kbps(text: str) -> float:
 
 def add_tools(app: typer.Typer) -> None:
     """Give `app` the commands."""
+    app.command("config")(config_keys)
     app.command()(network)
     app.command()(phases)
     app.command()(allocate)
+
+
+def config_keys(
+    explain: Annotated[
+        str, typer.Option(metavar="KEY", help="A key or a section, such as link; all: every key.")
+    ],
+) -> None:
+    """Print what a key means, its default and what it may be."""
+    from tams_app.config.reference import explain as explained
+
+    typer.echo(explained(explain), nl=False)
 
 
 def _actions() -> list[str]:

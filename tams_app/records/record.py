@@ -2,7 +2,7 @@
 
 Each field of such a record, and of what is in it, is described once, where it stands:
 `Annotated[int, "what it is [unit]"]`. Viewers show the text beside the value (`recording/codec.py`)
-and docs/LOG_FIELDS.md is made of it. `null` there is None here.
+and `log fields` is made of it. `null` there is None here.
 """
 
 from __future__ import annotations

@@ -1,6 +1,4 @@
-"""The reference of the configuration, `docs/CONFIGURATION.md`, made from the models.
-
-    python -m tests.configuration_reference > docs/CONFIGURATION.md
+"""The reference of the configuration, made from the models: `config --explain KEY`.
 
 The meaning of a key is the string below it in the model's source. It is read from there and not
 by pydantic, which would parse the source in every process that starts.
@@ -14,6 +12,7 @@ import textwrap
 import typing
 from collections.abc import Iterator
 from datetime import date
+from difflib import get_close_matches
 from enum import Enum
 from typing import Any
 
@@ -24,12 +23,13 @@ from pydantic.fields import FieldInfo
 from tams_app.config.problems import sections
 from tams_app.config.section import WORD
 from tams_app.config.whole import Config
+from tams_app.errors import ConfigError
 
 _HEAD = """\
 # Configuration
 
 Every key of a configuration file, made from the models in `tams_app/config/` by
-`python -m tests.configuration_reference`. A file needs `version`, `policy` and `networks` (the last
+`run_tams.py config --explain all`. A file needs `version`, `policy` and `networks` (the last
 two usually by `include: [networks.yaml, weights.yaml]`); every other key has a default. Numbers are
 finite; the end of a name tells its unit (`_mm_s`, `_kbps`). `config/lite6.yaml` shows what hardware
 needs, docs/OPERATOR.md how to fill it in.
@@ -80,6 +80,36 @@ _WORDS = {
 def reference() -> str:
     """The whole document."""
     return "\n".join([_HEAD, *(_table(key, model) for key, model in all_sections(Config, ""))])
+
+
+def explain(key: str) -> str:
+    """What a key means, the table of a section, or everything; ConfigError for one that is none."""
+    if key == "all":
+        return reference()
+    keys = {}
+    for place, model in all_sections(Config, ""):
+        if place and _is_named(place, key):
+            return _table(place, model)
+        for name in model.model_fields:
+            keys[f"{place}.{name}".removeprefix(".")] = model
+    for place, model in keys.items():
+        if _is_named(place, key):
+            name = place.rpartition(".")[2]
+            field = model.model_fields[name]
+            told = f"{key}: {meaning(model, name)}\n"
+            unit, default, allowed = _unit(name), _default(field), _allowed(field)
+            return f"{told}Default: {default}. Allowed: {allowed}. Unit: {unit}.\n"
+    close = get_close_matches(key, keys, 1)
+    meant = f"did you mean {close[0]}?" if close else "`all` prints every key"
+    raise ConfigError(f"--explain: {key}: no such key, {meant}")
+
+
+def _is_named(place: str, key: str) -> bool:
+    """Whether a dotted key is at `place`, where NAME stands for any name."""
+    parts, given = place.split("."), key.split(".")
+    return len(parts) == len(given) and all(
+        part in ("NAME", one) for part, one in zip(parts, given, strict=True)
+    )
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
@@ -203,7 +233,3 @@ def _type(hint: Any) -> str:
     if isinstance(hint, type) and issubclass(hint, Enum):
         return ", ".join(f"`{member.value}`" for member in hint)
     return _WORDS.get(hint, "")
-
-
-if __name__ == "__main__":
-    print(reference(), end="")  # noqa: T201

@@ -1,6 +1,4 @@
-"""The reference of the log's fields, `docs/LOG_FIELDS.md`, made from the records.
-
-    python -m tests.log_reference > docs/LOG_FIELDS.md
+"""The reference of the log's fields, made from the records: `log fields`.
 
 The rows are those of the JSON schemas that lie in every log.
 """
@@ -12,6 +10,7 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
+from tams_app.errors import ConfigError, not_one_of
 from tams_app.recording.codec import Codec
 from tams_app.recording.topics import TOPICS
 from tams_app.telemetry.rates import Rates
@@ -20,7 +19,7 @@ _HEAD = """\
 # The fields of the log
 
 Every field of each topic whose messages are JSON, made from the records in `tams_app/records/`,
-`tams_app/recording/topics.py` and `tams_app/telemetry/rates.py` by `python -m tests.log_reference`.
+`tams_app/recording/topics.py` and `tams_app/telemetry/rates.py` by `run_tams.py log fields`.
 [LOG.md](LOG.md#topics) says what a topic has a message for, and the conventions of units, frames
 and clocks. *By name*: an object with a value for each name, such as each view. Fields behind a dot
 are those of the object, or of each object of the list.
@@ -34,9 +33,13 @@ _WORDS = {
 }
 
 
-def reference() -> str:
-    """The whole document."""
+def reference(topic: str = "") -> str:
+    """The whole document, or the table of one topic; ConfigError for one that has none."""
     codecs = {topic.name: topic.codec for topic in TOPICS.values()} | {"/rates": Codec(Rates)}
+    if topic:
+        if topic not in codecs:
+            raise ConfigError(f"TOPIC: {not_one_of(topic, codecs)}")
+        return _table(topic, codecs[topic])
     return "\n".join([_HEAD, *(_table(name, codec) for name, codec in codecs.items())])
 
 
@@ -65,7 +68,3 @@ def _type(schema: dict[str, Any]) -> str:
     if values := schema.get("enum"):
         return ", ".join(f"`{value}`" if value else "empty" for value in values)
     return _WORDS[schema["type"]]
-
-
-if __name__ == "__main__":
-    print(reference(), end="")  # noqa: T201
