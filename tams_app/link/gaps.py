@@ -41,18 +41,18 @@ def lost_after_for(
 def advice(
     gaps_ms: Sequence[float], seconds: float, lost_after_ms: float, most_ms: float = _LARGEST_MS
 ) -> str:
-    """The longest gaps, how many hold the arm, and what to do about it, in one sentence."""
+    """The longest gaps, how many hold the arm, and what to do, in one sentence of up to 220 bytes."""
     longest = ", ".join(f"{gap_ms:.0f}" for gap_ms in sorted(gaps_ms, reverse=True)[:3])
-    found = f"the longest gaps between samples are {longest} ms"
+    found = f"the longest gaps are {longest} ms"
     a_minute = too_many(gaps_ms, seconds, lost_after_ms)
     if not a_minute:
         return f"{found}; at most {MOST_A_MINUTE:g} a minute exceed {lost_after_ms:g} ms"
     wanted_ms = lost_after_for(gaps_ms, seconds, lost_after_ms, most_ms)
-    setting = f", or set link.lost_after_ms to {wanted_ms:g}" if wanted_ms else "; no setting helps"
+    setting = f"set link.lost_after_ms to {wanted_ms:g}, " if wanted_ms else "no setting helps; "
     return (
-        f"{found}; {a_minute:.0f} a minute exceed link.lost_after_ms ({lost_after_ms:g} ms), and "
-        "each holds the arm: switch the power saving of the Wi-Fi off (iw dev NAME set power_save "
-        f"off; in a headset's settings), use a cable{setting}"
+        f"{found}; {a_minute:.0f} a minute exceed link.lost_after_ms ({lost_after_ms:g} ms) and "
+        f"hold the arm: {setting}switch Wi-Fi power saving off (iw dev NAME set power_save off), "
+        "or use a cable"
     )
 
 

@@ -142,7 +142,7 @@ def test_of_a_network_on_which_samples_may_be_seconds_old_no_settings_are_propos
 def test_gaps_that_would_hold_the_arm_are_told_and_prescribed_for():
     bursts_ms = [20.0] * 490 + [150.0] * 10
     text = "\n".join(findings(measured([20.0, 22.0, 25.0], bursts_ms)))
-    assert "60 a minute exceed link.lost_after_ms (100 ms), and each holds the arm" in text
+    assert "60 a minute exceed link.lost_after_ms (100 ms) and hold the arm" in text
     assert "\n  lost_after_ms: 180" in text
     even = "\n".join(findings(measured([20.0, 22.0], [20.0] * 500)))
     assert "lost_after_ms:" not in even
