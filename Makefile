@@ -19,6 +19,7 @@ check: $(READY)
 	$(PY) -m mypy
 	$(ENV)/bin/lint-imports --no-logo
 	$(PY) -m deptry .
+	$(PY) -m tests.sizes
 
 # Beside others no test's library starts threads of its own.
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1
