@@ -41,7 +41,7 @@ def lost_after_for(
 def advice(
     gaps_ms: Sequence[float], seconds: float, lost_after_ms: float, most_ms: float = _LARGEST_MS
 ) -> str:
-    """The longest gaps, how many hold the arm, and what to do: one sentence of at most 220 bytes."""
+    """The longest gaps, how many hold the arm, and what to do: a sentence of 220 bytes at most."""
     longest = ", ".join(f"{gap_ms:.0f}" for gap_ms in sorted(gaps_ms, reverse=True)[:3])
     found = f"the longest gaps are {longest} ms"
     a_minute = too_many(gaps_ms, seconds, lost_after_ms)
