@@ -10,6 +10,7 @@ import pytest
 import yaml
 from scipy.spatial.transform import Rotation
 
+from calibration.frame import simulated_person as prompted
 from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched, try_six_directions
 from calibration.frame.buttons import ask_buttons
@@ -20,7 +21,6 @@ from calibration.frame.stroke import Reason, RefusedError
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
-from hw.sim.operator import prompted
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import ControllerStatus
