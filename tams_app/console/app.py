@@ -267,17 +267,23 @@ def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
             "Space stops it, F1 lists all keys",
         )
     elif has_keys or has_window:
+        button = f" (or hold {hand.confirm} for a second)" if hand.confirm else ""
         session.note(
             "info",
-            f"release {hand.deadman} and press Enter (or hold {hand.confirm} for a second) to arm; "
-            "Space stops the arm",
+            f"release {hand.deadman} and press Enter{button} to arm; Space stops the arm",
         )
-    else:
+    elif hand.confirm:
         session.note(
             "warning",
             f"there is neither window nor terminal: only {hand.confirm}, held for a second with "
             f"{hand.deadman} released, arms the arm, and Space cannot stop it: keep the emergency "
             "stop button within reach",
+        )
+    else:
+        session.note(
+            "warning",
+            "there is neither window nor terminal, and what you hold has no button that confirms: "
+            "the arm cannot be armed",
         )
     if session.config.recording.episodes:
         session.note(

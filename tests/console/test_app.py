@@ -25,6 +25,7 @@ from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
+from tams_app.teleop.hands import HANDS
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting
@@ -34,7 +35,7 @@ class EndedSession:
     """A session on the configured devices that is over at the first look."""
 
     def __init__(self, name, hand="auto"):
-        overrides = {"headless": hand != "keyboard", "controller.device": hand}
+        overrides = {"headless": True, "controller.device": hand}
         self.config = load_config(CONFIG_DIRECTORY / name, overrides)
         self.sentences = Sentences()
         self.signals = Signals()
@@ -99,9 +100,13 @@ def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
     assert "Space cannot stop" in text
 
 
-def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told):
-    (_, text), _ = told("tams.yaml", active=True, hand="keyboard")
-    assert text.startswith("press Enter in the window to arm; hold Shift, and W A S D R F move")
+def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told, monkeypatch):
+    monkeypatch.setitem(HANDS, "pedal", HANDS["keyboard"])  # as another distribution does
+    (_, text), _ = told("tams.yaml", active=True, hand="pedal")
+    assert text.startswith("release Shift and press Enter to arm")
+    (level, text), _ = told("tams.yaml", active=False, hand="pedal")
+    assert level == "warning"
+    assert "cannot be armed" in text
 
 
 def test_at_the_hardware_a_computer_without_frames_is_told_of(told):

@@ -28,6 +28,7 @@ from tams_app.study.results import StudyData
 from tams_app.study.statistics.estimates import FEWEST_TO_TEST
 from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
+from tams_app.task import judge
 
 HTML_NAME = "report.html"
 
@@ -67,6 +68,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
         data=data,
         plan=data.plan,
         config=data.config,
+        judge=judge,
         m=measures,
         draw=draw,
         drawing=drawing,
