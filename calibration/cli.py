@@ -21,8 +21,8 @@ from calibration.options import (
 
 Options = TypeVar("Options", bound=CalibrationOptions)
 app = typer.Typer(
-    help="Calibrate this setup. Each wizard says what to do, shows what it measures, and asks "
-    "before it writes a dated file that every other command then uses.",
+    help="Calibrate this setup: measure, and write a dated file that every other command then "
+    "uses. All but `phases` say what to do and ask first.",
 )
 
 

@@ -181,7 +181,8 @@ def shut_down(pipeline: Any) -> None:
 
 def known_settings(element: str, settings: Iterable[str]) -> tuple[str, ...]:
     """Those of `settings`, each `name=value`, that this version of an element has."""
-    made = load().Gst.ElementFactory.make(element)
+    if (made := load().Gst.ElementFactory.make(element)) is None:
+        raise SetupError(f"GStreamer cannot make its element {element}; see `run_tams.py doctor`")
     return tuple(one for one in settings if made.find_property(one.partition("=")[0]))
 
 

@@ -137,7 +137,6 @@ def true_labels(
     ticks: Sequence[Tick],
     scene: Sequence[SceneTruth],
     sizes: TaskGeometry,
-    rules: LabelRules = DEFAULT_RULES,
 ) -> Codes:
     """The phase of every tick by geometry, shape (n,); what precedes the trial is not counted.
 
@@ -151,7 +150,7 @@ def true_labels(
         raise UnreadableLogError(
             f"{name}: has no record of {missing}: its phases cannot be told from it"
         )
-    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes), rules)
+    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes))
     return labels
 
 

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
+from tams_app.config.whole import without_removed
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, read_video
@@ -178,7 +179,7 @@ def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
 
 def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
     """How the frames were made, the views in the order of the configuration."""
-    made = log.header.config.get("video", {})
+    made = without_removed(log.header.config).get("video", {})
     try:
         return VideoConfig.model_validate({**made, "views": tuple(views)})
     except ValidationError as error:

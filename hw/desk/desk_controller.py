@@ -31,7 +31,7 @@ class Reading:
 
 
 class DeskController(Controller):
-    """What all of them do. A device that is not heard of is a hand whose pose and buttons freeze.
+    """A device that is not heard of is a hand whose pose and buttons freeze.
 
     A hand that rests is no frozen pose: while the device is heard of, the pose is as new as the
     tick.
@@ -90,4 +90,4 @@ class DeskController(Controller):
         )
 
     def pulse(self, haptic: Haptic) -> None:
-        """Most of them cannot be felt."""
+        """It cannot be felt."""

@@ -22,9 +22,9 @@ def damage_of(jpeg: bytes) -> str:
     Pictures that cannot be decoded at all are left to the decoder.
     """
     scan = jpeg.rfind(_SCAN)
-    if jpeg.rfind(_END) <= scan:
+    if (end := jpeg.find(_END, max(scan, 0))) < 0:
         return "JPEG pictures lack their end"
-    restarts = b"".join(_RESTART.findall(jpeg, scan))
+    restarts = b"".join(_RESTART.findall(jpeg, scan, end))
     in_order = (_RESTARTS * (len(restarts) // 8 + 1)).startswith(restarts)
     library = turbojpeg()
     if not in_order or (library and _DAMAGE.match(_warning(library, jpeg))):

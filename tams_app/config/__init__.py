@@ -31,7 +31,6 @@ from tams_app.config.whole import (
     Config,
     OperatorConfig,
     OperatorKind,
-    StudyConfig,
     TrialConfig,
 )
 
@@ -58,7 +57,6 @@ __all__ = [
     "PolicyConfig",
     "ProfileConfig",
     "RepairConfig",
-    "StudyConfig",
     "TrialConfig",
     "VideoConfig",
     "dump_config",

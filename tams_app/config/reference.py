@@ -22,7 +22,7 @@ from pydantic.fields import FieldInfo
 
 from tams_app.config.problems import sections
 from tams_app.config.section import WORD
-from tams_app.config.whole import Config
+from tams_app.config.whole import REMOVED, Config
 from tams_app.errors import ConfigError
 
 _HEAD = """\
@@ -99,6 +99,8 @@ def explain(key: str) -> str:
             told = f"{key}: {meaning(model, name)}\n"
             unit, default, allowed = _unit(name), _default(field), _allowed(field)
             return f"{told}Default: {default}. Allowed: {allowed}. Unit: {unit}.\n"
+    if instead := REMOVED.get(key):
+        raise ConfigError(f"--explain: {key}: {instead}")
     close = get_close_matches(key, keys, 1)
     meant = f"did you mean {close[0]}?" if close else "`all` prints every key"
     raise ConfigError(f"--explain: {key}: no such key, {meant}")

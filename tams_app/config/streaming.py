@@ -126,7 +126,13 @@ class RepairConfig(Section):
     """Whether a keyframe is asked for where a packet stays lost."""
 
 
-_ELEMENTS = {"x264": "x264enc", "nvh264": "nvh264enc", "vah264": "vah264enc", "avdec": "avdec_h264"}
+_ELEMENTS = {
+    "x264": "x264enc",
+    "nvh264": "nvh264enc",
+    "vah264": "vah264enc",
+    "v4l2h264": "x264enc",  # could not follow the budget
+    "avdec": "avdec_h264",
+}
 
 
 def _element(default: str) -> BeforeValidator:

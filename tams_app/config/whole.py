@@ -245,12 +245,17 @@ REMOVED = {
         key: f"is a constant of {module} now, {value}: leave it out"
         for key, (value, module) in _CONSTANTS.items()
     },
-    "clutch": "",  # empty by now
+    "clutch": "its keys are constants of tams_app.presses now; leave it out",
 }
 """By key, option (of one command, or of several) or word for a key or an option."""
 _ASK_NOTHING: dict[str, tuple[object, ...] | None] = {  # as stored configurations have them; any
     "policy.tams_plus": None,
-    "clutch": None,
+    "clutch": (
+        {},
+        {"engage_above": 0.6},
+        {"release_below": 0.4},
+        {"engage_above": 0.6, "release_below": 0.4},
+    ),
     "recording.metrics": ("",),
     "rig.fixed_fps": (False, True),
     "arm.servo": ("velocity",),

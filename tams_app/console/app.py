@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from tams_app.config import Config
-from tams_app.config.whole import REMOVED
 from tams_app.console.end_screen import ask_at_end
 from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
@@ -152,7 +151,6 @@ def show_session(
     console: Console,
     words_of: WordsOf = status_words,
     interrupted: Callable[[str], None] = lambda _reason: None,
-    limit_s: float | None = None,
     trial: ShownTrial | None = None,
     replay: ShownReplay | None = None,
     conclude: Conclude | None = None,
@@ -160,10 +158,9 @@ def show_session(
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
     No screen holds it up. `interrupted` is notified of a signal that ends it, in the thread that
-    stops the arm then. `limit_s`: from when it has started, in place of `seconds`, which count its
-    start. `trial`: of a study; nothing else may be notified of its session. `replay`: the session,
-    where it is one. `conclude`: called once it is closed, with the faces, of which those that show
-    an end are still there.
+    stops the arm then. `trial`: of a study; nothing else may be notified of its session. `replay`:
+    the session, where it is one. `conclude`: called once it is closed, with the faces, of which
+    those that show an end are still there.
     """
     runs, over = threading.Event(), threading.Event()
 
@@ -178,14 +175,17 @@ def show_session(
             session.signals.estop()
 
     def failed(name: str, failure: BaseException) -> None:
-        session.fail(f"{name}: {failure!r}")
+        try:
+            session.fail(f"{name}: {failure!r}")
+        except Exception as again:  # noqa: BLE001 - the session has ended by then, and says so
+            session.note("error", f"the arm's stop failed again: {again!r}")
 
     with unblocked_output(), handled_signals(end, stop_arm, failed), ExitStack() as stack:
         faces = _launch_faces(session, stack, trial, replay)
         session.start()
         try:
             runs.set()
-            _watch(session, console, words_of, limit_s, faces, trial, conclude is not None)
+            _watch(session, console, words_of, faces, trial, conclude is not None)
             console.print("ending …", highlight=False)
         finally:
             session.close()
@@ -198,7 +198,6 @@ def _watch(
     session: ShownSession,
     console: Console,
     words_of: WordsOf = status_words,
-    limit_s: float | None = None,
     faces: Sequence[Shown] = (),
     trial: ShownTrial | None = None,
     shows_end: bool = False,
@@ -207,7 +206,6 @@ def _watch(
 
     `shows_end`: of the faces those that can stay, and show that it is over.
     """
-    end_s = None if limit_s is None else session.elapsed_s() + limit_s
     with ExitStack() as stack:
         has_keys = _read_keys(session, stack, trial)
         for face in faces:  # to be closed before the keys: what it shows at the end gets old
@@ -219,8 +217,6 @@ def _watch(
         stack.callback(session.stop_arm)  # however this ends, the arm comes first
         while not session.ended.wait(POLL_S):
             session.poll()
-            if end_s is not None and session.elapsed_s() >= end_s:
-                session.end(f"ended after {limit_s:g} s")
             for note in session.sentences.take():
                 line.notify(note, session.elapsed_s())
                 for face in faces:
@@ -248,8 +244,7 @@ def _launch_faces(
         if session.config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
         return []
-    # a log may have what `check_faces` refuses in a file
-    asked = (FACES[name](session, trial, replay) for name in names if name not in REMOVED)
+    asked = (FACES[name](session, trial, replay) for name in names)
     faces = [face for face in asked if face is not None]
     for face in faces:
         stack.callback(face.close)

@@ -94,8 +94,8 @@ def check_faces(config: Config) -> None:
         ConfigError: one does not exist, is named twice, or is missing.
     """
     for name in config.faces:
-        if name in REMOVED:
-            raise ConfigError(f"faces: {name}: {REMOVED[name]}")
+        if name == "sounds" and name not in FACES:
+            raise ConfigError(f"faces: sounds: {REMOVED[name]}")
         _ = FACES[name]
     if len(set(config.faces)) < len(config.faces):
         raise ConfigError(f"faces: {', '.join(config.faces)}: each may be named once only")

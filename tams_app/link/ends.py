@@ -13,7 +13,7 @@ address that has not answered a question (as RFC 9000, 8.2, has it).
 
 from __future__ import annotations
 
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
@@ -187,7 +187,7 @@ class RobotEnd(End):
         self.introduction = b""  # what their side has told with its call
         self.refusal = ""  # who called last in vain and why, for the people at this end alone
         self._refused_ns: dict[str, int] = {}  # when one was reported, by cause
-        self._reported: set[str] = set()
+        self._reported: deque[str] = deque(maxlen=64)
         self._keys = keys
         self._key: Key | None = None  # theirs
         self._welcome = welcome
@@ -226,11 +226,12 @@ class RobotEnd(End):
 
     def _report(self, cause: str, address: Address, now_ns: int) -> None:
         """Keep who called in vain. Nothing is answered: a stranger learns nothing by it."""
+        if now_ns - self._refused_ns.get(cause, -_REFUSAL_NS) < _REFUSAL_NS:
+            return
         refusal = f"{named(address)} is not answered: {cause}"
-        due = now_ns - self._refused_ns.get(cause, -_REFUSAL_NS) >= _REFUSAL_NS
-        if due and refusal not in self._reported:  # who calls on and on hides no other caller
+        if refusal not in self._reported:  # who calls on and on hides no other caller
             self._refused_ns[cause] = now_ns
-            self._reported.add(refusal)
+            self._reported.append(refusal)
             self.refusal = refusal
 
     # --- who gets in ----------------------------------------------------------------------------

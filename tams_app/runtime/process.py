@@ -99,7 +99,7 @@ class HelperProcess:
 
         From a helper that stands still so long that its pipe is full, they are kept until it goes
         on or newer ones take their place. What it does not do meanwhile is noticed as that: frames
-        that do not come, an arm that does not answer, a sound that is not heard.
+        that do not come, an arm that does not answer.
         """
         self._unsent = json.dumps(facts).encode() + b"\n"
         self.resend()

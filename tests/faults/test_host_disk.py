@@ -63,7 +63,7 @@ def test_what_a_disk_that_stands_still_costs_is_warned_of_counted_and_fails_epis
     disk: Path,
 ) -> None:
     def compose(session: Session) -> Any:
-        session.open_log(session.config, is_real=False)
+        session.open_log(session.config)
         does_nothing: Any = lambda *_: ""  # noqa: E731
         return SimpleNamespace(poll=does_nothing, stop_arm=does_nothing, finish=does_nothing)
 

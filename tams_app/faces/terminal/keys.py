@@ -12,6 +12,7 @@ import threading
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import FrameType
 
 from tams_app.errors import DeviceError
@@ -200,8 +201,8 @@ def handled_signals(
     """Ctrl-C, SIGTERM and a closed terminal call `end` with the reason, SIGUSR1 calls `stop_arm`.
 
     Both are called in a thread of their own, at once, whatever the main thread is busy with;
-    `failed`, with the thread's name, if one of them raises. What was there before comes back at the
-    end.
+    `failed`, which may not raise itself, with the thread's name, if one of them raises. What was
+    there before comes back at the end.
     """
 
     def handle(_number: int, _frame: FrameType | None) -> None:
@@ -210,14 +211,17 @@ def handled_signals(
     def relay(_stop: threading.Event) -> None:
         with os.fdopen(woken, "rb", buffering=0) as pipe:
             while numbers := pipe.read(64):
-                try:
-                    if signal.SIGUSR1 in numbers:
-                        stop_arm()
-                    for number in numbers:
-                        if number in ENDING:
-                            end(f"ended by {signal.Signals(number).name}")
-                except Exception as failure:  # noqa: BLE001 - the session fails by it
-                    failed("signals", failure)
+                asked = [stop_arm] if signal.SIGUSR1 in numbers else []
+                asked += [
+                    partial(end, f"ended by {signal.Signals(number).name}")
+                    for number in numbers
+                    if number in ENDING
+                ]
+                for one in asked:  # one that raises keeps no other from being tried
+                    try:
+                        one()
+                    except Exception as failure:  # noqa: BLE001 - the session fails by it
+                        failed("signals", failure)
 
     woken, wake = os.pipe()
     os.set_blocking(wake, False)
