@@ -26,7 +26,6 @@ from tests.faults.applications import Application, until
 
 pytestmark = [
     pytest.mark.timed,
-    pytest.mark.matrix,
     pytest.mark.second_chance(standstill_ms=30),  # the arm must reply in 40 ms
     pytest.mark.verify,
     pytest.mark.timeout(300),
