@@ -20,7 +20,7 @@ def test_gaps_that_would_hold_the_arm_are_counted_a_minute_and_prescribed_for() 
     assert lost_after_for(BURSTS_MS, 5.0, 100.0) == 200.0
     said = advice(BURSTS_MS, 5.0, 100.0)
     assert said.startswith("the longest gaps are 160, 158, 152 ms; 60 a minute")
-    assert "power saving of the Wi-Fi" in said
+    assert "switch Wi-Fi power saving off" in said
     assert "set link.lost_after_ms to 200" in said
 
 
