@@ -31,7 +31,7 @@ class Reading:
 
 
 class DeskController(Controller):
-    """A device that is not heard of is a hand whose pose and buttons freeze.
+    """A device that reports nothing is a hand whose pose and buttons freeze.
 
     A hand that rests is no frozen pose: while the device is heard of, the pose is as new as the
     tick.

@@ -96,9 +96,9 @@ def explain(key: str) -> str:
         if _is_named(place, key):
             name = place.rpartition(".")[2]
             field = model.model_fields[name]
-            told = f"{key}: {meaning(model, name)}\n"
+            means = f"{key}: {meaning(model, name)}\n"
             unit, default, allowed = _unit(name), _default(field), _allowed(field)
-            return f"{told}Default: {default}. Allowed: {allowed}. Unit: {unit}.\n"
+            return f"{means}Default: {default}. Allowed: {allowed}. Unit: {unit}.\n"
     if instead := REMOVED.get(key):
         raise ConfigError(f"--explain: {key}: {instead}")
     close = get_close_matches(key, keys, 1)
