@@ -21,8 +21,8 @@ from calibration.options import (
 
 Options = TypeVar("Options", bound=CalibrationOptions)
 app = typer.Typer(
-    help="Calibrate this setup: measure, and write a dated file that every other command then "
-    "uses. All but `phases` say what to do and ask first.",
+    help="Calibrate this setup. Each wizard measures, and writes a dated file that every "
+    "command then uses. All but `phases` say what to do and ask first.",
 )
 
 
