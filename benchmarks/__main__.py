@@ -19,8 +19,8 @@ from rich.progress import Progress
 from rich.table import Table
 
 from benchmarks import faults
-from benchmarks.figures import Figure
 from benchmarks.measures import (
+    Figure,
     control_figures,
     latency_figures,
     rig_figures,

@@ -79,12 +79,9 @@ class Row:
         return "met" if self.zero_commanded_ms <= self.at_most_ms else "missed"
 
 
-def measure(
-    repetitions: int = REPETITIONS,
-    scenarios: tuple[Scenario, ...] = SCENARIOS,
-) -> list[Row]:
+def measure(repetitions: int = REPETITIONS) -> list[Row]:
     """Every fault; some five seconds for each repetition."""
-    return [_worst([measure_once(scenario) for _ in range(repetitions)]) for scenario in scenarios]
+    return [_worst([measure_once(scenario) for _ in range(repetitions)]) for scenario in SCENARIOS]
 
 
 def measure_once(scenario: Scenario) -> Row:

@@ -3,17 +3,44 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.figures import Figure
 from benchmarks.runs import Run
 from tams_app.summary.tables import FrameTable, PacketTable, Targets
 from tams_app.summary.tracking import Windows, steps, windows
 from tams_app.units import NS_PER_S
 
 SETTLED_FRACTION = 0.15  # of the target
+
+
+@dataclass(frozen=True, slots=True)
+class Figure:
+    """One measured number with its target."""
+
+    group: str
+    name: str
+    value: float | None
+    unit: str
+    at_most: float | None = None
+    at_least: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """met, missed, or "" where there is no target or nothing was measured."""
+        if self.value is None or (self.at_most is None and self.at_least is None):
+            return ""
+        low = self.at_least is None or self.value >= self.at_least
+        high = self.at_most is None or self.value <= self.at_most
+        return "met" if low and high else "missed"
+
+    @property
+    def target(self) -> str:
+        if self.at_most is not None:
+            return f"≤ {self.at_most:g}"
+        return f"≥ {self.at_least:g}" if self.at_least is not None else ""
 
 
 def start_figures(runs: list[Run]) -> list[Figure]:

@@ -89,20 +89,14 @@ def _difference(row: Row) -> str:
     return f"{value:+.4f}{interval}".replace("[", "\\[")
 
 
-def report(
-    console: Console,
-    path: Path = RESULTS,
-    seeds: int = SEEDS,
-    networks: Sequence[str] = NETWORKS,
-    full: bool = False,
-    processes: int = PROCESSES,
-) -> None:
+def report(console: Console, options: argparse.Namespace) -> None:
     """Measure, print, write."""
+    seeds, networks, full, path = options.seeds, options.networks, options.full, options.json
     with tempfile.TemporaryDirectory(prefix="tams-ablation-") as folder:
         console.print(f"recording a hand for each of {seeds} seeds")
         trials = plan(networks, record_hands(seeds, Path(folder)), full)
         with TrialsProgress(console, len(trials)) as bar:
-            found = run(trials, Path(folder), processes, bar)
+            found = run(trials, Path(folder), options.processes, bar)
     told = collect(trials, found)
     moved = [
         one for network in networks for one in ranges([r for r in told if r.network == network])
@@ -114,8 +108,8 @@ def report(
             f"(from {one.worst} to {one.best})",
             highlight=False,
         )
-    options = f"--seeds {seeds} --networks {' '.join(networks)}{' --full' if full else ''}"
-    write(path, f"python -m benchmarks.experiments.ablation {options}", told, moved, trials, found)
+    words = f"--seeds {seeds} --networks {' '.join(networks)}{' --full' if full else ''}"
+    write(path, f"python -m benchmarks.experiments.ablation {words}", told, moved, trials, found)
     console.print(f"written to {path}")
 
 
@@ -159,14 +153,7 @@ def main() -> None:
     console = Console()
     if not console.is_terminal:  # a log file has no width
         console.width = TABLE_WIDTH
-    report(
-        console,
-        options.json,
-        options.seeds,
-        options.networks,
-        options.full,
-        options.processes,
-    )
+    report(console, options)
 
 
 if __name__ == "__main__":

@@ -163,25 +163,6 @@ def write(path: Path, command: str, rows: list[Agreement], pairs: list[Pair]) ->
     path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
 
 
-def report(
-    console: Console,
-    path: Path = RESULTS,
-    setting: Setting | None = None,
-) -> str:
-    """Measure, print, write; the verdict."""
-    setting = setting or Setting()
-    with Progress(console=console) as progress:
-        pairs = measure(setting, progress)
-    rows = agreements(pairs)
-    console.print(table(rows))
-    for pair in pairs:
-        console.print(_sentence(pair), highlight=False)
-    write(path, setting.command, rows, pairs)
-    verdict = overall(rows)
-    console.print(f"live and virtual agree: {verdict}; written to {path}")
-    return verdict
-
-
 def main() -> None:
     usual = Setting()
     parser = argparse.ArgumentParser(
@@ -194,7 +175,15 @@ def main() -> None:
     parser.add_argument("--json", type=Path, default=RESULTS)
     options = parser.parse_args()
     setting = Setting(options.seeds, options.network, options.strategy, options.fps)
-    report(Console(), options.json, setting)
+    console = Console()
+    with Progress(console=console) as progress:
+        pairs = measure(setting, progress)
+    rows = agreements(pairs)
+    console.print(table(rows))
+    for pair in pairs:
+        console.print(_sentence(pair), highlight=False)
+    write(options.json, setting.command, rows, pairs)
+    console.print(f"live and virtual agree: {overall(rows)}; written to {options.json}")
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ product's. A recording takes some eight seconds of a core.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -194,6 +193,3 @@ class HandSpan:
                 first_ns = ticks[0].started_ns
                 return HandSpan(tick.started_ns - first_ns, ticks[-1].started_ns - first_ns)
         raise TamsError(f"{path}: the hand never squeezes")
-
-
-_ignore: Callable[..., None] = lambda *_: None  # noqa: E731

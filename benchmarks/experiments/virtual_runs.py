@@ -60,13 +60,12 @@ def run_side_by_side(
     out: Path,
     processes: int,
     ended: Callable[[], None],
-    make_runs: Callable[[Mapping[str, Config]], VirtualRuns] = VirtualRuns,
 ) -> None:
     """Run every trial into a folder of `out` with its id; TamsError if one fails.
 
-    `ended` is told of each that ends. `make_runs`: what runs them.
+    `ended` is called as each ends.
     """
-    runs, waiting, running = make_runs(configs), list(configs), 0
+    runs, waiting, running = VirtualRuns(configs), list(configs), 0
     with closing(LocalPool(runs, processes)) as pool:
         while waiting or running:
             while waiting and running < pool.slots:
