@@ -11,6 +11,8 @@ from typing import Any
 
 from mcap.reader import make_reader
 
+from tams_app.recording import wire
+
 _MESSAGE, _BYTES, _STRING = 11, 12, 9
 _DOUBLE, _BOOL, _ENUM = 1, 8, 14
 _REPEATED = 3
@@ -44,22 +46,22 @@ def messages(path: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:
 def types_of(descriptor_set: bytes) -> Types:
     """The message types of a FileDescriptorSet (descriptor.proto), by their full names."""
     types: Types = {}
-    for number, file in _wire(descriptor_set):
+    for number, file in wire.parts(descriptor_set):
         if number == 1:
-            package = next((value.decode() for key, value in _wire(file) if key == 2), "")
-            for key, value in _wire(file):
+            package = next((value.decode() for key, value in wire.parts(file) if key == 2), "")
+            for key, value in wire.parts(file):
                 if key == 4:
                     _add_type(types, f".{package}", value)
     return types
 
 
 def _add_type(types: Types, scope: str, descriptor: bytes) -> None:
-    parts = list(_wire(descriptor))
+    parts = list(wire.parts(descriptor))
     name = f"{scope}." + next(value.decode() for key, value in parts if key == 1)
     types[name] = {}
     for key, value in parts:
         if key == 2:
-            field = dict(_wire(value))
+            field = dict(wire.parts(value))
             types[name][field[3]] = Field(
                 field[1].decode(), field[5], field.get(6, b"").decode(), field[4] == _REPEATED
             )
@@ -71,7 +73,7 @@ def decode(types: Types, name: str, data: bytes) -> dict[str, Any]:
     """A message; fields that are not in `data` have their defaults, messages are None then."""
     fields = types[name]
     content: dict[str, Any] = {one.name: _default(one) for one in fields.values()}
-    for number, value in _wire(data):
+    for number, value in wire.parts(data):
         field = fields[number]
         if field.repeated and field.kind == _DOUBLE and isinstance(value, bytes):
             content[field.name] += [one for (one,) in struct.iter_unpack("<d", value)]
@@ -99,34 +101,3 @@ def _plain(types: Types, field: Field, value: Any) -> Any:
     if field.kind == _DOUBLE:
         return struct.unpack("<d", struct.pack("<Q", value))[0]
     return bool(value) if field.kind == _BOOL else value
-
-
-def _wire(data: bytes) -> Iterator[tuple[int, Any]]:
-    """Field number and value: integers for varint and fixed fields, bytes for the rest."""
-    at = 0
-    while at < len(data):
-        key, at = _varint(data, at)
-        kind = key & 7
-        if kind == 0:
-            value: Any
-            value, at = _varint(data, at)
-        else:
-            size = {1: 8, 5: 4}.get(kind)
-            if size is None:
-                size, at = _varint(data, at)
-            value = data[at : at + size]
-            at += size
-            if kind != 2:
-                value = int.from_bytes(value, "little")
-        yield key >> 3, value
-
-
-def _varint(data: bytes, at: int) -> tuple[int, int]:
-    value = shift = 0
-    while True:
-        byte = data[at]
-        at += 1
-        value |= (byte & 0x7F) << shift
-        if byte < 0x80:
-            return value, at
-        shift += 7

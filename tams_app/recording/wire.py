@@ -5,21 +5,28 @@ Source: protobuf.dev, "Encoding": a field is a varint key (number << 3 | type) a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 
 
 def fields(message: bytes) -> dict[int, int | bytes]:
-    """Field number to value: integers for varint and fixed fields, bytes for the rest.
+    """Field number to value; of a repeated field the last value stays. Errors as of `parts`."""
+    return dict(parts(message))
 
-    Of a repeated field the last value stays. Raises ValueError if `message` is damaged.
+
+def parts(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Each field's number and value: integers for varint and fixed fields, bytes for the rest.
+
+    Raises ValueError if `message` is damaged.
     """
-    found: dict[int, int | bytes] = {}
     at = 0
     while at < len(message):
         key, at = _varint(message, at)
         number, kind = key >> 3, key & 7
         if kind == _VARINT:
-            found[number], at = _varint(message, at)
+            found, at = _varint(message, at)
+            yield number, found
             continue
         if kind == _BYTES:
             size, at = _varint(message, at)
@@ -30,9 +37,8 @@ def fields(message: bytes) -> dict[int, int | bytes]:
         value = message[at : at + size]
         if len(value) < size:
             raise ValueError("the protobuf message is cut off")
-        found[number] = value if kind == _BYTES else int.from_bytes(value, "little")
+        yield number, value if kind == _BYTES else int.from_bytes(value, "little")
         at += size
-    return found
 
 
 def _varint(message: bytes, at: int) -> tuple[int, int]:
