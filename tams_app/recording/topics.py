@@ -132,31 +132,19 @@ class FrameSent:
 
     @staticmethod
     def of(frame: EncodedFrame) -> FrameSent:
-        return FrameSent(
-            frame.view,
-            frame.index,
-            frame.capture_ns,
-            frame.encoded_ns,
-            frame.keyframe,
-            len(frame.data),
-            frame.pushed_ns,
-            frame.rtp_timestamp,
-            frame.ready_ns,
-        )
+        return FrameSent(size_bytes=len(frame.data), **_shared(frame))
 
     def with_data(self, data: bytes) -> EncodedFrame:
         """The frame again, with its bytes."""
-        return EncodedFrame(
-            self.view,
-            self.index,
-            self.capture_ns,
-            self.encoded_ns,
-            self.keyframe,
-            data,
-            self.pushed_ns,
-            self.rtp_timestamp,
-            self.ready_ns,
-        )
+        return EncodedFrame(data=data, **_shared(self))
+
+
+def _shared(frame: FrameSent | EncodedFrame) -> dict[str, Any]:
+    """What is known of a frame with its bytes and without them."""
+    return {name: getattr(frame, name) for name in _SHARED}
+
+
+_SHARED = [one.name for one in fields(EncodedFrame) if one.name != "data"]
 
 
 @dataclass(frozen=True, slots=True)
