@@ -53,7 +53,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "arm and physics": ((InProcessArm, "_catch_up"),),
     "hand, control, phase": ((ControlLoop, "tick"),),
     "recording": ((DirectRecorder, "record"), (DirectRecorder, "close")),
-    "reading back, summary": ((runner, "read_log"), (runner, "save_summary")),
+    "reading back, summary": ((runner, "read_log"), (runner, "summarise")),
 }
 REFERENCE = "11 by 11 Gaussian window over 640 by 480 float32, separable"
 _REFERENCE_ROUNDS = 5

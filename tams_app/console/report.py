@@ -25,8 +25,7 @@ from tams_app.summary.joined import (
     on_robots_clock,
     summarise_joined,
 )
-from tams_app.summary.summarise import save_summary
-from tams_app.summary.summarise import write_summary as save_summary_of
+from tams_app.summary.summarise import save_summary, summarise
 
 FIGURE_NAME = "bitrates.png"
 PAGE_NAME = "report.html"
@@ -74,7 +73,7 @@ def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
     offsets = clock_offsets(robot, operator)
     both = joined(robot, operator, offsets)
     summary = summarise_joined(robot, operator, offsets, both)
-    save_summary_of(summary, of_robot)
+    save_summary(summary, of_robot)
     pictures = on_robots_clock(
         read_pictures(of_operator / LOG_NAME), robot.header, operator.header, offsets
     )
@@ -133,7 +132,8 @@ def write_summary(folder: Path) -> dict[str, Any]:
 
 def _summarised(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
     log = read_log(folder / LOG_NAME)
-    summary = save_summary(log, folder)
+    summary = summarise(log)
+    save_summary(summary, folder)
     _draw(log, summary, read_pictures(folder / LOG_NAME), folder)
     return log, summary
 
@@ -143,10 +143,11 @@ def _draw(
 ) -> None:
     """Write figure and page into `folder`; LogError if they cannot be written."""
     # matplotlib and jinja2: no session starts with them
-    from tams_app.report.figures import save_bitrates
+    from tams_app.report.figures import bitrates_figure
+    from tams_app.report.plots import save_figure
     from tams_app.report.session_page import write_page
 
-    save_bitrates(log, folder / FIGURE_NAME)
+    save_figure(bitrates_figure(log), folder / FIGURE_NAME)
     write_page(log, summary, pictures, folder / PAGE_NAME)
 
 

@@ -132,17 +132,13 @@ def on_robots_clock(
         yield replace(picture, shown_ns=here_ns + robot.wall_offset_ns)
 
 
-def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:
-    """As `summarise`, with the frames as they were shown, and `link`; LogError if not a pair."""
-    robot, operator = in_order(first, second)
-    offsets = clock_offsets(robot, operator)
-    return summarise_joined(robot, operator, offsets, joined(robot, operator, offsets))
-
-
 def summarise_joined(
     robot: SessionLog, operator: SessionLog, offsets: ClockOffsets, both: SessionLog
 ) -> dict[str, Any]:
-    """`summarise_both`, of what `clock_offsets` and `joined` have made of the two logs."""
+    """`summarise` of the frames as they were shown, and `link`.
+
+    `offsets` and `both` are what `clock_offsets` and `joined` have made of the two logs.
+    """
     return {
         **summarise(both),
         "complete": robot.complete and operator.complete,

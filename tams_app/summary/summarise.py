@@ -83,19 +83,12 @@ def summarise(log: SessionLog) -> dict[str, Any]:
     }
 
 
-def save_summary(log: SessionLog, folder: Path) -> dict[str, Any]:
-    """Compute the summary of `log`, write it into `folder` and return it; LogError if it cannot.
+def save_summary(summary: dict[str, Any], folder: Path) -> None:
+    """Write a summary into `folder`; LogError if it cannot.
 
     A complete summary is not lost to one of a log that has since been damaged: it is kept beside
     as `summary.json.before`.
     """
-    summary = summarise(log)
-    write_summary(summary, folder)
-    return summary
-
-
-def write_summary(summary: dict[str, Any], folder: Path) -> None:
-    """Write a summary into `folder`, beside a complete one from before; LogError if it cannot."""
     text = json.dumps(summary, indent=2) + "\n"
     path = folder / SUMMARY_NAME
     if not summary["complete"] and _is_complete(path):

@@ -20,7 +20,7 @@ from tams_app.records import Note
 from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.session import Session
-from tams_app.summary.summarise import save_summary
+from tams_app.summary import summarise
 from tams_app.units import NS_PER_S
 from tests.faults.applications import Application, until
 
@@ -89,7 +89,7 @@ def test_what_a_disk_that_stands_still_costs_is_warned_of_counted_and_fails_epis
     (lost,) = log.lost
     assert session.failure == f"{lost.records} records are missing from the log; record it again"
     assert lost.records >= CAPACITY + 100 - sum(note.text.isdigit() for note in log.notes) > 0
-    summary = save_summary(log, disk)
+    summary = summarise(log)
     assert (summary["complete"], summary["records_lost"]) == (False, lost.records)
     (missing,) = summary["missing"]
     assert missing["start_s"] < missing["end_s"]

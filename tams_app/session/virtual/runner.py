@@ -16,7 +16,7 @@ from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.study.plan import PlannedTrial
-from tams_app.summary.summarise import save_summary
+from tams_app.summary.summarise import save_summary, summarise
 
 
 def run_virtual_trial(
@@ -36,7 +36,7 @@ def run_virtual_trial(
         outcome = trial.run()
     finally:
         trial.close()
-    save_summary(read_log(folder / LOG_NAME), folder)
+    save_summary(summarise(read_log(folder / LOG_NAME)), folder)
     return outcome
 
 
