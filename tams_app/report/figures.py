@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -156,11 +155,6 @@ def bitrates_figure(log: SessionLog) -> Figure:
     title = f"{log.header.strategy} on {log.header.network}, {log.header.budget_mode} budget"
     figure.suptitle(title, x=0.01, ha="left", fontsize=plots.SMALL_PT)
     return figure
-
-
-def save_bitrates(log: SessionLog, path: Path) -> None:
-    """Write bitrates.png."""
-    plots.save_figure(bitrates_figure(log), path)
 
 
 def dress_rate(axis: Axes, name: str) -> None:

@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 
-from tams_app.config import DEFAULT_CONFIG, Config, load_config
+from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
 
 if TYPE_CHECKING:
-    from tams_app.study.folder import StudyFolder
     from tams_app.study.runner import TrialRunner
 
     MakeRunner: TypeAlias = Callable[[Config], TrialRunner]
 
 DEFAULT_FOLDER = Path("logs/study")
-_DESIGN = {  # what a plan fixes: the option of each key of the configuration
-    "study.repetitions": "--repetitions",
-    "study.practice_trials": "--practice",
-    "seed": "--seed",
-}
-
 Folder = Annotated[
     Path | None, typer.Argument(metavar="[DIR]", help=f"The study's folder; {DEFAULT_FOLDER}.")
 ]
@@ -87,9 +79,9 @@ def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
         """
         _check_run_options(sim, workers, dask, participant)
         options = _options(sim, repetitions, practice, seed)
-        study = _study_to_run(_folder(folder, out), sim, participants, options, config)
         from tams_app.study import commands
 
+        study = commands.study_to_run(_folder(folder, out), sim, participants, options, config)
         console = _console()
         if sim:
             runner = simulated(study.config())
@@ -174,13 +166,11 @@ def report(
 
     if from_tables is not None and folder is not None:
         raise ConfigError(f"{folder} and --from-tables {from_tables}: give one of them")
-    if from_tables is not None:
-        settings = load_config(config)
-        code = commands.report_tables(from_tables, settings, _console(), out, tolerance_ssim)
-        raise typer.Exit(code)
-    if config is not None:
+    if config is not None and from_tables is None:
         raise ConfigError("--config is for --from-tables: a study keeps its own configuration")
-    raise typer.Exit(commands.report_study(_folder(folder), _console(), out, tolerance_ssim))
+    settings = None if from_tables is None else load_config(config)
+    where = from_tables or _folder(folder)
+    raise typer.Exit(commands.report_study(where, _console(), out, tolerance_ssim, settings))
 
 
 def _check_run_options(
@@ -194,49 +184,6 @@ def _check_run_options(
         raise ConfigError(f"{option} is for simulated trials: add --sim, or leave it out")
     if workers is not None and dask is not None:
         raise ConfigError("--workers counts processes on this machine: leave it out with --dask")
-
-
-def _study_to_run(
-    folder: Path,
-    sim: bool,
-    participants: int | None,
-    options: dict[str, Any],
-    config: Path | None,
-) -> StudyFolder:
-    """The study in `folder`, or a new one; ConfigError where another one was planned there."""
-    from tams_app.study.commands import ensure_planned
-    from tams_app.study.folder import StudyFolder
-
-    study = StudyFolder(folder)
-    if not study.exists:
-        settings = load_config(config, options)
-        if participants is not None and settings.rig.enabled and not sim:
-            raise ConfigError(
-                f"{config or DEFAULT_CONFIG}: describes the simulated rig: add --sim, or give the "
-                "hardware's configuration with --config"
-            )
-        return ensure_planned(settings, folder, participants)
-    planned = study.config()
-    for key, option in _DESIGN.items():
-        before = attrgetter(key)(planned)
-        if options[key] not in (None, before):
-            raise ConfigError(
-                f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
-                "to go on, or choose another folder with --out"
-            )
-    if config is not None and not is_same_study(load_config(config, options), planned):
-        raise ConfigError(
-            f"{folder}: was planned with another configuration than {config} is now: leave "
-            "--config out to go on, or choose another folder with --out"
-        )
-    return ensure_planned(planned, folder, participants)
-
-
-def is_same_study(one: Config, other: Config) -> bool:
-    """True if every trial of the two is the same; what a study overrides may differ."""
-    from tams_app.study.plan import conditions_of_all
-
-    return conditions_of_all(one) == conditions_of_all(other)
 
 
 def _options(

@@ -4,35 +4,37 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from importlib.util import find_spec
+from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 from rich.markup import escape
 from rich.prompt import Confirm
 from rich.table import Table
 
-from tams_app.config import Config
+from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.outputs import inner_folder
 from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.plan import ParticipantState, Plan, void
+from tams_app.study.plan import ParticipantState, Plan, conditions_of_all, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
 from tams_app.task.marks import marks_in
 
-if TYPE_CHECKING:
-    from tams_app.study.results import StudyData
-
 REMARKS_NAME = "remarks.txt"
 REMARKS_BYTES = 100_000
+_DESIGN = {  # what a plan fixes: the option of each key of the configuration
+    "study.repetitions": "--repetitions",
+    "study.practice_trials": "--practice",
+    "seed": "--seed",
+}
 _REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
 
 
@@ -66,24 +68,55 @@ def plan_study(config: Config, folder: Path, participants: int, console: Console
     return show_study(folder, console)
 
 
-def ensure_planned(config: Config, folder: Path, participants: int | None) -> StudyFolder:
+def study_to_run(
+    folder: Path,
+    sim: bool,
+    participants: int | None,
+    options: dict[str, Any],
+    path: Path | None = None,
+) -> StudyFolder:
     """The study in `folder`, planned now if there is none.
 
-    ConfigError where `participants` is missing for a new one, or is not that of the old one.
+    ConfigError where another one was planned there. `path`: of a configuration file; `options`: by
+    key of the configuration, None where they were not given.
     """
     study = StudyFolder(folder)
     if not study.exists:
+        settings = load_config(path, options)
         if participants is None:
             raise ConfigError(f"{folder}: holds no study: say how many with --participants")
-        study.create(make_plan(config, participants), config)
+        if settings.rig.enabled and not sim:
+            raise ConfigError(
+                f"{path or DEFAULT_CONFIG}: describes the simulated rig: add --sim, or give the "
+                "hardware's configuration with --config"
+            )
+        study.create(make_plan(settings, participants), settings)
         return study
-    planned = study.load()
-    if participants not in (None, len(planned.participants)):
+    planned = study.config()
+    for key, option in _DESIGN.items():
+        before = attrgetter(key)(planned)
+        if options[key] not in (None, before):
+            raise ConfigError(
+                f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
+                "to go on, or choose another folder with --out"
+            )
+    if path is not None and not is_same_study(load_config(path, options), planned):
         raise ConfigError(
-            f"{folder}: is planned for {len(planned.participants)} participants, not "
-            f"{participants}: leave --participants out, or choose another folder"
+            f"{folder}: was planned with another configuration than {path} is now: leave "
+            "--config out to go on, or choose another folder with --out"
+        )
+    count = len(study.load().participants)
+    if participants not in (None, count):
+        raise ConfigError(
+            f"{folder}: is planned for {count} participants, not {participants}: leave "
+            "--participants out, or choose another folder"
         )
     return study
+
+
+def is_same_study(one: Config, other: Config) -> bool:
+    """True if every trial of the two is the same; what a study overrides may differ."""
+    return conditions_of_all(one) == conditions_of_all(other)
 
 
 def run_simulated(
@@ -196,42 +229,35 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
 
 
 def report_study(
-    folder: Path, console: Console, out: Path | None = None, tolerance_ssim: float | None = None
-) -> int:
-    """`study report`: tables, and the report with its figures.
-
-    Remarks are taken from remarks.txt in the study's folder. SetupError without the extra `study`.
-    """
-    _check_extra()
-    from tams_app.study.results import read_results, write_tables
-
-    data = read_results(StudyFolder(folder))
-    if not len(data.trials):
-        raise ConfigError(f"{folder}: no trial is done yet: run `study run` first")
-    with _writing():
-        written = write_tables(data, inner_folder(folder, TABLES_NAME))
-        out = out or inner_folder(folder, REPORT_NAME)
-        page = _write_report(data, folder, out, tolerance_ssim)
-    for path in (page, *written):
-        console.print(str(path), style="bold", highlight=False)
-    return 0
-
-
-def report_tables(
     folder: Path,
-    config: Config,
     console: Console,
     out: Path | None = None,
     tolerance_ssim: float | None = None,
+    config: Config | None = None,
 ) -> int:
-    """`study report --from-tables`: the report from the tables that an earlier one has left."""
-    _check_extra()
-    from tams_app.study.results import read_tables
+    """`study report`: tables, and the report with its figures.
 
-    data = read_tables(folder, config)
-    with _writing():
-        page = _write_report(data, folder, out or folder, tolerance_ssim)
-    console.print(str(page), style="bold", highlight=False)
+    `config`: that of a study of which `folder` holds only the tables that an earlier report has
+    left. Remarks are taken from remarks.txt in `folder`. SetupError without the extra `study`.
+    """
+    _check_extra()
+    from tams_app.study.report.build import build_report
+    from tams_app.study.results import read_results, read_tables, write_tables
+
+    data = read_results(StudyFolder(folder)) if config is None else read_tables(folder, config)
+    if not len(data.trials):
+        raise ConfigError(f"{folder}: no trial is done yet: run `study run` first")
+    written: list[Path] = []
+    # on standard error: standard output lists the files, for programs too
+    with waiting("writing tables and report", Console(stderr=True)):
+        if config is None:
+            written = write_tables(data, inner_folder(folder, TABLES_NAME))
+            out = out or inner_folder(folder, REPORT_NAME)
+        remarks = folder / REMARKS_NAME
+        text = remarks.read_text("utf-8", "replace")[:REMARKS_BYTES] if remarks.is_file() else ""
+        page = build_report(data, text, tolerance_ssim).write(out or folder)
+    for path in (page, *written):
+        console.print(str(path), style="bold", highlight=False)
     return 0
 
 
@@ -239,19 +265,6 @@ def _check_extra() -> None:
     missing = [name for name in _REPORT_NEEDS if find_spec(name) is None]
     if missing:
         raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
-
-
-def _writing() -> AbstractContextManager[None]:
-    """On standard error: standard output lists the files, for programs too."""
-    return waiting("writing tables and report", Console(stderr=True))
-
-
-def _write_report(data: StudyData, folder: Path, out: Path, tolerance_ssim: float | None) -> Path:
-    from tams_app.study.report.build import build_report
-
-    remarks = folder / REMARKS_NAME
-    text = remarks.read_text("utf-8", "replace")[:REMARKS_BYTES] if remarks.is_file() else ""
-    return build_report(data, text, tolerance_ssim).write(out)
 
 
 def _confirmed(question: str, console: Console) -> bool:

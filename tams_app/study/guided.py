@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse, Prompt
 
@@ -180,10 +181,8 @@ def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
     asked for.
     """
     question = f"Was the block placed within {rules.limit_s:g} s?"
-    if marks.placed:
-        completed = Confirm.ask(question, default=True, console=console)
-    else:
-        completed = Confirm.ask(question, console=console)
+    marked: Any = marks.placed or ...  # none: an answer is asked for
+    completed = Confirm.ask(question, default=marked, console=console)
     drops = _drops(console, marks.drops)
     if not completed:
         return Verdict(completed=False, success=False, drops=drops)
@@ -196,12 +195,10 @@ def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
 
 
 def _drops(console: Console, counted: int | None) -> int:
-    question = "How many drops?"
     possible = [str(number) for number in range(MAX_DROPS + 1)]
-    if counted is None:
-        return IntPrompt.ask(question, choices=possible, show_choices=False, console=console)
+    marked: Any = ... if counted is None else counted
     return IntPrompt.ask(
-        question, choices=possible, show_choices=False, default=counted, console=console
+        "How many drops?", choices=possible, show_choices=False, default=marked, console=console
     )
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Sequence
 from itertools import product
-from typing import NamedTuple
+from typing import TypeAlias
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, not_one_of
@@ -17,6 +17,8 @@ from tams_app.policy.allocation import make_strategy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES
 from tams_app.study.plan import Participant, ParticipantState, Plan, PlannedTrial
+
+Condition: TypeAlias = tuple[str, str]  # strategy and network, a cell of the design
 
 MAX_PARTICIPANTS = 9999
 _SEED_BITS = 31
@@ -100,18 +102,9 @@ def _trials_of(
         )
 
 
-class Condition(NamedTuple):
-    """One cell of the design."""
-
-    strategy: str
-    network: str
-
-
 def conditions(strategies: Sequence[str], networks: Sequence[str]) -> tuple[Condition, ...]:
     """Every strategy on every network."""
-    return tuple(
-        Condition(strategy, network) for network, strategy in product(networks, strategies)
-    )
+    return tuple((strategy, network) for network, strategy in product(networks, strategies))
 
 
 def williams_square(size: int) -> tuple[tuple[int, ...], ...]:

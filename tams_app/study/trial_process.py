@@ -117,7 +117,7 @@ class LocalPool:
     """Processes on this machine; `workers` None: one for each core that we may use."""
 
     def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
-        cores = _usable_cores()
+        cores = sorted(os.sched_getaffinity(0))
         self.slots = workers or len(cores)
         self._runner = runner
         pinned = self.slots <= len(cores)  # more than cores: the system shares them out
@@ -144,16 +144,10 @@ class LocalPool:
         self._running.clear()
 
 
-def _usable_cores() -> list[int]:
-    if hasattr(os, "sched_getaffinity"):
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
-
-
 def _main() -> int:
     runner, job, core, parent = pickle.load(sys.stdin.buffer)
     _end_with(parent)
-    if core is not None and hasattr(os, "sched_setaffinity"):
+    if core is not None:
         os.sched_setaffinity(0, {core})
     try:
         runner.run(job.trial, job.folder)
@@ -172,10 +166,9 @@ def _main() -> int:
 
 def _end_with(parent: int) -> None:
     """Do not outlive a killed study."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-        if os.getppid() != parent:  # it died before
-            os._exit(1)
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:  # it died before
+        os._exit(1)
 
 
 if __name__ == "__main__":

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import Protocol
 
 from rich.progress import (
     BarColumn,
@@ -29,17 +28,7 @@ class Tally:
     failures: dict[str, str] = field(default_factory=dict)
 
 
-class ProgressDisplay(Protocol):
-    """The display of progress meanwhile."""
-
-    def notify(self, text: str) -> None:
-        """A sentence that stays."""
-
-    def trial_ended(self) -> None:
-        """One more trial has ended."""
-
-
-def run_unattended(study: StudyFolder, pool: TrialPool, display: ProgressDisplay) -> Tally:
+def run_unattended(study: StudyFolder, pool: TrialPool, display: TrialsProgress) -> Tally:
     """Run every trial that has no result yet; the caller holds the study's lock.
 
     A trial that fails is reported and tried again by the next call, under a new name. However this
@@ -72,7 +61,7 @@ def _settled(study: StudyFolder, attempt: Attempt, failure: str) -> Attempt:
     return attempt.model_copy(update={"state": state, "reason": failure})
 
 
-def _report(tally: Tally, display: ProgressDisplay, trial_id: str, attempt: Attempt) -> None:
+def _report(tally: Tally, display: TrialsProgress, trial_id: str, attempt: Attempt) -> None:
     display.trial_ended()
     if attempt.state is AttemptState.DONE:
         tally.done += 1
@@ -99,6 +88,7 @@ class TrialsProgress(Progress):
         self._took_s = 0.0  # all that have ended
 
     def notify(self, text: str) -> None:
+        """Print a sentence that stays."""
         self.console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def trial_ended(self) -> None:

@@ -19,7 +19,7 @@ import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.study.cli import is_same_study
+from tams_app.study.commands import is_same_study
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState
 from tams_app.study.runner import TrialRunner
@@ -81,9 +81,14 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
 
     code, text, err = study("forget", "P02", out)  # there is no terminal to ask at
     assert (code, text, "add --yes" in err, len(err.splitlines())) == (2, "", True, 1)
+    assert (out / "trials" / "P02").exists()
     code, text, _ = study("forget", "P02", out, "--yes")
     assert (code, "P02 is forgotten: 3 trials" in text) == (0, True)
+    assert "What remains: 3 finished trials of the others" in " ".join(text.split())
     assert not (out / "trials" / "P02").exists()
+    assert "forgotten" in study("show", out)[1]
+    code, _, err = study("run", out)
+    assert (code, "is planned for the simulated rig: add --sim" in err) == (2, True)
 
 
 def test_report_writes_where_it_is_told_and_is_made_again_from_its_tables(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from pathlib import Path
 from unittest.mock import MagicMock
@@ -11,33 +10,21 @@ import pytest
 
 import tams_app.study.commands as commands
 from tams_app.cli import _main
-from tams_app.errors import ConfigError, SetupError
+from tams_app.errors import SetupError
 from tams_app.study.commands import (
     forget_participant,
-    plan_study,
     report_study,
     run_guided,
-    run_simulated,
     show_study,
     void_trial,
 )
-from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import Verdict
 from tests.study.experimenter import Experimenter
-from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
+from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 from tests.study.test_guided import HARDWARE
 from tests.study.test_unattended import SMALL
 from tests.study.test_verdict import write_log
 
 pytestmark = pytest.mark.untimed
-
-
-def test_planning_says_what_was_planned_and_whether_it_is_balanced(tmp_path: Path) -> None:
-    screen = Experimenter()
-    assert plan_study(small_config(), tmp_path / "s", 2, screen) == 0
-    assert "18 trials" in screen.text
-    assert "Not counterbalanced" in screen.text
-    assert StudyFolder(tmp_path / "s").load().participants[1].id == "P02"
 
 
 def test_showing_tells_who_is_how_far(tmp_path: Path) -> None:
@@ -73,18 +60,6 @@ def test_a_program_reads_who_is_how_far(tmp_path: Path, capsys: pytest.CaptureFi
     }
 
 
-def test_forgetting_says_what_is_gone_and_what_remains(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 2, **SMALL)
-    fill_study(study, PlantedRunner())
-    screen = Experimenter()
-    assert forget_participant(tmp_path, "P02", screen, yes=True) == 0
-    assert "P02 is forgotten: 4 trials" in screen.text
-    assert "4 finished trials of the others" in screen.text
-    show_study(tmp_path, screen)
-    assert "forgotten" in screen.text
-    assert {trial.participant for trial in study.load().trials} == {"P01"}
-
-
 @pytest.mark.parametrize(("answer", "code"), [("n", 1), ("y", 0)])
 def test_forgetting_asks_first(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: str, code: int
@@ -96,42 +71,6 @@ def test_forgetting_asks_first(
     assert forget_participant(tmp_path, "P02", screen, yes=False) == code
     assert "Delete P02" in screen.asked[0]
     assert (tmp_path / "trials/P02").exists() == bool(code)
-
-
-def test_without_a_terminal_forgetting_needs_yes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    study = make_study(tmp_path, 2, **SMALL)
-    fill_study(study, PlantedRunner())
-    monkeypatch.setattr("sys.stdin", io.StringIO("y\n"))
-    with pytest.raises(ConfigError, match="without a terminal add --yes"):
-        forget_participant(tmp_path, "P02", Experimenter(), yes=False)
-    assert (tmp_path / "trials/P02").exists()
-
-
-def test_commands_on_no_study_leave_nothing_behind(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="make one with `study plan`"):
-        void_trial(tmp_path / "none", "P01-01", "why", Experimenter())
-    with pytest.raises(ConfigError, match="make one with `study plan`"):
-        forget_participant(tmp_path / "none", "P01", Experimenter(), yes=True)
-    assert not (tmp_path / "none").exists()
-
-
-def test_simulated_and_human_studies_are_not_run_the_other_way(tmp_path: Path) -> None:
-    simulated = make_study(tmp_path / "sim", 1)
-    with pytest.raises(ConfigError, match="add --sim"):
-        run_guided(simulated, PlantedRunner(), None, Experimenter())
-    human = make_study(tmp_path / "human", 1, **HARDWARE)
-    with pytest.raises(ConfigError, match="leave out --sim"):
-        run_simulated(human, PlantedRunner(), Experimenter())
-
-
-def test_a_sitting_through_the_command(tmp_path: Path) -> None:
-    study = make_study(tmp_path, 1, **HARDWARE)
-    person = Experimenter("g", "j", "y", "0", "44", "y", "s")  # without a log the time is asked for
-    assert run_guided(study, PlantedRunner(judged=False), "P01", person) == 0
-    verdict = study.load().trials[0].attempts[0].verdict
-    assert verdict == Verdict(completed=True, success=True, drops=0, completion_time_s=44.0)
 
 
 def test_a_sitting_that_ends_at_a_trial_that_could_not_be_run_has_failed(tmp_path: Path) -> None:

@@ -20,29 +20,19 @@ from tams_app.study.planning import (
 
 pytestmark = pytest.mark.untimed
 
-sizes = st.integers(2, 15)
 
-
-@given(sizes)
-def test_each_sequence_has_each_condition_once(size: int) -> None:
-    for sequence in williams_square(size):
-        assert sorted(sequence) == list(range(size))
-
-
-@given(sizes)
-def test_each_condition_is_in_each_position_equally_often(size: int) -> None:
+@given(st.integers(2, 15))
+def test_conditions_are_in_each_position_and_directly_after_each_other_equally_often(
+    size: int,
+) -> None:
     square = williams_square(size)
-    for position in range(size):
-        counts = Counter(sequence[position] for sequence in square)
-        assert set(counts.values()) == {len(square) // size}
-
-
-@given(sizes)
-def test_each_condition_directly_precedes_each_other_equally_often(size: int) -> None:
-    square = williams_square(size)
-    counts = Counter(pair for sequence in square for pair in pairwise(sequence))
-    assert len(counts) == size * (size - 1)
-    assert set(counts.values()) == {len(square) // size}
+    assert all(sorted(sequence) == list(range(size)) for sequence in square)
+    times = len(square) // size
+    for at_place in zip(*square, strict=True):
+        assert Counter(at_place) == dict.fromkeys(range(size), times)
+    pairs = Counter(pair for sequence in square for pair in pairwise(sequence))
+    assert len(pairs) == size * (size - 1)
+    assert set(pairs.values()) == {times}
 
 
 def test_nine_conditions_need_eighteen_sequences_and_four_need_four() -> None:

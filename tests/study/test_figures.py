@@ -12,8 +12,8 @@ from matplotlib.text import Annotation
 
 from tams_app.recording import SessionLog
 from tams_app.records import Phase, PhaseChange
-from tams_app.report.figures import bitrates_figure, measured_rate, save_bitrates
-from tams_app.report.plots import DPI, PAPER_IN
+from tams_app.report.figures import bitrates_figure, measured_rate
+from tams_app.report.plots import DPI, PAPER_IN, save_figure
 from tams_app.summary.tables import PacketTable, Span
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header
@@ -85,7 +85,7 @@ def test_a_phase_too_short_for_its_name_keeps_its_line() -> None:
 
 
 def test_the_file_is_an_image_for_print(tmp_path: Path) -> None:
-    save_bitrates(Synthetic(2.0).log(), tmp_path / "bitrates.png")
+    save_figure(bitrates_figure(Synthetic(2.0).log()), tmp_path / "bitrates.png")
     image = cv2.imread(str(tmp_path / "bitrates.png"))
     assert image is not None
     assert image.shape[1] == round(PAPER_IN * DPI)
@@ -95,5 +95,5 @@ def test_the_file_is_an_image_for_print(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seconds", [0.0, 0.1])
 def test_a_session_without_video_leaves_a_figure_too(tmp_path: Path, seconds: float) -> None:
     log = Synthetic(seconds).log() if seconds else SessionLog(header(), START_NS)
-    save_bitrates(log, tmp_path / "bitrates.png")
+    save_figure(bitrates_figure(log), tmp_path / "bitrates.png")
     assert (tmp_path / "bitrates.png").stat().st_size > 0

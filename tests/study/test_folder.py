@@ -6,11 +6,9 @@ from pathlib import Path
 
 import pytest
 
-import tams_app.outputs as outputs_module
 import tams_app.study.folder as folder_module
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, LogError
-from tams_app.outputs import write_file
+from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import make_plan
@@ -28,12 +26,6 @@ def test_what_was_planned_is_read_back(tmp_path: Path) -> None:
     study = make_study(tmp_path / "study")
     assert study.load() == make_plan(small_config(), 2)
     assert study.config() == small_config()
-
-
-def test_a_second_plan_does_not_replace_the_first(tmp_path: Path) -> None:
-    make_study(tmp_path)
-    with pytest.raises(ConfigError, match="holds a study already"):
-        make_study(tmp_path)
 
 
 def test_a_missing_or_wrong_plan_is_one_sentence(tmp_path: Path) -> None:
@@ -58,26 +50,6 @@ def test_two_commands_cannot_work_on_one_study(tmp_path: Path) -> None:
         pass
     with study.locked():  # and it is free again
         pass
-
-
-def test_a_crash_while_writing_leaves_the_old_file_whole(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "plan.json"
-    write_file(path, "old")
-
-    def crash(*_: object) -> None:
-        raise Crash
-
-    monkeypatch.setattr(outputs_module.os, "replace", crash)
-    with pytest.raises(Crash):
-        write_file(path, "new")
-    assert path.read_text() == "old"
-
-
-def test_a_disk_that_refuses_is_one_sentence(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="cannot be written"):
-        write_file(tmp_path / "missing" / "plan.json", "text")
 
 
 def test_an_attempt_never_takes_a_folder_that_is_there(tmp_path: Path) -> None:

@@ -76,7 +76,6 @@ def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path
     assert sit(study, person) == 2
     trial = study.load().trials[0]
     assert [one.state for one in trial.attempts] == [AttemptState.VOID, AttemptState.DONE]
-    assert [one.state for one in trial.attempts] == [AttemptState.VOID, AttemptState.DONE]
     assert trial.attempts[0].reason == "the light went out"
     assert (tmp_path / trial.attempts[0].folder / "summary.json").is_file()
     assert any("taken again" in text for text in person.said)

@@ -111,14 +111,6 @@ def test_the_paired_t_test_is_that_of_fisher_s_maize() -> None:
     assert not paired([float(one) for one in MAIZE[:14]] + [-60.0]).is_shown
 
 
-def test_the_paired_t_test_is_that_of_the_published_sleep_example() -> None:
-    found = paired([one - two for one, two in zip(DRUG_1, DRUG_2, strict=True)])
-    assert found.p == pytest.approx(0.002833, abs=5e-7)
-    assert found.estimate is not None
-    ends = (found.estimate.low, found.estimate.high)
-    assert ends == pytest.approx((-2.4598858, -0.7001142), abs=5e-7)
-
-
 def test_interval_and_test_say_the_same() -> None:
     random = np.random.default_rng(1)
     shown = 0
@@ -192,46 +184,6 @@ def test_the_mixed_model_is_that_of_the_published_ergo_stool_example() -> None:
     assert model.group_sd == pytest.approx(1.332465, abs=1e-3)
     assert model.residual_sd == pytest.approx(1.100295, abs=1e-4)
     assert (model.n, model.groups) == (36, 9)
-
-
-# Pinheiro & Bates (2000), section 1.1: `Rail`, travel time of ultrasonic waves in six rails (REML).
-RAIL = [(55, 53, 54), (26, 37, 32), (78, 91, 85), (92, 100, 96), (49, 51, 50), (80, 85, 83)]
-
-
-def test_the_mixed_model_is_that_of_the_published_rail_example() -> None:
-    times = [float(time) for row in RAIL for time in row]
-    rails = [f"R{number}" for number in range(6) for _ in range(3)]
-    model = fit_mixed_model(pd.DataFrame({"time": times, "participant": rails}), "time ~ 1")
-    assert isinstance(model, MixedModel)
-    assert effect(model, "Intercept").beta == pytest.approx(66.5, abs=1e-4)
-    assert effect(model, "Intercept").standard_error == pytest.approx(10.17104, abs=2e-2)
-    assert model.group_sd == pytest.approx(24.80547, abs=5e-2)
-    assert model.residual_sd == pytest.approx(4.020779, abs=1e-3)
-
-
-def planted(interaction_s: float, people: int, sigma: float) -> MixedModel | NotFitted:
-    random = np.random.default_rng(4)
-    rows = []
-    for person in range(people):
-        offset = random.normal(0, 4)
-        for strategy in ("equal", "tams"):
-            for network in ("s1", "s3"):
-                both = interaction_s * (strategy == "tams" and network == "s3")
-                time = 25 + 30 * (network == "s3") + both + offset + random.normal(0, sigma)
-                rows.append((f"P{person}", strategy, network, time))
-    table = pd.DataFrame(rows, columns=["participant", "strategy", "network", "time"])
-    return fit_mixed_model(table, "time ~ strategy * network")
-
-
-def test_a_planted_interaction_is_found_and_none_is_not() -> None:
-    found = planted(-20.0, 16, 6)
-    assert isinstance(found, MixedModel)
-    term = effect(found, "tams × s3")
-    assert term.low < -20 < term.high
-    assert term.p < 0.001
-    none = planted(0.0, 16, 6)
-    assert isinstance(none, MixedModel)
-    assert effect(none, "tams × s3").p > 0.05
 
 
 def test_a_model_that_cannot_be_says_why() -> None:

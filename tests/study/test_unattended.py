@@ -15,13 +15,11 @@ import psutil
 import pytest
 from rich.console import Console
 
-from tams_app.errors import ConfigError
-from tams_app.study.commands import ensure_planned, run_simulated
-from tams_app.study.folder import StudyFolder
+from tams_app.study.commands import run_simulated
 from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess
 from tams_app.study.unattended import TrialsProgress, run_unattended
-from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial, small_config
+from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 
 pytestmark = pytest.mark.untimed
 
@@ -143,22 +141,14 @@ class PinnedRunner:
         PlantedRunner().run(trial, folder)
 
 
-def test_the_command_plans_runs_resumes_and_refuses_another_design(tmp_path: Path) -> None:
-    config = small_config(**{**SMALL, "study__networks": ["s1"]})
+def test_the_command_runs_trials_in_processes_and_resumes(tmp_path: Path) -> None:
     output = io.StringIO()
     console = Console(file=output, width=200)
-    study = ensure_planned(config, tmp_path / "s", 1)
+    study = make_study(tmp_path, 1, **{**SMALL, "study__networks": ["s1"]})
     assert run_simulated(study, PlantedRunner(fails=("P01-01",)), console, workers=2) == 1
     assert "1 trials done, 1 failed" in output.getvalue()
-    study = ensure_planned(config, tmp_path / "s", None)
     assert run_simulated(study, PlantedRunner(), console, workers=1) == 0
-    assert run_simulated(study, PlantedRunner(), console) == 0
-    assert "All trials of this study are done." in output.getvalue()
-    with pytest.raises(ConfigError, match="planned for 1 participants, not 2"):
-        ensure_planned(config, tmp_path / "s", 2)
-    with pytest.raises(ConfigError, match="--participants"):
-        ensure_planned(config, tmp_path / "t", None)
-    assert not StudyFolder(tmp_path / "t").exists
+    assert all(trial.is_done for trial in study.load().trials)
 
 
 def test_the_bar_shows_trials_and_time_left() -> None:
