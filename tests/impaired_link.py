@@ -1,13 +1,10 @@
-"""The network between the two computers as a process: delay, jitter, loss, and what else happens.
+"""The network between the two computers as a process: delay, jitter, cuts, and what else happens.
 
 The operator's side calls this process, which passes every datagram on to the robot's side, and what
 comes back to the address that called last. It knows nothing of what it carries. Each way has:
 
 latency_ms, jitter_ms: the delay, and what is added to it at most, 95 times of 100; order is kept.
-even: any jitter up to jitter_ms is as likely, and none is longer.
-loss, duplicate, reorder: fractions of the datagrams; one that is reordered is 20 ms later.
-trace: a file with the capacity over time, from when the process starts, of a queue in front of all
-that; "": there is none.
+duplicate, reorder: fractions of the datagrams; one that is reordered is 20 ms later.
 passage: `open`; `cut`, which loses everything; `hold`, which keeps it: what was held leaves at
 once, in one burst, when it ends.
 
@@ -26,16 +23,11 @@ import socket
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any, Literal
 
-from tams_app.capacity import TraceCapacity
-from tams_app.config import Network
 from tams_app.runtime.process import HelperProcess, HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.link import Bottleneck
-from tams_app.video.live.networks import read_trace
 from tests.link.rig import hostile
 
 Passage = Literal["open", "cut", "hold"]
@@ -46,7 +38,6 @@ _LARGEST_BYTES = 65_536
 _BUFFER_BYTES = 4_000_000
 _POLL_S = 0.002  # what it is told is in force so soon
 _KEPT = 100_000
-_HEADERS_BYTES = 28  # of IP and UDP
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +46,8 @@ class Conditions:
 
     latency_ms: float = 0.0
     jitter_ms: float = 0.0
-    loss: float = 0.0
     duplicate: float = 0.0
     reorder: float = 0.0
-    even: bool = False
-    trace: str = ""
     passage: Passage = "open"
 
 
@@ -73,7 +61,6 @@ class Way:
         self._due: list[tuple[int, int, bytes]] = []  # (when, number, ...)
         self._number = 0
         self._last_ns = 0
-        self._bottleneck: Bottleneck | None = None
 
     def becomes(self, conditions: Conditions, now_ns: int) -> None:
         """From now on it is so. A cut loses what is on its way as well."""
@@ -88,17 +75,12 @@ class Way:
     def offer(self, now_ns: int, datagram: bytes) -> None:
         """A datagram enters."""
         now = self._conditions
-        enters_ns: int | None = now_ns
-        if now.trace:
-            enters_ns = self._queue(now.trace, now_ns).enter(now_ns, len(datagram) + _HEADERS_BYTES)
-        if enters_ns is None:
-            return
         if now.passage == "hold":
             self._held.append(datagram)
-        elif now.passage == "cut" or self._random.random() < now.loss:
-            return
-        else:
-            due_ns = enters_ns + round(now.latency_ms * NS_PER_MS + self._jitter_ns())
+        elif now.passage == "open":
+            sigma_ms = now.jitter_ms / _SIGMAS_OF_95_PERCENT
+            delay_ms = now.latency_ms + abs(self._random.gauss(0.0, sigma_ms))
+            due_ns = now_ns + round(delay_ms * NS_PER_MS)
             if self._random.random() < now.reorder:
                 self._put(due_ns + _REORDERED_NS, datagram)
                 return
@@ -122,19 +104,6 @@ class Way:
         if not self._due or self._conditions.passage == "hold":
             return None
         return self._due[0][0]
-
-    def _queue(self, trace: str, now_ns: int) -> Bottleneck:
-        if self._bottleneck is None:
-            network = Network()
-            capacity = TraceCapacity(read_trace(Path(trace)), now_ns)
-            self._bottleneck = Bottleneck(capacity, network.queue_ms, network.queue_min_bytes)
-        return self._bottleneck
-
-    def _jitter_ns(self) -> float:
-        if self._conditions.even:
-            return self._random.uniform(0.0, self._conditions.jitter_ms) * NS_PER_MS
-        sigma_ms = self._conditions.jitter_ms / _SIGMAS_OF_95_PERCENT
-        return abs(self._random.gauss(0.0, sigma_ms)) * NS_PER_MS
 
     def _put(self, due_ns: int, datagram: bytes) -> None:
         self._number += 1
