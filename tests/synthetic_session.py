@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -140,18 +140,12 @@ def frame_packets(view: str, index: int, size_bytes: int, delay_ns: int) -> list
 
 @dataclass
 class Synthetic:
-    """`seconds` of all views; the wire rate is `accuracy` × the target, with `noise` (1 σ)."""
+    """`seconds` of all views; the wire rate is `accuracy` × the target."""
 
     seconds: float
     accuracy: float = 1.0
-    noise: float = 0.0
     switch_s: float | None = None  # from REACH to ALIGN
-    seed: int = 0
     latency_ns: int = 60 * NS_PER_MS
-    random: np.random.Generator = field(init=False)
-
-    def __post_init__(self) -> None:
-        self.random = np.random.default_rng(self.seed)
 
     def phase_at(self, t_ns: int) -> Phase:
         switched = self.switch_s is not None and t_ns >= START_NS + self.switch_s * NS_PER_S
@@ -187,7 +181,7 @@ class Synthetic:
         t_ns = capture_ns(index)
         log.captured.append(FrameCaptured(view, index, t_ns))
         ideal = TARGETS[self.phase_at(t_ns)][view] * 1000 / 8 / FPS
-        size = round(ideal * self.accuracy * (1 + self.noise * self.random.standard_normal()))
+        size = round(ideal * self.accuracy)
         encoded_ns, is_first = t_ns + 4 * NS_PER_MS, index == 0
         log.sent.append(
             FrameSent(

@@ -110,16 +110,6 @@ def test_a_window_before_the_epoch_knows_nothing_of_the_end_of_the_trace():
     assert capacity.mean_kbps(EPOCH_NS - 100 * NS_PER_MS, EPOCH_NS) == pytest.approx(6000.0)
 
 
-def test_a_packet_waits_through_an_outage():
-    trace = RateTrace((0, 10 * NS_PER_MS, 400 * NS_PER_MS), (12_000, 0, 12_000), NS_PER_S)
-    capacity = TraceCapacity(trace, 0)
-    assert capacity.finish_ns(9_500_000, 12_000) == 400_500_000  # half before, half after
-
-
-def test_a_constant_rate_takes_the_time_of_its_bits():
-    assert ConstantCapacity(6000.0).finish_ns(5, 12_000) == 5 + 2 * NS_PER_MS
-
-
 def test_without_a_bottleneck_nothing_waits():
     capacity = UnlimitedCapacity()
     assert capacity.finish_ns(42, 10**9) == 42

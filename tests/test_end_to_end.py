@@ -5,12 +5,11 @@ import subprocess
 import sys
 from itertools import pairwise
 
-import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.recording import read_log, read_video
-from tams_app.records import PacketFate, PacketKind, Phase
+from tams_app.recording import read_log
+from tams_app.records import PacketFate, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
@@ -95,56 +94,6 @@ def test_the_task_passes_through_all_six_phases(summary, log):
     assert seen.index(Phase.GRASP) < seen.index(Phase.TRANSPORT) < seen.index(Phase.RELEASE)
 
 
-def test_targets_follow_the_phase_and_never_exceed_the_budget(log):
-    weights = log.header.weights
-    for allocation in log.allocations:
-        assert sum(allocation.target_kbps.values()) <= allocation.budget_kbps
-        assert allocation.budget_kbps == pytest.approx(allocation.capacity_kbps * 0.92)
-        primary = max(weights[allocation.phase], key=weights[allocation.phase].__getitem__)
-        assert allocation.target_kbps[primary] == max(allocation.target_kbps.values())
-    assert max(allocation.budget_kbps for allocation in log.allocations) > 0.8 * 0.92 * 6000
-
-
-def test_the_first_allocation_after_a_phase_change_is_for_that_phase(log):
-    for change in log.phases[1:]:
-        after = next((a for a in log.allocations if a.t_ns >= change.t_ns), None)
-        assert after is not None
-        until_then = [c.phase for c in log.phases if change.t_ns <= c.t_ns <= after.t_ns]
-        assert after.phase in until_then
-
-
-def test_sent_rates_in_the_summary_are_those_of_the_packets(summary, log):
-    for view, entry in summary["views"].items():
-        captures = [f.capture_ns for f in log.captured if f.view == view]
-        start_ns = max(min(captures), min(a.t_ns for a in log.allocations))
-        size = sum(
-            packet.size_bytes
-            for packet in log.packets
-            if packet.view == view
-            and packet.kind not in (PacketKind.RTCP, PacketKind.PADDING)
-            and start_ns <= packet.entered_ns < max(captures)
-        )
-        kbps = size * 8e6 / (max(captures) - start_ns)
-        assert entry["sent_kbps_mean"] == pytest.approx(kbps, rel=0.03)
-
-
-def test_frames_shown_were_captured_and_keep_their_order(summary, log):
-    for view, entry in summary["views"].items():
-        captured = {frame.index for frame in log.captured if frame.view == view}
-        shown = [frame.index for frame in log.shown if frame.view == view]
-        assert set(shown) <= captured
-        assert shown == sorted(set(shown))
-        assert entry["frames_shown"] == len(shown) > 50
-        assert entry["frames_captured"] == len(captured)
-
-
-def test_the_bitstream_of_every_view_is_in_the_log(finished, log):
-    for view in log.header.views:
-        frames = list(read_video(finished[0] / "session.mcap", view))
-        assert frames[0].keyframe
-        assert len(frames) == sum(frame.view == view for frame in log.sent)
-
-
 def test_losses_and_the_bottleneck_are_those_of_the_network(summary, log):
     lost = sum(packet.fate is PacketFate.LOST for packet in log.packets)
     assert 0 < lost / len(log.packets) < 0.015  # 0.3 % wanted
@@ -152,11 +101,6 @@ def test_losses_and_the_bottleneck_are_those_of_the_network(summary, log):
     assert 0 < summary["uplink"]["utilisation"] <= 1
     delays = [p.delivered_ns - p.departed_ns for p in log.packets if p.delivered_ns]
     assert min(delays) >= 31.9e6  # 40 ms less 8 ms of jitter
-
-
-def test_the_commanded_speed_never_exceeds_its_limit(log):
-    speeds = [np.linalg.norm(tick.twist.linear) for tick in log.ticks]
-    assert 0.05 < max(speeds) <= 0.25 + 1e-9
 
 
 def test_the_frames_were_compared_with_what_was_captured(summary, log):

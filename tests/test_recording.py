@@ -7,10 +7,10 @@ import math
 import signal
 import subprocess
 import sys
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from queue import Queue
 from typing import Any
 
 import numpy as np
@@ -40,11 +40,11 @@ from tams_app.recording.topics import HEADER, TOPICS
 from tams_app.records import (
     Activity,
     Allocation,
-    ArmFault,
     CameraRates,
     DroppedFrame,
     EncodedFrame,
     Frame,
+    FrameQuality,
     LinkCapacity,
     Note,
     Outcome,
@@ -56,7 +56,6 @@ from tams_app.records import (
     Pose,
     Record,
     SceneTruth,
-    ServoMode,
     ShownFrame,
     StopRecord,
     SystemSample,
@@ -82,6 +81,19 @@ POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]
 
 def never_fails(thread: str, failure: BaseException) -> None:
     raise AssertionError(f"{thread} failed") from failure
+
+
+class Failed:
+    """Takes why a recorder failed."""
+
+    def __init__(self) -> None:
+        self._why: Queue[BaseException] = Queue()
+
+    def __call__(self, thread: str, failure: BaseException) -> None:
+        self._why.put(failure)
+
+    def wait(self) -> BaseException:
+        return self._why.get(timeout=20)
 
 
 def record_all(path: Path, items: list[Any], **changes: Any) -> None:
@@ -114,6 +126,7 @@ def one_of_each() -> list[Any]:
         Note(t, "warning", "no real-time priority: run as described in the guide"),
         SystemSample(t, 61.5, {"render": 30.0}, 412.0),
         SceneTruth(t, POSE, POSE, POSE, 0.02, 0.016),
+        FrameQuality("eih", 4, t, None, 80, False, None, None, 0.5, 0.25),
         Facts(t, {"scheduler": "fifo"}),
         Outcome(True, False, None, 2, "three drops"),
     ]
@@ -144,6 +157,7 @@ def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
     assert log.stops == [by_type[StopRecord]]
     assert log.notes == [by_type[Note]]
     assert log.system == [by_type[SystemSample]]
+    assert log.quality == [by_type[FrameQuality]]
     assert same(log.scene[0], by_type[SceneTruth])
     assert log.facts == {"scheduler": "fifo"}
     assert log.outcome == by_type[Outcome]
@@ -382,18 +396,6 @@ def _keys(tree: Any) -> Iterator[str]:
         yield from _keys(tree[key])
 
 
-def test_an_arm_in_the_numbers_of_the_first_schema_reads_as_one_in_words() -> None:
-    logged = json.loads(Codec(Tick).encode(tick(1)))
-    for word in ("activity", "servo", "fault"):
-        del logged["arm"][word]
-    logged["arm"] |= {"mode": 5, "state": 4, "error_code": 31, "warning_code": 12}
-    arm = Codec(Tick).decode(json.dumps(logged).encode()).arm
-    assert arm is not None
-    assert (arm.activity, arm.servo) == (Activity.STOPPED, ServoMode.VELOCITY)
-    assert arm.fault == ArmFault(31, "C31")
-    assert arm.warning_code == 12
-
-
 def test_a_log_of_the_first_schema_stays_readable() -> None:
     """Made by version 0.1.0, without the bitstream; a log made now has another schema."""
     log = read_log(DATA / "virtual-0.1.mcap")
@@ -462,23 +464,16 @@ def ends_with_a_whole_record(path: Path) -> bool:
 
 def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
-    failures: list[BaseException] = []
-    failed = threading.Event()
-
-    def on_failure(thread: str, failure: BaseException) -> None:
-        failures.append(failure)
-        failed.set()
-
+    failed = Failed()
     with file_size_limit(400_000):
-        recorder = Recorder(path, header(), MonotonicClock(), 0, on_failure)
+        recorder = Recorder(path, header(), MonotonicClock(), 0, failed)
         recorder.start()
         for item in live_records(4.0):
             recorder.record(item)
             if isinstance(item, Tick) and item.link.sent == 59:
                 until(lambda: path.stat().st_size > 50_000, "a flush before the disk is full")
-        assert failed.wait(20)
+        failure = failed.wait()
         recorder.close()
-    (failure,) = failures
     assert isinstance(failure, LogError)
     assert "the log cannot be written any more" in str(failure)
     assert str(failure).endswith("is readable")
@@ -499,20 +494,14 @@ def test_recording_is_refused_when_too_little_space_is_free(tmp_path: Path) -> N
 def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    failures: list[BaseException] = []
-    failed = threading.Event()
-
-    def on_failure(thread: str, failure: BaseException) -> None:
-        failures.append(failure)
-        failed.set()
-
-    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 100, on_failure)
+    failed = Failed()
+    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 100, failed)
     monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
     recorder.record(tick(0))
     recorder.start()
-    assert failed.wait(20)
+    failure = failed.wait()
     recorder.close()
-    assert "only 9 MB are free" in str(failures[0])
+    assert "only 9 MB are free" in str(failure)
     log = read_log(tmp_path / "session.mcap")
     assert not log.truncated
     assert len(log.ticks) == 1
@@ -629,22 +618,16 @@ def test_reference_captures_are_lossless(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_reference_but_keeps_whole_frames(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     image = random.integers(0, 256, (100, 100, 3), np.uint8)  # 30 kB that do not shrink
-    failures: list[BaseException] = []
-    failed = threading.Event()
-
-    def on_failure(thread: str, failure: BaseException) -> None:
-        failures.append(failure)
-        failed.set()
-
+    failed = Failed()
     path = tmp_path / "reference.mcap"
     with file_size_limit(200_000):
-        recorder = ReferenceRecorder(path, 0, 0, on_failure)
+        recorder = ReferenceRecorder(path, 0, 0, failed)
         for index in range(20):
             recorder.record(Frame("eih", index, index, image))
         recorder.start()
-        assert failed.wait(20)
+        failure = failed.wait()
         recorder.close()
-    assert isinstance(failures[0], LogError)
+    assert isinstance(failure, LogError)
     read = list(read_reference(path, 0))
     assert [frame.index for frame in read] == list(range(len(read)))
     assert len(read) == 6

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
-from pathlib import Path
 
 import pytest
 
-from tams_app.recording import Recorder, SessionLog, read_log
+from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameCaptured
 from tams_app.records import (
     FrameQuality,
@@ -19,7 +18,6 @@ from tams_app.records import (
     PhaseChange,
     PinnedView,
 )
-from tams_app.runtime.clock import MonotonicClock
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
 from tams_app.units import NS_PER_MS
@@ -213,16 +211,3 @@ def test_without_packets_concealment_is_unknown() -> None:
     assert reach["damaged_fraction"] is None
     assert reach["undamaged_received_ssim"] is None
     assert reach["packets_per_frame"] is None
-
-
-def test_quality_survives_the_log(tmp_path: Path) -> None:
-    def never(thread: str, failure: BaseException) -> None:
-        raise AssertionError from failure
-
-    records = [quality("gt", 0, None, None, 0.25), quality("eih", 1, 0.5, 0.5)]
-    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never)
-    recorder.start()
-    for record in records:
-        recorder.record(record)
-    recorder.close()
-    assert read_log(tmp_path / "session.mcap").quality == records

@@ -60,60 +60,60 @@ def own(log: SessionLog) -> Any:
     return latency_stages(log, "eih", PacketTable.of(log))["own_latency_ms"]["p50"]
 
 
-def test_each_stage_ends_where_the_next_begins() -> None:
-    assert medians(frame()) == [4, 1, 7, 3, 45, 3]
+def without(what: str, **changes: Any) -> SessionLog:
+    """The log of one frame whose record in `what` has these changes."""
+    log = frame()
+    setattr(log, what, [replace(one, **changes) for one in getattr(log, what)])
+    return log
+
+
+RESENT = replace(
+    frame(),
+    packets=[
+        packet(ENTERED - 2, 50),
+        packet(ENTERED, None, sequence=2),
+        packet(90, 130, sequence=2, kind=PacketKind.REPAIR),
+    ],
+    shown=[FrameShown("eih", 0, at(140), True, at(132))],
+)
+OTHERS = [packet(20, 61, kind=PacketKind.PARITY), packet(20, 61, view="gt")]
+
+
+@pytest.mark.parametrize(
+    ("log", "expected"),
+    [
+        pytest.param(frame(), [4, 1, 7, 3, 45, 3], id="each stage ends where the next begins"),
+        pytest.param(RESENT, [4, 1, 7, 3, 132 - ENTERED, 8], id="a resend is the network's time"),
+        pytest.param(
+            replace(frame(), packets=frame().packets + OTHERS),
+            [4, 1, 7, 3, 45, 3],
+            id="packets that carry nothing of the frame count for no stage",
+        ),
+        pytest.param(frame(shown_ms=None), [4, 1, 7, 3, None, None], id="never shown"),
+        pytest.param(
+            replace(frame(), packets=[]),
+            [4, 1, 7, None, None, SHOWN - RECEIVED],
+            id="no emulated network: two clocks",
+        ),
+        pytest.param(
+            replace(frame(), packets=[], sent=[]),
+            [None, None, None, None, None, SHOWN - RECEIVED],
+            id="the operator's side alone",
+        ),
+        pytest.param(without("sent", pushed_ns=0), [4, None, None, 3, 45, 3], id="no encoder"),
+        pytest.param(without("sent", ready_ns=0), [None, None, 7, 3, 45, 3], id="no camera"),
+        pytest.param(
+            without("shown", received_ns=0), [4, 1, 7, 3, None, None], id="no jitter buffer"
+        ),
+    ],
+)
+def test_each_stage_is_told_as_far_as_the_log_tells_its_two_ends(
+    log: SessionLog, expected: list[float | None]
+) -> None:
+    assert medians(log) == expected
 
 
 def test_all_but_the_network_is_the_latency_without_it() -> None:
     assert own(frame()) == SHOWN - (RECEIVED - ENTERED)
     assert own(frame(shown_ms=None)) is None
-
-
-def test_a_resent_packet_is_time_of_the_network_and_not_of_the_sender() -> None:
-    log = frame()
-    log.packets[1] = packet(ENTERED, None, sequence=2)
-    log.packets.append(packet(90, 130, sequence=2, kind=PacketKind.REPAIR))
-    log.shown = [FrameShown("eih", 0, at(140), True, at(132))]
-    assert medians(log) == [4, 1, 7, 3, 132 - ENTERED, 8]
-
-
-def test_packets_that_carry_nothing_of_the_frame_count_for_no_stage() -> None:
-    log = frame()
-    log.packets.append(packet(20, 61, kind=PacketKind.PARITY))
-    log.packets.append(packet(20, 61, view="gt"))
-    assert medians(log) == [4, 1, 7, 3, 45, 3]
-
-
-def test_of_a_frame_that_was_never_shown_the_sender_s_stages_are_known() -> None:
-    assert medians(frame(shown_ms=None)) == [4, 1, 7, 3, None, None]
-
-
-def test_without_an_emulated_network_what_lies_between_two_clocks_is_not_told() -> None:
-    log = frame()
-    log.packets = []
-    assert medians(log) == [4, 1, 7, None, None, SHOWN - RECEIVED]
-
-
-def test_the_operator_s_side_alone_knows_of_its_decoder() -> None:
-    log = frame()
-    log.packets, log.sent = [], []
-    assert medians(log) == [None, None, None, None, None, SHOWN - RECEIVED]
-
-
-def test_a_log_that_does_not_say_when_the_encoder_began_tells_of_no_encoder() -> None:
-    log = frame()
-    log.sent = [replace(log.sent[0], pushed_ns=0)]
-    assert medians(log) == [4, None, None, 3, 45, 3]
-    assert own(log) is None
-
-
-def test_a_log_that_does_not_say_when_the_picture_was_made_tells_of_no_camera() -> None:
-    log = frame()
-    log.sent = [replace(log.sent[0], ready_ns=0)]
-    assert medians(log) == [None, None, 7, 3, 45, 3]
-
-
-def test_a_log_that_does_not_say_when_a_frame_was_received_does_not_blame_the_decoder() -> None:
-    log = frame()
-    log.shown = [replace(log.shown[0], received_ns=0)]
-    assert medians(log) == [4, 1, 7, 3, None, None]
+    assert own(without("sent", pushed_ns=0)) is None
