@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from hw.desk.desk_controller import DeskController, Reading
-from hw.desk.virtual_hand import Deflection
+from hw.controller import Controller
+from hw.desk.virtual_hand import Deflection, VirtualHand
 from tams_app.config import DeskConfig
-from tams_app.records import ControllerSample, ControllerStatus, Presses
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
 from tams_app.runtime.mailbox import Mailbox
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3
@@ -27,6 +27,11 @@ DEADMAN, MODE, CLOSE, OPEN = "shift", "m", "c", "o"
 KEYS = frozenset((*_AXES, DEADMAN, MODE, CLOSE, OPEN))  # that mean something here
 TAP_M = 0.0015  # that one press of a key moves the hand, and no more until it counts as held
 TAP_NS = 250 * NS_PER_MS  # a tap of 100 ms whose release is read 150 ms late is still one
+LATE_NS = 100 * NS_PER_MS  # what is told so late counts as new: as a window may draw in between
+SILENT_NS = 100 * NS_PER_MS  # a window that lives tells the keys far more often
+_NOTHING = ControllerSample(
+    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,27 +87,24 @@ class Taps:
         return self._share if now_ns < self._step_ns.get(key, 0) else 0.0
 
 
-class KeyboardController(DeskController):
-    """A hand that the held keys move; Shift is the deadman.
+class KeyboardController(Controller):
+    """A hand that the held keys move; Shift is the deadman. It cannot be felt.
 
     `feed` is called with what the window tells, by any thread. A window without focus is a
-    controller that is laid down, as is one that has not told anything yet; one that tells nothing
-    any more is one that freezes.
+    controller that is laid down, as is one that has not told anything yet; pose and buttons of one
+    that tells nothing any more freeze. A hand that rests is no frozen pose: while the window tells
+    anything, the pose is as new as the tick.
     """
 
-    late_ns = 100 * NS_PER_MS  # a window without a graphics card draws between two of its beats
-
     def __init__(self, config: DeskConfig, rotation: tuple[Floats3, Floats3, Floats3]) -> None:
-        super().__init__(config, rotation)
+        self._config, self._rotation = config, rotation
         self._held: Mailbox[HeldKeys] = Mailbox()
         self._started = False
         self._taps = Taps(config.speed_m_s)
         self._amounts: dict[str, float] = {}
-
-    def sample(self, now_ns: int) -> ControllerSample:
-        if (held := self._held.latest()) is not None:
-            self._amounts = self._taps.step(now_ns, held)
-        return super().sample(now_ns)
+        self._hand = VirtualHand(config, rotation)
+        self._pose: Pose | None = None
+        self._pose_ns = self._buttons_ns = 0
 
     def start(self) -> None:
         """Listen; the window need not be there yet."""
@@ -112,17 +114,39 @@ class KeyboardController(DeskController):
         """The keys that are down now."""
         self._held.put(held)
 
-    def reading(self) -> Reading | None:
-        held = self._held.latest()
+    def sample(self, now_ns: int) -> ControllerSample:
+        if (held := self._held.latest()) is not None:
+            self._amounts = self._taps.step(now_ns, held)
         if not self._started:
-            return None
-        if held is None:
-            return Reading(ControllerStatus.STANDBY, 0)
-        if not held.focused:
-            return Reading(ControllerStatus.STANDBY, held.t_ns)
-        return Reading(
-            ControllerStatus.OK, held.t_ns, deflection_of(held.keys, held.presses, self._amounts)
+            self._pose_ns = self._buttons_ns = 0
+            return _NOTHING
+        if held is None or not held.focused:
+            self._hand, self._pose = VirtualHand(self._config, self._rotation), None
+            return replace(
+                _NOTHING,
+                status=ControllerStatus.STANDBY,
+                pose_ns=self._pose_ns,
+                buttons_ns=self._buttons_ns,
+            )
+        asked = deflection_of(held.keys, held.presses, self._amounts)
+        self._buttons_ns = max(self._buttons_ns, min(now_ns, held.t_ns + LATE_NS))
+        if now_ns - held.t_ns <= SILENT_NS + LATE_NS or self._pose is None:
+            self._pose, self._pose_ns = self._hand.step(now_ns, asked), now_ns
+        return ControllerSample(
+            ControllerStatus.OK,
+            self._pose,
+            self._pose_ns,
+            self._buttons_ns,
+            trigger=asked.trigger,
+            grip=float(asked.grip),
+            a=asked.a,
+            b=asked.b,
+            menu=False,
+            presses=asked.presses,
         )
+
+    def pulse(self, haptic: Haptic) -> None:
+        """It cannot be felt."""
 
     def close(self) -> None:
         self._started = False

@@ -1,4 +1,4 @@
-"""What a person does at a device on a desk, as the motion of a hand."""
+"""What held keys ask for, as the motion of a hand."""
 
 from __future__ import annotations
 
@@ -29,11 +29,8 @@ class Deflection:
     grip: bool = False
     a: bool = False
     b: bool = False
-    menu: bool = False
     presses: Presses = field(default_factory=Presses)
 
-
-NEUTRAL = Deflection()
 
 RAMP_S = 0.25  # from rest to full speed: soon enough for a tap, and no jump
 

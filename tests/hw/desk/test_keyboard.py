@@ -7,11 +7,10 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from hw.desk.desk_controller import Reading
 from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys, KeyboardController, deflection_of
 from hw.desk.virtual_hand import Deflection
 from tams_app.config import DeskConfig, HandConfig
-from tams_app.records import ControllerStatus, Presses
+from tams_app.records import ControllerSample, ControllerStatus, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import Floats3, floats
 
@@ -73,7 +72,7 @@ def test_before_the_window_has_told_anything_the_controller_is_laid_down(
 ) -> None:
     sample = keyboard.sample(NS_PER_S)
     assert (sample.status, sample.trigger, sample.pose) == (ControllerStatus.STANDBY, 0.0, None)
-    assert keyboard.reading() == Reading(ControllerStatus.STANDBY, 0)
+    assert (sample.pose_ns, sample.buttons_ns) == (0, 0)
 
 
 def test_a_keyboard_that_was_not_started_is_not_there() -> None:
@@ -92,28 +91,40 @@ def test_keys_that_were_held_before_the_end_are_not_held_after_the_next_start(
     keyboard.start()
     sample = keyboard.sample(NS_PER_S)
     assert (sample.status, sample.trigger) == (ControllerStatus.STANDBY, 0.0)
+    assert (sample.pose_ns, sample.buttons_ns) == (0, 0)
 
 
-def test_a_window_without_focus_is_a_controller_that_is_laid_down(
+def test_a_window_without_focus_is_laid_down_and_with_it_again_a_hand_that_rests(
     keyboard: KeyboardController,
 ) -> None:
-    keyboard.feed(held("shift", "w"))
-    assert keyboard.sample(NS_PER_S).trigger == 1.0
-    keyboard.feed(held("shift", "w", focused=False, t_ns=NS_PER_S + 1))
-    sample = keyboard.sample(NS_PER_S + 1)
-    assert (sample.status, sample.trigger, sample.pose) == (ControllerStatus.STANDBY, 0.0, None)
+    for t_ns in range(NS_PER_S, 2 * NS_PER_S, 8 * NS_PER_MS):
+        keyboard.feed(held("shift", "w", "m", "c", "o", t_ns=t_ns))
+        before = keyboard.sample(t_ns)
+    assert (before.trigger, before.grip, before.a, before.b) == (1.0, 1.0, True, True)
+    assert before.pose is not None
+    assert before.pose.position.any()
+    keyboard.feed(held("shift", "w", "m", "c", "o", focused=False, t_ns=t_ns + 1))
+    assert keyboard.sample(t_ns + 1) == ControllerSample(
+        ControllerStatus.STANDBY, None, t_ns, t_ns, 0.0, 0.0, a=False, b=False, menu=False
+    )
+    keyboard.feed(held("shift", "w", t_ns=t_ns + 2))
+    again = keyboard.sample(t_ns + 2)
+    assert again.pose is not None
+    assert not again.pose.position.any()
 
 
-def test_a_window_that_tells_nothing_any_more_lets_pose_and_buttons_grow_old(
+def test_a_silent_window_moves_the_hand_for_as_long_as_it_may_be_late_and_not_a_moment_longer(
     keyboard: KeyboardController,
 ) -> None:
     """The safety logic then stops the arm, as with any controller that freezes."""
     keyboard.feed(held("shift", "w"))
-    keyboard.sample(NS_PER_S)
-    for late_ms in range(8, 500, 8):
-        last = keyboard.sample(NS_PER_S + late_ms * NS_PER_MS)
-    assert last.buttons_ns == NS_PER_S + 100 * NS_PER_MS  # so late it may be
-    assert last.pose_ns <= NS_PER_S + 200 * NS_PER_MS
+    limit_ns = NS_PER_S + 200 * NS_PER_MS
+    for now_ns in (*range(NS_PER_S, limit_ns, 8 * NS_PER_MS), limit_ns):
+        last = keyboard.sample(now_ns)
+        assert last.pose_ns == now_ns
+        assert last.buttons_ns == min(now_ns, NS_PER_S + 100 * NS_PER_MS)
+    for now_ns in (limit_ns + 1, limit_ns + 8 * NS_PER_MS, limit_ns + NS_PER_S):
+        assert keyboard.sample(now_ns) == last
 
 
 def test_a_hand_that_rests_is_no_frozen_pose(keyboard: KeyboardController) -> None:
