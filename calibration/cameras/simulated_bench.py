@@ -18,7 +18,7 @@ from calibration.cameras.simulated_person import BoardPainter, CameraPerson
 from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
-from hw.sim.world.camera_images import NOISE_SIGMA, SensorNoise
+from hw.sim.world.camera_images import SensorNoise
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
@@ -58,7 +58,7 @@ class SimulatedBench:
         self.truth = _draw_truth(config.video.views, self._random, self.fps)
         self._scenes = _scenes(config, seed)
         self._noise = {
-            name: SensorNoise(seed, truth.view, NOISE_SIGMA, HEIGHT_PX, WIDTH_PX)
+            name: SensorNoise(seed, truth.view, HEIGHT_PX, WIDTH_PX)
             for name, truth in self.truth.items()
         }
         self._flashes: Flashes | None = None

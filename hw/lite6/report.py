@@ -23,16 +23,16 @@ from hw.lite6.report_frames import (
     REAL_BYTES,
     REAL_PORT_OFFSET,
     FrameBuffer,
+    connect_reports,
     motion_numbers,
+    silent_reports,
 )
-from tams_app.errors import DeviceError
 from tams_app.records import Pose, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
 
 RICH_PORT_OFFSET = 1
-CONNECT_TIMEOUT_S = 1.0
 POLL_MS = 100
 STATUS_STALE_NS = NS_PER_S  # five periods of the rich report
 
@@ -133,17 +133,17 @@ def parse_status(frame: bytes, received_ns: int) -> StatusReport:
 def read_status(host: str, report_port: int) -> StatusReport:
     """What the controller reports now, over a connection for it; DeviceError if nothing comes."""
     frames = FrameBuffer(_RICH_BYTES)
-    with _connect(host, report_port + RICH_PORT_OFFSET) as connection:
+    with connect_reports(host, report_port + RICH_PORT_OFFSET) as connection:
         while True:
             try:
                 data = connection.recv(MAX_BYTES)
                 complete = frames.feed(data)
             except OSError as error:
-                raise _silent(host, report_port, error) from error
+                raise silent_reports(host, report_port, error) from error
             if complete:
                 return parse_status(complete[0], received_ns=0)
             if not data:
-                raise _silent(host, report_port, ConnectionResetError("connection closed"))
+                raise silent_reports(host, report_port, ConnectionResetError("connection closed"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +179,7 @@ class ReportReader:
     def start(self) -> None:
         """Connect to both streams; DeviceError if one is not there."""
         for offset in (RICH_PORT_OFFSET, REAL_PORT_OFFSET):
-            self._sockets.append(_connect(self._host, self._port + offset))
+            self._sockets.append(connect_reports(self._host, self._port + offset))
         self._worker.start()
 
     def note_error(self, error_code: int, warning_code: int) -> None:
@@ -263,17 +263,3 @@ class ReportReader:
         self.failure = f"The arm's reports ended ({failure}); check power and cable, then confirm."
         with self._news:
             self._news.notify_all()
-
-
-def _connect(host: str, port: int) -> socket.socket:
-    try:
-        return socket.create_connection((host, port), CONNECT_TIMEOUT_S)
-    except OSError as error:
-        raise _silent(host, port, error) from error
-
-
-def _silent(host: str, port: int, error: OSError) -> DeviceError:
-    return DeviceError(
-        f"The arm at {host} sends no reports on port {port} ({error.strerror or error}); "
-        "restart its control box."
-    )

@@ -7,15 +7,34 @@ Frames as in the SDK's `x3/report.py`; the driver (`report.py`) and the guard pr
 from __future__ import annotations
 
 import math
+import socket
 import struct
+
+from tams_app.errors import DeviceError
 
 REAL_PORT_OFFSET = 2  # of the real-time stream, 100 Hz
 REAL_BYTES = 87  # of its frame in older firmware; newer appends the force sensor
 MAX_BYTES = 4096
+_CONNECT_TIMEOUT_S = 1.0
 
 _LENGTH = struct.Struct(">I")
 _MOTION = struct.Struct("<B2x6f4x6f")  # at 4: mode and state, joints [rad], pose [mm, rad]
 _MOTION_AT = 4
+
+
+def connect_reports(host: str, port: int) -> socket.socket:
+    """A connection to a report port; DeviceError if there is none."""
+    try:
+        return socket.create_connection((host, port), _CONNECT_TIMEOUT_S)
+    except OSError as error:
+        raise silent_reports(host, port, error) from error
+
+
+def silent_reports(host: str, port: int, error: OSError) -> DeviceError:
+    return DeviceError(
+        f"The arm at {host} sends no reports on port {port} ({error.strerror or error}); "
+        "restart its control box."
+    )
 
 
 class FrameBuffer:

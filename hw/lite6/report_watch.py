@@ -10,12 +10,11 @@ from hw.lite6.report_frames import (
     REAL_BYTES,
     REAL_PORT_OFFSET,
     FrameBuffer,
+    connect_reports,
     motion_numbers,
 )
-from tams_app.errors import DeviceError
 from tams_app.units import NS_PER_MS
 
-_CONNECT_TIMEOUT_S = 1.0
 _SILENT_NS = 500 * NS_PER_MS  # 50 reports: the connection is dead, or was never made
 
 
@@ -31,14 +30,7 @@ class ReportWatch:
 
     def start(self) -> None:
         """Connect; DeviceError if there is nothing to connect to."""
-        try:
-            self._socket = socket.create_connection(self._address, _CONNECT_TIMEOUT_S)
-        except OSError as error:
-            host, port = self._address
-            raise DeviceError(
-                f"The arm at {host} sends no reports on port {port} ({error.strerror or error}); "
-                "restart its control box."
-            ) from error
+        self._socket = connect_reports(*self._address)
         self._socket.setblocking(False)
         # looked up once: a name server that hangs must not hold the guard up
         self._family, self._address = self._socket.family, self._socket.getpeername()

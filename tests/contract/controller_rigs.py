@@ -47,7 +47,6 @@ class ControllerRig(ControllerBench):
     """A controller, the hand that holds it, and a way to let time pass."""
 
     faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
-    has_menu = True
     can_be_felt = True
 
     def __init__(self, cleaning: ExitStack) -> None:
@@ -57,10 +56,6 @@ class ControllerRig(ControllerBench):
     @abstractmethod
     def make_controller(self) -> Controller:
         """Another driver of the same controller, not started."""
-
-    @abstractmethod
-    def press_menu(self) -> None:
-        """The thumb goes on the menu button and stays there."""
 
     @abstractmethod
     def tap(self) -> None:
@@ -110,9 +105,6 @@ class VirtualControllerRig(ControllerRig):
     def make_controller(self) -> FaultyController:
         return FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
 
-    def press_menu(self) -> None:
-        self._holding.button = Button.MENU
-
     def tap(self) -> None:
         self._holding.button = Button.A
         self.controller.sample(self._clock.now_ns())  # as the thread that reads the device
@@ -152,9 +144,6 @@ class RemoteRig(ControllerRig):
         self._cleaning.callback(thread.join)
         self._cleaning.callback(stop.set)
         return made
-
-    def press_menu(self) -> None:
-        self._holding.button = Button.MENU
 
     def tap(self) -> None:
         self._holding.button = Button.A
@@ -198,9 +187,6 @@ class LinkRig(ControllerRig):
         self._made = made
         return made
 
-    def press_menu(self) -> None:
-        self._holding.button = Button.MENU
-
     def tap(self) -> None:
         self._holding.button = Button.A
         self._hand.sample(self._clock.now_ns() + self._OFFSET_NS)  # its message is lost
@@ -234,7 +220,6 @@ class KeyboardRig(ControllerRig):
     """The console's window tells which keys are held; virtual time."""
 
     faults = frozenset({SensorFault.STANDBY})  # the window loses the focus
-    has_menu = False  # Enter confirms, in the window
     can_be_felt = False
 
     def __init__(self, cleaning: ExitStack) -> None:
@@ -248,9 +233,6 @@ class KeyboardRig(ControllerRig):
     def make_controller(self) -> KeyboardController:
         self._keyboard = KeyboardController(DeskConfig(), HandConfig().rotation)
         return self._keyboard
-
-    def press_menu(self) -> None:
-        raise AssertionError("a keyboard has no menu button")
 
     def tap(self) -> None:
         self._presses["c"] = self._presses.get("c", 0) + 1
@@ -289,9 +271,6 @@ class OpenVrRig(ControllerRig):
         made = OpenVrController(ControllerConfig(), self._clock, lambda level, text: None)
         self._cleaning.callback(made.close)
         return made
-
-    def press_menu(self) -> None:
-        self.runtime.press("menu")
 
     def tap(self) -> None:
         for value in (1.0, 0.0):

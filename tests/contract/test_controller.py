@@ -78,6 +78,13 @@ def held(rig: ControllerRig) -> ControllerRig:
     return rig
 
 
+def works_again(held: ControllerRig) -> None:
+    """Once what it suffered has ended."""
+    held.inject(None)
+    asked_ns = held.advance()
+    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
+
+
 @pytest.mark.parametrize("promise", CONTROLLER_PROMISES, ids=lambda promise: promise.__name__)
 def test_every_controller_keeps_what_is_promised(
     rig: ControllerRig, promise: Promise[ControllerBench]
@@ -108,36 +115,21 @@ def test_a_tap_between_two_samples_has_been_pressed_once(held: ControllerRig) ->
 
 
 @each_fault(STATUS_OF)
-def test_missing_input_is_a_status_and_reads_as_released(
+def test_missing_input_is_a_status_reads_as_released_and_its_times_stand_still_until_it_ends(
     held: ControllerRig, fault: SensorFault
 ) -> None:
     held.inject(fault)
-    sample = held.until(lambda sample: sample.status is STATUS_OF[fault])
-    assert (sample.pose is not None) == (fault in WITH_POSE)
-    if fault is not SensorFault.TRACKING_LOST:  # whose buttons are known, and go on
-        assert is_released(sample)
-
-
-@each_fault(STATUS_OF)
-def test_times_stand_still_for_what_is_missing(held: ControllerRig, fault: SensorFault) -> None:
-    held.inject(fault)
     first = held.until(lambda sample: sample.status is STATUS_OF[fault])
+    assert (first.pose is not None) == (fault in WITH_POSE)
+    if fault is not SensorFault.TRACKING_LOST:  # whose buttons are known, and go on
+        assert is_released(first)
     for _ in range(5):
         sample = held.sample()
         if fault not in WITH_POSE:
             assert sample.pose_ns == first.pose_ns
         if fault not in WITH_BUTTONS:
             assert sample.buttons_ns == first.buttons_ns
-
-
-@each_fault(SensorFault)
-def test_what_ends_leaves_a_working_controller(held: ControllerRig, fault: SensorFault) -> None:
-    held.inject(fault)
-    if fault in STATUS_OF:
-        held.until(lambda sample: sample.status is STATUS_OF[fault])
-    held.inject(None)
-    asked_ns = held.advance()
-    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
+    works_again(held)
 
 
 @each_fault([SensorFault.FROZEN_POSE])
@@ -151,6 +143,7 @@ def test_a_frozen_pose_keeps_its_time_while_the_buttons_go_on(
     assert sample.pose is first.pose
     assert sample.pose_ns == first.pose_ns
     assert sample.trigger == 1.0
+    works_again(held)
 
 
 @each_fault([SensorFault.FROZEN_BUTTONS])
@@ -163,6 +156,7 @@ def test_frozen_buttons_keep_their_time_while_the_pose_goes_on(
     assert sample.status is ControllerStatus.OK
     assert sample.buttons_ns == first.buttons_ns
     assert sample.trigger == 1.0
+    works_again(held)
 
 
 def test_a_device_that_falls_silent_while_it_is_held_stands_still_and_becomes_stale(
@@ -209,19 +203,6 @@ def test_a_pulse_to_a_controller_that_is_gone_is_harmless(
     held.until(lambda sample: sample.status is ControllerStatus.DISCONNECTED)
     held.controller.pulse(Haptic.FAULT)
     assert held.sample().status is ControllerStatus.DISCONNECTED
-
-
-def test_after_closing_everything_is_released_and_pulses_are_harmless(held: ControllerRig) -> None:
-    if held.has_menu:
-        held.press_menu()
-        held.until(lambda sample: sample.menu)
-    held.controller.close()
-    held.controller.close()
-    held.controller.pulse(Haptic.FAULT)
-    sample = held.sample()
-    assert sample.status is ControllerStatus.DISCONNECTED
-    assert sample.pose is None
-    assert is_released(sample)
 
 
 def test_a_start_with_nothing_to_connect_to_is_a_device_error() -> None:

@@ -1,11 +1,12 @@
-"""The demo's operator, who reads the true scene instead of looking at images.
+"""Operators who read the true scene instead of looking at images: of the demo, and of a sweep.
 
-For `make run`, calibration and recorded hands: it shows that control, arm and task work, and says
+For `make run`, calibration and recorded hands: they show that control, arm and task work, and say
 nothing about video. The operator of a study is `hw.sim.operator.seeing.SeeingParticipant`.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 
 from hw.sim.operator.operator import Operator
@@ -15,6 +16,7 @@ from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config
 from tams_app.records import SceneTruth
+from tams_app.units import NS_PER_S
 
 
 class TruePerception:
@@ -58,3 +60,25 @@ def demo_controller(
         seed, profile = participant, ParticipantProfile.draw(participant)
     operator = Operator(operator_hand(config), settings, eyes, seed, confirms, profile)
     return VirtualController(operator, settings, config.seed, rig_wiring(config))
+
+
+class SharpEyedHand:
+    """A participant who sees the true scene, as often and as late as they would see images."""
+
+    def __init__(self, config: Config, participant: int, truth: Callable[[], SceneTruth]) -> None:
+        profile = ParticipantProfile.draw(participant)
+        self._truth = truth
+        self._sampling_ns = round(profile.sampling_s * NS_PER_S)
+        self._delay_ns = round(profile.visuomotor_s * NS_PER_S)
+        self._glance_ns = 0  # when the next one is due
+        self._coming: deque[tuple[int, SceneTruth]] = deque()
+        self._seen: SceneTruth | None = None
+        self.controller = demo_controller(config, lambda: self._seen, participant=participant)
+
+    def prepare(self, now_ns: int) -> None:
+        """Look, if it is time for a glance, and understand what was seen earlier."""
+        if now_ns >= self._glance_ns:
+            self._glance_ns = now_ns + self._sampling_ns
+            self._coming.append((now_ns + self._delay_ns, self._truth()))
+        while self._coming and self._coming[0][0] <= now_ns:
+            self._seen = self._coming.popleft()[1]

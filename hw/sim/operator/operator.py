@@ -115,7 +115,7 @@ class Operator:
             Activity.RETURN: self._return,
             Activity.PUZZLED: self._puzzled,
             Activity.WARY: self._wary,
-            Activity.FINISHED: self._finished,
+            Activity.FINISHED: lambda *_: HandCommand.still(),
         }
 
     @property
@@ -292,9 +292,6 @@ class Operator:
         """After a fault: hands off, and now and then try whether it has been confirmed."""
         if now_ns - self._since_ns >= _FAULT_REST_NS and sight is not None:
             self._begin(Activity.SQUEEZE, now_ns)
-        return HandCommand.still()
-
-    def _finished(self, now_ns: int, sight: Sight | None) -> HandCommand:
         return HandCommand.still()
 
     # --- what the activities share --------------------------------------------------------------

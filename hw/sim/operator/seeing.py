@@ -70,7 +70,6 @@ class SeeingPerception:
         self._delay_ns = round(delay_s * NS_PER_S)
         wrist = {"eih": wrist_camera()}
         self.belief = Belief(fixed_cameras(), wrist)  # others may read it
-        self.asked_speed_m_s = 0.0  # of the tool, between the last two glances
         self._detector = Detector(wrist)
         self._wrist_views = frozenset(wrist)
         self._lag = LagEstimator()
@@ -140,9 +139,7 @@ class SeeingPerception:
         seconds = 0.0 if last_ns is None else min(_LONGEST_S, (now_ns - last_ns) / NS_PER_S)
         self.belief.predict(moved[:3], moved[3:], seconds)
         self.belief.hold_to_table()
-        path = math.sqrt(moved[:3] @ moved[:3])
-        self.asked_speed_m_s = path / seconds if seconds > 0.0 else 0.0
-        return path
+        return math.sqrt(moved[:3] @ moved[:3])
 
     def _take_in(self, now_ns: int, glance: Glance) -> None:
         belief = self.belief

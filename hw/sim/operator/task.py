@@ -115,7 +115,7 @@ class PickAndPlace:
             Stage.LOWER: self._lower,
             Stage.OPEN: self._open,
             Stage.RETREAT: self._retreat,
-            Stage.DONE: self._rest,
+            Stage.DONE: lambda *_: Intent(done=True),
         }
 
     def step(self, now_ns: int, sight: Sight) -> Intent:
@@ -202,9 +202,6 @@ class PickAndPlace:
             error = np.array([0.0, 0.0, height])
             return Intent(linear=self._approach(error, 2.0 * self._fine_speed), turning=False)
         return self._enter(Stage.DONE if _is_placed(sight) else Stage.REACH, now_ns)
-
-    def _rest(self, now_ns: int, sight: Sight) -> Intent:
-        return Intent(done=True)
 
     # --- what the stages share ------------------------------------------------------------------
 

@@ -21,7 +21,7 @@ class CameraImages:
     def __init__(self, layout: Layout, seed: int) -> None:
         """SetupError without off-screen OpenGL."""
         self._renderer = SceneRenderer(layout)
-        self._noises = {view: SensorNoise(seed, view, NOISE_SIGMA) for view in VIEWS}
+        self._noises = {view: SensorNoise(seed, view) for view in VIEWS}
 
     def take(self, view: str, index: int, qpos: Numbers) -> Image:
         """Image `index` of `view` with all joints at `qpos`: BGR, shape (480, 640, 3)."""
@@ -33,27 +33,24 @@ class CameraImages:
 
 
 class SensorNoise:
-    """Gaussian noise of `sigma` grey levels, the same for all colours of a pixel.
+    """Gaussian noise of `NOISE_SIGMA` grey levels, the same for all colours of a pixel.
 
     Depends on `seed`, `view` and the frame's index only, so runs repeat. Cheap because it is drawn
     once and shifted for each frame.
     """
 
     def __init__(
-        self, seed: int, view: str, sigma: float, height: int = HEIGHT_PX, width: int = WIDTH_PX
+        self, seed: int, view: str, height: int = HEIGHT_PX, width: int = WIDTH_PX
     ) -> None:
         self._entropy = [seed, *view.encode()]
         random = np.random.default_rng(self._entropy)
         size = (height + _MARGIN_PX, width + _MARGIN_PX)
-        noise = np.rint(sigma * random.standard_normal(size)).astype(np.int16)
+        noise = np.rint(NOISE_SIGMA * random.standard_normal(size)).astype(np.int16)
         self._brighter = _grey(np.maximum(noise, 0))
         self._darker = _grey(np.maximum(-noise, 0))
-        self._silent = sigma == 0
 
     def apply(self, image: Image, index: int) -> Image:
         """`image` (BGR) as the sensor reports it in frame `index`, changed in place."""
-        if self._silent:
-            return image
         height, width = image.shape[:2]
         random = np.random.default_rng([*self._entropy, index])
         top, left = random.integers(0, _MARGIN_PX, 2)

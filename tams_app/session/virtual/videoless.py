@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from hw.sim.operator.sharp_eyed import SharpEyedHand
+from hw.sim.operator.demo import SharpEyedHand
 from tams_app.config import Config
 from tams_app.records import SceneTruth, Tick
 from tams_app.robot import build
