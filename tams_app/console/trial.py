@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Protocol
 
 from tams_app.config import Config
 from tams_app.console.app import check_session, show_session
@@ -29,6 +28,7 @@ from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.run import run
+from tams_app.session.session import Session
 from tams_app.session.shared_memory import session_bytes
 from tams_app.study.plan import PlannedTrial
 from tams_app.task.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
@@ -81,16 +81,6 @@ class LiveTrialRunner:
             raise TamsError(session.failure)
 
 
-class MarkedSession(Protocol):
-    """The session as a trial sees it."""
-
-    def note(self, level: str, text: str) -> None: ...
-
-    def fact(self, name: str, value: str) -> None: ...
-
-    def end(self, reason: str) -> None: ...
-
-
 class LiveTrial:
     """A trial as it is shown, with the experimenter's marks.
 
@@ -98,7 +88,7 @@ class LiveTrial:
     the log; the verdict is asked for when the trial has ended.
     """
 
-    def __init__(self, trial: PlannedTrial, limit_s: float, session: MarkedSession) -> None:
+    def __init__(self, trial: PlannedTrial, limit_s: float, session: Session) -> None:
         """`limit_s`: what the trial's rules allow, from the first engagement."""
         self._trial = trial
         self._limit_s = limit_s

@@ -69,7 +69,7 @@ class HelperProcess:
             if stderr is not None:
                 stderr.close()
 
-    def wait_ready(self, timeout_s: float = READY_TIMEOUT_S) -> dict[str, Any]:
+    def wait_ready(self) -> dict[str, Any]:
         """The JSON object of the helper's ready line; HelperError if none comes in time."""
         process = self._process
         if process is None or process.stdout is None:
@@ -83,9 +83,11 @@ class HelperProcess:
 
         reader = threading.Thread(target=read, name=f"{self.name}-ready", daemon=True)
         reader.start()
-        reader.join(timeout_s)
+        reader.join(READY_TIMEOUT_S)
         if reader.is_alive():
-            raise HelperError(f"{self.name} was not ready within {timeout_s:g} s{self._where()}")
+            raise HelperError(
+                f"{self.name} was not ready within {READY_TIMEOUT_S:g} s{self._where()}"
+            )
         try:
             ready = json.loads(line)
         except ValueError as error:

@@ -1,4 +1,4 @@
-"""Admission to a WebSocket server that asks no questions: by Origin, and by number.
+"""The log's channels live over a WebSocket, and who is admitted to it: by Origin, and by number.
 
 A browser lets any web page open a WebSocket to this computer, and names the page's origin in the
 request (RFC 6455, 10.2). Foxglove's SDK does not look at it. So the server listens where a page
@@ -13,7 +13,11 @@ import socket
 import threading
 from collections.abc import Collection
 
+from foxglove import Context, start_server
+
 from tams_app.runtime.worker import Worker
+from tams_app.telemetry.address import Address, bound
+from tams_app.telemetry.address import refusal as not_to_be_had
 
 MOST_VIEWERS = 8
 _MOST_CALLERS = 32  # viewers, and those whose request is not whole yet
@@ -137,3 +141,28 @@ def _answer(status: int, sentence: str) -> bytes:
         f"HTTP/1.1 {status} {reason}\r\nContent-Type: text/plain\r\nConnection: close\r\n"
         f"Content-Length: {len(sentence)}\r\n\r\n{sentence}"
     ).encode("ascii")
+
+
+class LiveServer:
+    """Serves what a context has, in threads of its own; of a slow viewer messages are dropped."""
+
+    def __init__(
+        self, context: Context, address: Address, name: str, origins: Collection[str]
+    ) -> None:
+        """To programs, and to web pages of `origins`; SetupError if `address` is not to be had."""
+        listening = bound(address)
+        try:
+            listening.listen()
+            inner = hidden_host()
+            self._server = start_server(
+                name=name, host=inner, port=0, capabilities=[], context=context
+            )
+        except (OSError, RuntimeError, ValueError) as error:
+            listening.close()
+            raise not_to_be_had(address, str(error)) from error
+        self._gate = Gate(listening, (inner, self._server.port), origins)
+
+    def stop(self) -> None:
+        """Let the viewers go."""
+        self._server.stop()
+        self._gate.close()

@@ -1,14 +1,15 @@
-"""The sums of each second, for plots: `/rates`."""
+"""The sums of each second, for plots (`/rates`), and the viewers that get them with all else."""
 
 from __future__ import annotations
 
 import statistics
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias
 
 from tams_app.capacity import finite
+from tams_app.recording import Header, Viewers
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
 from tams_app.records import (
     Allocation,
@@ -114,30 +115,27 @@ class RatesMeter:
         self._captures: dict[str, deque[tuple[int, int]]] = {
             view: deque(maxlen=_UNDER_WAY) for view in views
         }
-        self._on: dict[type, Callable[[Any], None]] = {
-            Allocation: self._on_allocation,
-            LinkCapacity: self._on_capacity,
-            FrameCaptured: self._on_captured,
-            FrameShown: self._on_shown,
-            FrameQuality: self._on_quality,
-            PacketBatch: self._on_packets,
-            PolicyInputs: self._on_reported,
-        }
 
     def receive(self, record: Any) -> None:
         """Count a record, if it is one that counts."""
-        if on_record := self._on.get(type(record)):
-            on_record(record)
-
-    def _on_allocation(self, allocation: Allocation) -> None:
-        self._allocation = allocation
-
-    def _on_capacity(self, capacity: LinkCapacity) -> None:
-        self._capacity_kbps = capacity.capacity_kbps
-
-    def _on_captured(self, frame: FrameCaptured) -> None:
-        self._seconds[frame.view].captured += 1
-        self._captures[frame.view].append((frame.index, frame.capture_ns))
+        match record:
+            case Allocation():
+                self._allocation = record
+            case LinkCapacity():
+                self._capacity_kbps = record.capacity_kbps
+            case FrameCaptured():
+                self._seconds[record.view].captured += 1
+                self._captures[record.view].append((record.index, record.capture_ns))
+            case FrameShown():
+                self._on_shown(record)
+            case FrameQuality():
+                self._seconds[record.view].scored.append(record)
+            case PacketBatch():
+                self._reported = None
+                self._packets += record.packets()
+            case PolicyInputs():
+                if self._reported is not None:
+                    self._packets += self._reported.step(record.report().arrivals)
 
     def _on_shown(self, frame: FrameShown) -> None:
         second = self._seconds[frame.view]
@@ -147,17 +145,6 @@ class RatesMeter:
             captures.popleft()
         if captures and captures[0][0] == frame.index:
             second.latency_ms.append((frame.shown_ns - captures[0][1]) / NS_PER_MS)
-
-    def _on_quality(self, quality: FrameQuality) -> None:
-        self._seconds[quality.view].scored.append(quality)
-
-    def _on_reported(self, inputs: PolicyInputs) -> None:
-        if self._reported is not None:
-            self._packets += self._reported.step(inputs.report().arrivals)
-
-    def _on_packets(self, batch: PacketBatch) -> None:
-        self._reported = None
-        self._packets += batch.packets()
 
     def take(self, now_ns: int) -> Rates | None:
         """The sums of the second that has ended by `now_ns`; None while none has."""
@@ -198,6 +185,35 @@ class RatesMeter:
             task_live_ssim=_mean(one.task_live for one in second.scored),
             task_received_ssim=_mean(one.task_received for one in second.scored),
         )
+
+
+class ViewerGroup:
+    """Satisfies `tams_app.recording.Viewers`: each gets every record, and `Rates` each second."""
+
+    def __init__(self, header: Header, viewers: Sequence[Viewers]) -> None:
+        self._viewers = tuple(viewers)
+        self._meter = RatesMeter(header.views, header.started_ns)
+
+    def receive(self, record: Any, now_ns: int) -> None:
+        """A record that the log keeps, or a frame shown that was wanted."""
+        self._send(record, now_ns)
+        self._meter.receive(record)
+        if (rates := self._meter.take(now_ns)) is not None:
+            self._send(rates, now_ns)
+
+    def wants(self, view: str, shown_ns: int) -> bool:
+        """True if any of them wants a frame shown now with its pixels."""
+        wanted = [viewer.wants(view, shown_ns) for viewer in self._viewers]  # all keep their pace
+        return any(wanted)
+
+    def close(self) -> None:
+        """The log ends; may be called twice."""
+        for viewer in self._viewers:
+            viewer.close()
+
+    def _send(self, record: Any, now_ns: int) -> None:
+        for viewer in self._viewers:
+            viewer.receive(record, now_ns)
 
 
 def _mean(scores: Iterable[float | None]) -> float | None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from tams_app.config import Config
 from tams_app.console.app import show_session
-from tams_app.console.replay.logged_config import logged_config
 from tams_app.console.replay.marks import FILE_NAME, Marking
 from tams_app.console.replay.session import ReplaySession
 from tams_app.console.report import session_log
@@ -51,7 +52,7 @@ def run_replay(
             session = ReplaySession(
                 log,
                 PictureFinder(path),
-                _shown_config(logged_config(log, path), headless),
+                _shown_config(_logged_config(log, path), headless),
                 Path(folder),
                 speed,
                 MonotonicClock().now_ns,
@@ -82,6 +83,16 @@ def _key_help(headless: bool) -> str:
     if not headless:
         return " (Enter: pause, go on; q: end; in the window also arrows and mouse, F1 lists all)"
     return " (Enter: pause, go on; q: end)" if TerminalKeys().readable else ""
+
+
+def _logged_config(log: SessionLog, path: Path) -> Config:
+    """As `log`, read from `path`, has it; UnreadableLogError if this version has other keys."""
+    try:
+        return Config.model_validate(log.header.config)
+    except ValidationError as error:
+        raise UnreadableLogError(
+            f"{path}: its configuration is of another version of TAMS; use that to replay it"
+        ) from error
 
 
 def _shown_config(config: Config, headless: bool) -> Config:

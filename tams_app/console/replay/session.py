@@ -14,9 +14,8 @@ import numpy as np
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
-from tams_app.console.replay.log_index import LogIndex
+from tams_app.console.replay.log_index import LogIndex, outline_of, phases_row
 from tams_app.console.replay.marks import Marking
-from tams_app.console.replay.outline import outline_of, phases_row
 from tams_app.console.replay.playback import STEP_NS, Playback
 from tams_app.errors import UnreadableLogError
 from tams_app.faces.commands import PHASE_KEYS

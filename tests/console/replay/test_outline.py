@@ -8,7 +8,7 @@ from itertools import pairwise
 import msgspec
 import pytest
 
-from tams_app.console.replay.outline import CELLS, outline_of, phases_row
+from tams_app.console.replay.log_index import CELLS, outline_of, phases_row
 from tams_app.faces.facts_memory import FactsWriter
 from tams_app.faces.messages import LONGEST, Notice, ReplayFacts, Stretch
 from tams_app.recording import SessionLog, read_log
