@@ -34,6 +34,21 @@ class Command(StrEnum):
     PLACED = "placed"
 
 
+LETTERS: Mapping[str, Command] = MappingProxyType(
+    {
+        "q": Command.QUIT,
+        "e": Command.EPISODE,
+        "z": Command.DISCARD,
+        "u": Command.REDO,
+        "y": Command.SUCCESS,
+        "n": Command.FAILURE,
+        "x": Command.DROP,
+        "p": Command.PLACED,
+    }
+)
+"""The commands of letter keys, in the window as on the terminal."""
+
+
 class Signals(Protocol):
     """The operator's signals to arm and log."""
 

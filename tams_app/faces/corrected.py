@@ -20,11 +20,22 @@ class Corrected:
         """`present`: the views that are corrected; None: none is."""
         self._present, self._frames, self._clock = present, frames, clock
         self._is_on = True
+        self._taken = dict.fromkeys(frames, 0)  # how many were written when the newest was taken
+        self.put_ns: dict[str, int] = {}  # by view, when the frame was put that was taken last
         self._drawn: dict[str, tuple[Correction | None, AsReceived | None]] = {}
 
     def toggle(self) -> None:
         """Show all frames as received from now on, or correct them again."""
         self._is_on = not self._is_on
+        self._taken = dict.fromkeys(self._taken, 0)  # what is drawn changes at once
+
+    def is_new(self, view: str) -> bool:
+        """Whether there is a frame that was not taken yet, or one that looks different by now."""
+        return self.has_come(view) or self.moves(view)
+
+    def has_come(self, view: str) -> bool:
+        """Whether there is a frame that was not taken yet."""
+        return self._frames[view].written() != self._taken[view]
 
     def moves(self, view: str) -> bool:
         """Whether a frame that was drawn looks different later on."""
@@ -36,9 +47,12 @@ class Corrected:
 
     def newest(self, view: str) -> Image | None:
         """The frame to draw now; None before the first, or if it was overwritten meanwhile."""
-        found = self._frames[view].newest_frame()
+        reader = self._frames[view]
+        written, put_ns = reader.written(), reader.newest_put_ns()
+        found = reader.newest_frame()
         if found is None:
             return None
+        self._taken[view], self.put_ns[view] = written, put_ns
         capture_ns, image = found
         if self._present is None or view not in self._present or not self._is_on:
             return image

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 
 from tams_app import gst
 from tams_app.errors import SetupError
@@ -11,8 +10,6 @@ from tams_app.errors import SetupError
 
 def has_display() -> bool:
     """True if windows can be shown."""
-    if os.name != "posix":
-        return True
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
@@ -22,8 +19,6 @@ def require_display() -> None:
     Asked before autovideosink is: where none answers, its choice of glimagesink crashes the
     process (GStreamer 1.22), and the arm's control loop with it.
     """
-    if sys.platform != "linux":
-        return
     if os.environ.get("DISPLAY"):
         reason = _x_server_silent()
         if reason:

@@ -144,21 +144,18 @@ def is_old(view: ViewState | None, old_ms: float) -> bool:
 
 
 def view_title(
-    name: str,
-    view: ViewState | None,
-    is_primary: bool,
-    opening: Opening,
-    pinned: bool | None = None,
-    by_operator: bool = False,
+    name: str, state: SessionState | None, opening: Opening, pinned: bool | None = None
 ) -> str:
     """The text in a view's picture: its name, and if its frame is old, that.
 
     pinned: whether it is, in a window, which has room for what the name means; else None.
-    by_operator: the primary view is primary because the operator has pinned it.
     """
-    why = "pinned by the operator" if by_operator else "primary"
-    title = f"{name.upper()} · {why}" if is_primary else name.upper()
-    title += " · pinned" if pinned and not (is_primary and by_operator) else ""
+    view = None if state is None else state.views.get(name)
+    title = name.upper()
+    if state is not None and name == state.primary_view:
+        title += " · pinned by the operator" if state.is_pinned else " · primary"
+        pinned = pinned and not state.is_pinned
+    title += " · pinned" if pinned else ""
     age_ms = None if view is None else view.age_ms
     if view is None or (age_ms is None and not opening.blind):
         return f"{title} · no frame yet"

@@ -83,11 +83,6 @@ class Eyes:
             stop.wait(max(_POLL_S, rest_s))
 
 
-def _cores() -> int:
-    """Those that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-
-
 def main() -> None:
     side = HelperSide()
     cv2.setNumThreads(1)
@@ -113,7 +108,9 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
         controller: Controller = person.controller
         eyes = Worker(
             "eyes",
-            Eyes(person.watch, clock, min(1.0, _SHARE_OF_MACHINE * _cores())).run,
+            Eyes(
+                person.watch, clock, min(1.0, _SHARE_OF_MACHINE * len(os.sched_getaffinity(0)))
+            ).run,
             lambda *_: side.stop_requested.set(),
         )
         sys.setswitchinterval(_SWITCH_S)

@@ -62,7 +62,7 @@ def test_nothing_that_only_a_live_session_can_say_is_said_any_more() -> None:
 def test_ages_grow_while_nothing_comes() -> None:
     known = after(PUT, 4.0)
     assert view_row("eih", known.state.views["eih"], 30)[4] == "4095 ms"
-    assert "OLD: 4.1 s" in view_title("eih", known.state.views["eih"], True, OPENING)
+    assert "OLD: 4.1 s" in view_title("eih", known.state, OPENING)
 
 
 @pytest.mark.parametrize("hand", HANDS)

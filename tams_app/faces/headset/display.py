@@ -17,12 +17,10 @@ from tams_app.faces.headset.wording import PanelWords, panel_words
 from tams_app.faces.messages import Facts
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
-from tams_app.faces.silence import as_known
+from tams_app.faces.silence import LiveFacts
 from tams_app.runtime.clock import Clock
-from tams_app.units import NS_PER_MS
 
 PANEL = "panel"
-_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 
 
 def overlay_names(views: tuple[str, ...]) -> tuple[str, ...]:
@@ -47,7 +45,7 @@ class HeadsetDisplay:
         clock: Clock,
     ) -> None:
         """`overlays`: of `overlay_names`. SetupError if there is no texture for all of it."""
-        self._opening, self._frames, self._facts = opened.opening, opened.frames, opened.facts
+        self._opening, self._facts = opened.opening, LiveFacts(opened.facts)
         self._overlays, self._texture = overlays, texture
         views = self._opening.views
         self._atlas = Atlas(views, self._opening.width, self._opening.height)
@@ -56,36 +54,27 @@ class HeadsetDisplay:
             view: ViewCell(self._atlas, palette.view_colour(number))
             for number, view in enumerate(views)
         }
-        self._seen = dict.fromkeys(views, 0)
         self._corrected = Corrected(opened.present, opened.frames, clock)
         self._places = Places(views)
         self._words: PanelWords | None = None
-        self._newest: Facts | None = None
-        self._silence_ns = 0  # when to show the duration of a silence anew
         self._dirty = set(views)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self.drawings = 0
-        self._taken_ns: dict[str, int] = {}  # by view, when the frame in its cell was put
         self.seen_ns: dict[str, int] = {}  # of those that SteamVR has
         for view in views:
-            self._cells[view].set_title(view_title(view, None, False, self._opening), False)
+            self._cells[view].set_title(view_title(view, None, self._opening), False)
         self._arrange(config)
 
     def step(self, now_ns: int) -> None:
         """Take in what is new, and show it if it is time to."""
-        newer = self._facts.newer()
-        self._newest = newer or self._newest
-        if self._newest is not None:
-            known = as_known(self._newest, now_ns)
-            if newer is not None or (known.silent_s is not None and now_ns >= self._silence_ns):
-                self._silence_ns = now_ns + _SILENCE_NS
-                self._take_in(known, now_ns)
+        if (facts := self._facts.newer(now_ns)) is not None:
+            self._take_in(facts, now_ns)
         if self._pacer.may_draw(now_ns, self._corrected.version(self._places.large, now_ns)):
             self._take_frames()
             if self._dirty:
                 self._draw()  # raises what SteamVR refuses
                 self._pacer.drawn(now_ns, time.process_time_ns())
-                self.seen_ns = dict(self._taken_ns)
+                self.seen_ns = dict(self._corrected.put_ns)
 
     def _arrange(self, config: HeadsetConfig) -> None:
         places = [*view_places(config, len(self._cells)), panel_place(config, self._atlas)]
@@ -108,13 +97,10 @@ class HeadsetDisplay:
     def _take_in(self, facts: Facts, now_ns: int) -> None:
         opening = self._opening
         for view, cell in self._cells.items():
-            view_facts = facts.state.views.get(view)
-            state = facts.state
-            is_primary, is_pinned = view == state.primary_view, state.is_pinned
-            title = view_title(view, view_facts, is_primary, opening, by_operator=is_pinned)
-            title += self._corrected.words(view)
+            title = view_title(view, facts.state, opening) + self._corrected.words(view)
             silent = facts.silent_s is not None
-            if cell.set_title(title, silent or is_old(view_facts, opening.old_ms), silent):
+            old = is_old(facts.state.views.get(view), opening.old_ms)
+            if cell.set_title(title, silent or old, silent):
                 self._dirty.add(view)
         words = panel_words(facts, opening.hand)
         if words != self._words:
@@ -137,18 +123,14 @@ class HeadsetDisplay:
 
     def _take_frames(self) -> None:
         """Take in what is new."""
-        for view, reader in self._frames.items():
-            written = reader.written()
-            if written == self._seen[view] and not self._corrected.moves(view):
+        for view, cell in self._cells.items():
+            if not self._corrected.is_new(view):
                 continue
-            put_ns = reader.newest_put_ns()
             image = self._corrected.newest(view)
             if image is None:
                 self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
                 continue
-            self._cells[view].show(image)
-            self._taken_ns[view] = put_ns
-            self._seen[view] = written
+            cell.show(image)
             self._dirty.add(view)
 
     def _draw(self) -> None:

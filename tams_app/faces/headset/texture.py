@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import importlib
 import os
-import sys
 from typing import Any
 
 from tams_app.errors import SetupError
@@ -77,10 +76,9 @@ def _words(error: Exception) -> str:
 
 
 def _load() -> tuple[Any, Any]:
-    """GLFW and OpenGL, in this process for GLX where that is what there is."""
-    if sys.platform == "linux":
-        os.environ["PYGLFW_LIBRARY_VARIANT"] = "x11"
-        os.environ["PYOPENGL_PLATFORM"] = "glx"
+    """GLFW and OpenGL, in this process for GLX."""
+    os.environ["PYGLFW_LIBRARY_VARIANT"] = "x11"
+    os.environ["PYOPENGL_PLATFORM"] = "glx"
     try:
         glfw: Any = importlib.import_module("glfw")
         gl = importlib.import_module("OpenGL.GL")

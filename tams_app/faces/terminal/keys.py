@@ -16,7 +16,7 @@ from functools import partial
 from types import FrameType
 
 from tams_app.errors import DeviceError
-from tams_app.faces.commands import Command
+from tams_app.faces.commands import LETTERS, Command
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
@@ -31,24 +31,9 @@ _KEYS = {
     ord("\n"): Command.CONFIRM,
     ord(" "): Command.EMERGENCY_STOP,
     _ESCAPE: Command.EMERGENCY_STOP,
-    ord("q"): Command.QUIT,
-    ord("Q"): Command.QUIT,
-    ord("e"): Command.EPISODE,
-    ord("E"): Command.EPISODE,
-    ord("z"): Command.DISCARD,
-    ord("Z"): Command.DISCARD,
-    ord("u"): Command.REDO,
-    ord("U"): Command.REDO,
-    ord("y"): Command.SUCCESS,
-    ord("Y"): Command.SUCCESS,
-    ord("n"): Command.FAILURE,
-    ord("N"): Command.FAILURE,
-    ord("x"): Command.DROP,
-    ord("X"): Command.DROP,
     0x08: Command.NO_DROP,  # Backspace
     0x7F: Command.NO_DROP,  # Backspace of most terminals
-    ord("p"): Command.PLACED,
-    ord("P"): Command.PLACED,
+    **{ord(one): command for key, command in LETTERS.items() for one in (key, key.upper())},
 }
 _SEQUENCES = {b"[5~": Command.DISCARD, b"[6~": Command.EPISODE}  # Page Up, Page Down: pedals
 

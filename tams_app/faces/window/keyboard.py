@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from tams_app.faces import episodes
-from tams_app.faces.commands import PHASE_KEYS, Command
+from tams_app.faces.commands import LETTERS, PHASE_KEYS, Command
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.teleop.hands import words_of_hand
 
@@ -16,17 +16,10 @@ COMMANDS = {
     "KP_Enter": Command.CONFIRM,
     "space": Command.EMERGENCY_STOP,
     "Escape": Command.EMERGENCY_STOP,
-    "q": Command.QUIT,
-    "e": Command.EPISODE,
     "Page_Down": Command.EPISODE,  # which pedals and presenters send
-    "z": Command.DISCARD,
     "Page_Up": Command.DISCARD,
-    "u": Command.REDO,
-    "y": Command.SUCCESS,
-    "n": Command.FAILURE,
-    "x": Command.DROP,
     "BackSpace": Command.NO_DROP,
-    "p": Command.PLACED,
+    **LETTERS,
 }
 _STOP_HELP = (("Space, Esc", "emergency stop; also the red button"),)
 _WINDOW_HELP = (

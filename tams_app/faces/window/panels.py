@@ -1,4 +1,4 @@
-"""The parts of the window beside the views: banner, numbers, trial, time line, list of keys."""
+"""The parts of the window beside the views: banner, numbers, time line, episodes, list of keys."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from tams_app.faces import canvas
+from tams_app.faces import canvas, episodes
 from tams_app.faces.banner import Banner
 from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
 from tams_app.faces.history import History
@@ -217,6 +217,33 @@ class LogBar:
     def _at(self, x: float) -> float:
         """The moment [s] at a place in the bar."""
         return self._outline.end_s * min(max(x / float(self._area.get_width()), 0.0), 1.0)
+
+
+class EpisodeStrip:
+    """One row below the time line; not there in a session without episodes."""
+
+    def __init__(self) -> None:
+        Gtk = load().Gtk
+        self.widget = Gtk.Box(spacing=24, visible=False)
+        self.widget.add_css_class("episodes")
+        self._labels = [Gtk.Label(xalign=0.0, ellipsize=3) for _ in range(5)]
+        self._labels[0].add_css_class("running")
+        self._labels[1].add_css_class("asked")
+        self._labels[2].add_css_class("means")
+        self._labels[3].set_hexpand(True)
+        for label in self._labels:
+            self.widget.append(label)
+
+    def show(self, facts: Facts) -> None:
+        """The episodes as they stand."""
+        state = facts.state.episodes
+        self.widget.set_visible(state is not None)
+        if state is None:
+            return
+        texts = episodes.strip_texts(state, facts.replay is not None, facts.end is not None)
+        for label, text in zip(self._labels, texts, strict=True):
+            label.set_text(text)
+            label.set_visible(bool(text) or label.get_hexpand())
 
 
 class EndPanel:

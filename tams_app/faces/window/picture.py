@@ -1,11 +1,17 @@
-"""One place for a view: its picture, and a line of text in it."""
+"""One place for a view: its picture, a line of text in it, and what wakes for a new frame."""
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from tams_app.faces.window.toolkit import load
 from tams_app.records import Image
+from tams_app.units import NS_PER_MS
+from tams_app.video.live.frame_ring import FrameReader
+
+_LOOK_NS = 100 * NS_PER_MS  # whether it is to end, or another view is the large one
 
 
 class PicturePlace:
@@ -56,3 +62,25 @@ def texture_of(image: Image) -> Any:
     return modules.Gdk.MemoryTexture.new(
         width, height, modules.Gdk.MemoryFormat.B8G8R8, pixels, width * 3
     )
+
+
+class Arrivals:
+    """Waits for frames of `view`, which may be set to another at any time; the body of a Worker."""
+
+    def __init__(self, frames: Mapping[str, FrameReader], view: str, wake: Callable[[], None]):
+        """`wake` is called in the worker's thread: it must only hand over."""
+        self.view = view
+        self._frames = frames
+        self._wake = wake
+
+    def run(self, stop: threading.Event) -> None:
+        seen: dict[str, int] = {}
+        while not stop.is_set():
+            view = self.view
+            reader = self._frames[view]
+            written = reader.written()
+            if written == seen.get(view, 0):
+                reader.await_more(written, _LOOK_NS)
+                continue
+            seen[view] = written
+            self._wake()

@@ -44,13 +44,10 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
     GLib = load().GLib
     path = size_file()
     window = OperatorWindow(
-        opened.opening,
-        opened.frames,
-        opened.facts,
+        opened,
         application.report,
         MonotonicClock(),
         read_size(path, first_size(*screen_size())),
-        opened.present,
     )
     window.present()
     arrivals = Worker("arrivals", window.arrivals.run)

@@ -3,27 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from msgspec.structs import replace
 
+from tams_app.faces.application import Opened
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
 from tams_app.faces.corrected import Corrected
-from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
-from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Opening, Pin, Seek
+from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Pin, Seek
 from tams_app.faces.pacing import Pacer
 from tams_app.faces.places import Places
-from tams_app.faces.silence import as_known
-from tams_app.faces.window.arrivals import Arrivals
-from tams_app.faces.window.episode_strip import EpisodeStrip
+from tams_app.faces.silence import LiveFacts
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
     BannerPanel,
     EndPanel,
+    EpisodeStrip,
     LogBar,
     NumbersPanel,
     Timeline,
@@ -31,7 +30,7 @@ from tams_app.faces.window.panels import (
     framed,
     key_list,
 )
-from tams_app.faces.window.picture import PicturePlace, texture_of
+from tams_app.faces.window.picture import Arrivals, PicturePlace, texture_of
 from tams_app.faces.window.sight import Sight
 from tams_app.faces.window.size_memory import Size
 from tams_app.faces.window.style import (
@@ -44,44 +43,32 @@ from tams_app.faces.window.style import (
 )
 from tams_app.faces.window.toolkit import load
 from tams_app.runtime.clock import Clock
-from tams_app.station.mount_memory import PresentViews
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.stages import DISPLAY, StageMeans, together
-from tams_app.video.live.frame_ring import FrameReader
 
 TITLE = "TAMS"
 LOOK_MS = 8  # for new frames
 _NOT_LOOKING_NS = 200 * NS_PER_MS
 _FIGURES_NS = 200 * NS_PER_MS  # between drawings of what is no picture
-_SILENCE_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 _TIMELINE_PX, _GAP_PX = 48, 4
 
 
 class OperatorWindow:
-    """Shows what `frames` and `facts` hold, and reports what the operator does."""
+    """Shows what was opened, and reports what the operator does."""
 
     def __init__(
         self,
-        opening: Opening,
-        frames: Mapping[str, FrameReader],
-        facts: FactsReader,
+        opened: Opened,
         report: Callable[[Event], None],
         clock: Clock,
         size: Size,
-        present: PresentViews | None = None,
     ) -> None:
-        """`report` sends an event to the application; it must not wait.
-
-        `present`: the views whose frames are corrected.
-        """
+        """`report` sends an event to the application; it must not wait."""
         self._modules = load()
-        self._opening = opening
-        self._frames = frames
-        self._seen = dict.fromkeys(opening.views, 0)
+        self._opening = opening = opened.opening
         self._textures: dict[str, Any] = {}
-        self._corrected = Corrected(present, frames, clock)
-        self._facts_reader = facts
-        self._facts: Facts | None = None  # as they were put last
+        self._corrected = Corrected(opened.present, opened.frames, clock)
+        self._facts = LiveFacts(opened.facts)
         self._shown: Facts | None = None  # as they may be shown
         self._report = report
         self._clock = clock
@@ -95,17 +82,15 @@ class OperatorWindow:
             bool(opening.cameras),
         )
         self._places = Places(opening.views)
-        self.arrivals = Arrivals(frames, self._places.large, self._on_arrival)
+        self.arrivals = Arrivals(opened.frames, self._places.large, self._on_arrival)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
-        self._drawn_ns: dict[str, int] = {}  # by view, when the frame was put that its texture has
         self._history = History()
         # GTK paints at PRIORITY_HIGH_IDLE + 20; looks that are more urgent leave it no time
         self._after_paints = self._modules.GLib.PRIORITY_HIGH_IDLE + 30
         self._drawings = self._shade = 0
         self._figures_ns = 0
-        self._silence_ns = 0  # when to show the duration of a silence anew
         self._looked_ns = clock.now_ns()
         self._state = ""
         self._scale = 0.0
@@ -243,7 +228,6 @@ class OperatorWindow:
                 self._keys.set_visible(not self._keys.get_visible())
             elif name == "F2":
                 self._corrected.toggle()
-                self._seen = dict.fromkeys(self._seen, 0)  # what is drawn changes at once
             elif name == "F11":
                 self._toggle_fullscreen()
         return True
@@ -351,28 +335,18 @@ class OperatorWindow:
     def _painted(self) -> None:
         put_ns, self._put_ns = self._put_ns, 0
         now_ns = self._clock.now_ns()
-        self._sight.painted(now_ns, dict(self._drawn_ns))
+        self._sight.painted(now_ns, dict(self._corrected.put_ns))
         self._display.step(DISPLAY, put_ns, now_ns)
 
     def _look(self) -> bool:
         now_ns = self._clock.now_ns()
-        if (facts := self._facts_reader.newer()) is not None:
-            self._facts = facts
-            self._take_in(as_known(facts, now_ns), now_ns)
-        elif self._facts is not None and self._is_silent(self._facts, now_ns):
-            self._take_in(as_known(self._facts, now_ns), now_ns)
+        if (facts := self._facts.newer(now_ns)) is not None:
+            self._take_in(facts, now_ns)
         newest = self._corrected.version(self._places.large, now_ns)
         if self._pacer.may_draw(now_ns, newest) and self._take_frames():
             self._drawings += 1
             self._pacer.drawn(now_ns, time.process_time_ns())
         self._looked_ns = self._clock.now_ns()
-        return True
-
-    def _is_silent(self, facts: Facts, now_ns: int) -> bool:
-        """True if nothing has come for too long, and it is time to show for how long."""
-        if now_ns < self._silence_ns or as_known(facts, now_ns) is facts:
-            return False
-        self._silence_ns = now_ns + _SILENCE_NS
         return True
 
     def _take_in(self, facts: Facts, now_ns: int) -> None:
@@ -416,35 +390,24 @@ class OperatorWindow:
 
     def _show_places(self) -> None:
         self.arrivals.view = self._places.large
+        state = None if self._shown is None else self._shown.state
         for view, picture in zip(self._places.views, self._pictures, strict=True):
-            state = None if self._shown is None else self._shown.state
-            view_state = None if state is None else state.views.get(view)
-            is_primary = state is not None and view == state.primary_view
-            pinned = view == self._places.pinned
-            by_operator = state is not None and state.is_pinned
-            title = view_title(view, view_state, is_primary, self._opening, pinned, by_operator)
+            title = view_title(view, state, self._opening, view == self._places.pinned)
             title += self._corrected.words(view)
             picture.set_title(title, view_class(self._opening.views.index(view)))
-
-    def _is_new(self, view: str) -> bool:
-        """True if it has a frame that is not drawn yet, or one that looks different by now."""
-        return self._frames[view].written() != self._seen[view] or self._corrected.moves(view)
 
     def _take_frames(self) -> bool:
         """Show the newest frame of each view, or how it looks by now; whether any has changed."""
         changed = []
-        for view, reader in self._frames.items():
-            written = reader.written()
-            if not self._is_new(view):
+        for view in self._opening.views:
+            if not self._corrected.is_new(view):
                 continue
-            put_ns = reader.newest_put_ns()
+            has_come = self._corrected.has_come(view)
             image = self._corrected.newest(view)
             if image is None:  # overwritten meanwhile: the next look finds a newer one
                 continue
-            self._drawn_ns[view] = put_ns
-            if view == self._places.large and written != self._seen[view]:
-                self._put_ns = put_ns
-            self._seen[view] = written
+            if view == self._places.large and has_come:
+                self._put_ns = self._corrected.put_ns[view]
             self._textures[view] = texture_of(image)
             changed.append(view)
         self._show_textures(changed)

@@ -96,8 +96,8 @@ def expected_cell(words: str, age_ms: float) -> Image:
     atlas = Atlas(config.video.views, config.video.width, config.video.height)
     cell = ViewCell(atlas, palette.view_colour(config.video.views.index(VIEW)))
     view = msgspec.structs.replace(FACTS.state.views[VIEW], age_ms=age_ms)
-    old = is_old(view, OPENING.old_ms)
-    cell.set_title(view_title(VIEW, view, True, OPENING) + words, old)
+    state = changed(FACTS, views={VIEW: view}).state
+    cell.set_title(view_title(VIEW, state, OPENING) + words, is_old(view, OPENING.old_ms))
     return cell.pixels[..., 2::-1]
 
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tams_app.faces.window.arrivals import Arrivals
+from tams_app.faces.window.picture import Arrivals
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, FrameReader, RingLayout

@@ -35,7 +35,16 @@ from tams_app.faces.figures import (
     view_title,
 )
 from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import Ended, Facts, Notice, Outline, ReplayFacts, Stretch, TrialFacts
+from tams_app.faces.messages import (
+    Ended,
+    Facts,
+    Notice,
+    Opening,
+    Outline,
+    ReplayFacts,
+    Stretch,
+    TrialFacts,
+)
 from tams_app.faces.places import STAYS_NS, Places
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
@@ -382,19 +391,29 @@ def test_the_newest_sentence_is_shown_until_the_session_is_over() -> None:
     assert notice_text(replace(running, end=Ended("Over"))) == ""
 
 
+def title(name: str, here: bool | None = None, opening: Opening = OPENING, **changes: Any) -> str:
+    return view_title(name, changed(FACTS, **changes).state, opening, here)
+
+
 def test_a_view_s_title_in_the_window_says_what_its_letters_mean() -> None:
-    view = FACTS.state.views["eih"]
-    assert view_title("eih", view, True, OPENING, False) == "EIH, eye-in-hand · primary"
-    assert view_title("gt", view, False, OPENING, True) == "GT, global top · pinned"
-    assert view_title("gs", view, False, OPENING, False) == "GS, global side"
-    assert view_title("left", view, False, OPENING, False) == "LEFT"
-    by_operator = "EIH, eye-in-hand · pinned by the operator"
+    assert title("eih", False) == "EIH, eye-in-hand · primary"
+    assert title("gt", True) == "GT, global top · pinned"
+    assert title("gs", False) == "GS, global side"
+    left = {"left": FACTS.state.views["eih"]}
+    assert title("left", False, views=left) == "LEFT"
     for here in (True, False):  # or by a key of another window
-        assert view_title("eih", view, True, OPENING, here, by_operator=True) == by_operator
-    assert view_title("gs", view, False, OPENING, by_operator=True) == "GS"
-    assert view_title("eih", view, True, OPENING) == "EIH · primary"  # no room in the headset
-    old = replace(view, age_ms=1234.0)
-    assert view_title("eih", old, False, OPENING, True) == "EIH · pinned · OLD: 1.2 s"
+        assert title("eih", here, is_pinned=True) == "EIH, eye-in-hand · pinned by the operator"
+    assert title("gs", is_pinned=True) == "GS"
+    assert title("eih") == "EIH · primary"  # no room in the headset
+
+
+def test_a_picture_that_is_old_or_not_there_says_so_and_in_a_trial_tells_its_name_alone() -> None:
+    old = {"eih": ViewState(age_ms=1240.0)}
+    assert title("eih", True, primary_view="gt", views=old) == "EIH · pinned · OLD: 1.2 s"
+    assert title("eih", primary_view="", views=old) == "EIH · OLD: 1.2 s"
+    assert title("eih", opening=replace(OPENING, old_ms=1500.0), views=old) == "EIH · primary"
+    assert title("gt", views=old) == view_title("gt", None, OPENING) == "GT · no frame yet"
+    assert title("gt", opening=replace(OPENING, blind=True), views={"gt": ViewState()}) == "GT"
 
 
 def test_the_notice_that_the_block_is_placed_names_the_key_where_it_ends_the_session() -> None:
@@ -452,20 +471,6 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
         "not known",
         "not known",
     ]
-
-
-def test_a_picture_that_is_old_says_so() -> None:
-    young, old = ViewState(0, 0, 0, 0, 90.0), ViewState(0, 0, 0, 0, 1240.0)
-    assert view_title("eih", young, True, OPENING) == "EIH · primary"
-    assert view_title("eih", old, False, OPENING) == "EIH · OLD: 1.2 s"
-    assert view_title("gt", None, False, OPENING) == "GT · no frame yet"
-    patient = msgspec.structs.replace(OPENING, old_ms=1500.0)
-    assert view_title("eih", old, False, patient) == "EIH"
-
-
-def test_in_a_trial_a_picture_tells_its_name_alone() -> None:
-    hidden = ViewState(None, None, None, None, None)
-    assert view_title("gt", hidden, False, msgspec.structs.replace(OPENING, blind=True)) == "GT"
 
 
 def test_a_trial_s_card_counts_its_time() -> None:
