@@ -29,7 +29,6 @@ from tests.scripted_ui import ScriptedUI
 pytestmark = pytest.mark.untimed
 
 SEED = 3
-RIG = "version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n"
 BENT = {"eih": (-0.25, 0.06, 0.001, -0.001, 0.0), "gs": (0.08, 0.02, 0.0, 0.0, 0.0)}
 DISTANCE_M = {"eih": 0.25, "gt": 0.87, "gs": 0.88}  # to where one works
 GRID = np.stack(np.meshgrid(np.linspace(20, 619, 12), np.linspace(20, 459, 9)), -1).reshape(-1, 2)
@@ -54,7 +53,7 @@ class Calibrated:
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory) -> Calibrated:
     path = tmp_path_factory.mktemp("rig") / "rig.yaml"
-    path.write_text(RIG)
+    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n")
     benches, ui, figure = [], ScriptedUI(), path.with_name("found.png")
 
     def make_bench(config, options):
@@ -168,13 +167,6 @@ def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(
     assert renewed["mount"] is None  # found through the lens before
 
 
-@pytest.fixture
-def rig(tmp_path):
-    path = tmp_path / "rig.yaml"
-    path.write_text(RIG)
-    return path
-
-
 class Idle(SimulatedBench):
     """Someone who waves, and does nothing else that they are asked for."""
 
@@ -194,24 +186,24 @@ def run(path, only, bench=SimulatedBench):
     return wizard, ui
 
 
-def test_where_no_board_is_shown_nothing_is_written_and_the_reason_is_said(rig):
-    wizard, ui = run(rig, "which,lens", Idle)
+def test_where_no_board_is_shown_nothing_is_written_and_the_reason_is_said(config_path):
+    wizard, ui = run(config_path, "which,lens", Idle)
     with pytest.raises(TamsError, match="no lens and no mount was found"):
         wizard.run()
     assert "GT: no lens: the board was not seen at rest" in "\n".join(ui.said)
-    assert load_config(rig).calibrated_by == ()
+    assert load_config(config_path).calibrated_by == ()
 
 
-def test_a_mount_needs_the_lens_of_the_camera_on_the_arm(rig):
-    wizard, ui = run(rig, "which,mount")
+def test_a_mount_needs_the_lens_of_the_camera_on_the_arm(config_path):
+    wizard, ui = run(config_path, "which,mount")
     with pytest.raises(TamsError, match="no lens and no mount was found"):
         wizard.run()
     assert any(text.startswith("No mount: where the cameras are is told by the arm and the camera "
                                "on it: measure the lens of EIH") for text in ui.said)  # fmt: skip
 
 
-def test_an_arm_whose_flange_is_not_known_and_one_that_is_not_heard_give_no_mount(rig):
-    config = load_config(rig)
+def test_an_arm_whose_flange_is_not_known_and_one_that_is_not_heard_give_no_mount(config_path):
+    config = load_config(config_path)
     bench = SimulatedBench(config, SEED)
     lens = bench.lenses["eih"]
     camera = next(name for name, truth in bench.truth.items() if truth.view == "eih")

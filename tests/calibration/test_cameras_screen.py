@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import os
-import shutil
-import subprocess
 import time
 
-import numpy as np
 import pytest
 
 from calibration.cameras.flashes import flashing_window
@@ -17,35 +13,10 @@ from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.waiting
 
-WIDTH, HEIGHT = 1024, 768
 TIMEOUT_S = 60.0
 
 
-@pytest.fixture
-def photograph(tmp_path, monkeypatch):
-    """An X server whose screen is a file; gives a function that takes an image of it."""
-    if shutil.which("Xvfb") is None:
-        pytest.skip("needs Xvfb (apt-get install xvfb)")
-    reading, writing = os.pipe()
-    command = ["Xvfb", "-displayfd", str(writing), "-screen", "0", f"{WIDTH}x{HEIGHT}x24"]
-    server = subprocess.Popen(
-        [*command, "-fbdir", str(tmp_path)], pass_fds=(writing,), stderr=subprocess.DEVNULL
-    )
-    os.close(writing)
-    with os.fdopen(reading) as number:
-        monkeypatch.setenv("DISPLAY", f":{number.readline().strip()}")
-
-    def take():
-        dump = (tmp_path / "Xvfb_screen0").read_bytes()  # XWD: header, colour map, BGRX rows
-        pixels = np.frombuffer(dump[-WIDTH * HEIGHT * 4 :], np.uint8).reshape(HEIGHT, WIDTH, 4)
-        return pixels[::16, ::16, :3]
-
-    yield take
-    server.terminate()
-    server.wait(10)
-
-
-def test_the_screen_turns_white_and_black_when_it_is_due_and_not_before(photograph):
+def test_the_screen_turns_white_and_black_when_it_is_due_and_not_before(screen):
     clock = MonotonicClock()
     changes: list[tuple[int, bool]] = []
     with flashing_window(clock) as flashes:
@@ -53,7 +24,7 @@ def test_the_screen_turns_white_and_black_when_it_is_due_and_not_before(photogra
         lit = False
         while len(changes) < 4:
             assert time.monotonic() < give_up_s, "the screen does not flash"
-            now = bool(photograph().mean() > 100)
+            now = bool(screen.photograph()[::16, ::16].mean() > 100)
             if now != lit:
                 changes.append((clock.now_ns(), now))
                 lit = now

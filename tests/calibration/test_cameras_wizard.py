@@ -24,48 +24,26 @@ pytestmark = pytest.mark.untimed
 
 SEED = 3
 VIEWS = ("eih", "gt", "gs")
-RIG = "version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n"
-LAB = (
-    RIG
-    + "rig: {enabled: false}\ncameras:\n"
-    + "".join(f"  {view}: {{source: v4l2, serial: {view}-1}}\n" for view in VIEWS)
-)
 
 
 @pytest.fixture
-def rig(tmp_path):
-    path = tmp_path / "rig.yaml"
-    path.write_text(RIG)
-    return path
-
-
-@pytest.fixture
-def lab(tmp_path):
-    path = tmp_path / "lab.yaml"
-    path.write_text(LAB)
-    return path
-
-
-@pytest.fixture(scope="module")
-def config(tmp_path_factory):
-    path = tmp_path_factory.mktemp("config") / "rig.yaml"
-    path.write_text(RIG)
-    return load_config(path)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def quick(config):
-    """The rig's scenes are rendered once, and looked at for less long."""
-    scenes = simulated_bench._scenes(config, SEED)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated_bench, "_scenes", lambda *_: scenes)
-        patch.setattr(latency_step, "_FLASHING_S", 11.0)
-        yield
+def config(config_path):
+    return load_config(config_path)
 
 
 @pytest.fixture
 def bench(config):
     return SimulatedBench(config, SEED)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick():
+    """The rig's scenes are rendered once, and looked at for less long."""
+    scenes = simulated_bench._scenes(load_config(), SEED)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(simulated_bench, "_scenes", lambda *_: scenes)
+        patch.setattr(latency_step, "_FLASHING_S", 11.0)
+        yield
 
 
 def truth_of(bench, view):
@@ -79,52 +57,58 @@ def run(path, ui=None, make_bench=None, **options):
 
 
 def files(path):
-    return sorted((path.parent / "calibration/rig").glob("cameras-*.yaml"))
+    return sorted((path.parent / "calibration/lab").glob("cameras-*.yaml"))
 
 
 @pytest.mark.verify
 def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses(
-    rig, bench, tmp_path
+    config_path, bench, tmp_path
 ):
     figure = tmp_path / "found.png"
-    assert run(rig, sim=True, yes=True, figure=figure)[0] == 0
-    config = load_config(rig)
+    assert run(config_path, sim=True, yes=True, figure=figure)[0] == 0
+    config = load_config(config_path)
     for view in config.video.views:
         name, _ = truth_of(bench, view)
         assert config.cameras[view].serial == bench.binding(name)["serial"]
-    (written,) = files(rig)
+    (written,) = files(config_path)
     assert config.calibrated_by == (written.name,)
     kept = yaml.safe_load(written.read_text())["calibration"]["quality"]["gt"]
     assert kept == {"camera": truth_of(bench, "gt")[0]}
     assert cv2.imread(str(figure)).shape[1] == round(WIDE_IN * DPI)
 
 
-def test_the_latency_measured_is_what_the_configuration_then_says(rig, bench):
-    assert run(rig, sim=True, yes=True, only="which,latency")[0] == 0
-    config = load_config(rig)
+def test_the_latency_measured_is_what_the_configuration_then_says(config_path, bench):
+    assert run(config_path, sim=True, yes=True, only="which,latency")[0] == 0
+    config = load_config(config_path)
     for view in VIEWS:
         true_ms = truth_of(bench, view)[1].latency_ms
         assert config.cameras[view].latency_ms == pytest.approx(true_ms, abs=6.0)
     # another calibration of the same cameras keeps it
-    assert run(rig, sim=True, yes=True, only="which")[0] == 0
-    assert load_config(rig).cameras == config.cameras
-    assert len(files(rig)) == 2
+    assert run(config_path, sim=True, yes=True, only="which")[0] == 0
+    assert load_config(config_path).cameras == config.cameras
+    assert len(files(config_path)) == 2
 
 
-def test_unattended_and_without_yes_nothing_is_written(rig, tmp_path):
-    assert run(rig, sim=True, only="which")[0] == 1
+def test_unattended_and_without_yes_nothing_is_written(config_path, tmp_path):
+    assert run(config_path, sim=True, only="which")[0] == 1
     assert not (tmp_path / "calibration").exists()
 
 
-def test_the_rigs_cameras_are_refused_at_once_for_a_laboratory(lab, tmp_path):
+def test_what_could_not_be_written_is_refused_before_the_first_prompt(config_path, tmp_path):
     ui = ScriptedUI()
+    (tmp_path / "calibration").write_text("in the way")
+    with pytest.raises(TamsError, match="cannot be written"):
+        run(config_path, ui, sim=True, yes=True)
+    serials = "".join(f"  {view}: {{source: v4l2, serial: {view}-1}}\n" for view in VIEWS)
+    config_path.write_text(
+        config_path.read_text() + f"rig: {{enabled: false}}\ncameras:\n{serials}"
+    )
     with pytest.raises(ConfigError, match="has real devices"):
-        run(lab, ui, sim=True, only="which", yes=True)
+        run(config_path, ui, sim=True, only="which", yes=True)
     assert ui.said == []
-    assert not (tmp_path / "calibration").exists()
 
 
-def test_options_that_make_no_sense_are_one_sentence(rig, tmp_path):
+def test_options_that_make_no_sense_are_one_sentence(config_path, tmp_path):
     for options, words in (
         ({}, "give --sim, or --config"),
         ({"sim": True, "only": "which,colour"}, "'colour' is not one of which, latency"),
@@ -134,16 +118,8 @@ def test_options_that_make_no_sense_are_one_sentence(rig, tmp_path):
     ):
         ui = ScriptedUI()
         with pytest.raises(ConfigError, match=words):
-            run(rig, ui, **options)
+            run(config_path, ui, **options)
         assert ui.said == []
-
-
-def test_a_folder_that_cannot_be_written_is_told_before_the_first_prompt(rig, tmp_path):
-    (tmp_path / "calibration").write_text("in the way")
-    ui = ScriptedUI()
-    with pytest.raises(TamsError, match="cannot be written"):
-        run(rig, ui, sim=True, yes=True)
-    assert ui.said == []
 
 
 class WatchedBench(SimulatedBench):
@@ -154,7 +130,7 @@ class WatchedBench(SimulatedBench):
 
 @pytest.mark.parametrize("how", [KeyboardInterrupt(), DeviceError("camera B is gone; plug it in")])
 def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
-    rig, monkeypatch, how
+    config_path, monkeypatch, how
 ):
     def measure(ui, bench, found):
         raise how
@@ -163,11 +139,17 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
     monkeypatch.setattr(binding, "_STEP_BACK_S", 1.0)
     ui = ScriptedUI(["unused"], presses=1)
     with pytest.raises(type(how)):
-        run(rig, ui, lambda config, _: WatchedBench(config, SEED), sim=True, only="which,latency")
+        run(
+            config_path,
+            ui,
+            lambda config, _: WatchedBench(config, SEED),
+            sim=True,
+            only="which,latency",
+        )
     assert f"Ended early: {str(how) or 'Ctrl-C'}" in "\n".join(ui.said)
-    (kept,) = files(rig)
+    (kept,) = files(config_path)
     assert f"Kept, but not in force: {kept}" in ui.said[-1]
-    assert load_config(rig).calibrated_by == ()
+    assert load_config(config_path).calibrated_by == ()
 
 
 def test_a_person_is_given_time_to_step_out_of_the_images(config, monkeypatch):
@@ -189,9 +171,9 @@ def test_a_cameras_name_is_shown_to_the_letter():
     assert "HD Cam [C920]" in console.file.getvalue()
 
 
-def test_without_the_step_that_binds_them_the_cameras_must_be_bound(rig):
+def test_without_the_step_that_binds_them_the_cameras_must_be_bound(config_path):
     with pytest.raises(ConfigError, match="add which to --only"):
-        run(rig, sim=True, only="latency")
+        run(config_path, sim=True, only="latency")
 
 
 def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monkeypatch):
@@ -209,8 +191,8 @@ def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monk
     assert any(text.startswith("GS: no latency: 0 flashes were seen") for text in ui.said)
 
 
-def test_a_latency_of_another_camera_is_not_kept(rig, config):
-    wizard = CameraWizard(ScriptedUI(), CameraOptions(config=rig, sim=True))
+def test_a_latency_of_another_camera_is_not_kept(config_path, config):
+    wizard = CameraWizard(ScriptedUI(), CameraOptions(config=config_path, sim=True))
     bench = SimulatedBench(config, SEED)
     first, second, *_ = bench.cameras
     keys = bench.binding(first) | {"latency_ms": 30.0}

@@ -17,13 +17,6 @@ NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 
 
 @pytest.fixture
-def config_path(tmp_path):
-    path = tmp_path / "lab.yaml"
-    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: lab\n")
-    return path
-
-
-@pytest.fixture
 def store(config_path):
     hours = iter(range(100))
     return CalibrationSet.of(

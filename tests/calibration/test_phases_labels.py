@@ -38,7 +38,9 @@ from tests.calibration.phase_trials import (
 pytestmark = pytest.mark.untimed
 
 SIZES = TaskGeometry(container_inner=0.090, container_height=0.030, block_rest_height=0.010)
-SCENE = walk(WHOLE).geometry()
+PATH = walk(WHOLE)
+SCENE = PATH.geometry()
+LABELS = geometric_labels(SCENE)
 ALL_SIX = ["REACH", "ALIGN", "GRASP", "TRANSPORT", "PRE_RELEASE", "RELEASE", "REACH"]
 
 
@@ -47,77 +49,66 @@ def order(labels: np.ndarray) -> list[str]:
     return [PHASES[code].value if code != NOT_COUNTED else "-" for code, _ in groupby(labels)]
 
 
-def begin_s(labels: np.ndarray, phase: Phase) -> float:
-    return float(np.argmax(labels == CODE[phase])) * PERIOD_S
+ASIDE = (float(BLOCK[0]), float(BLOCK[1]) + 0.10, 0.15)
+TABLE = np.array([0.33, 0.05, 0.0])
+LAID_DOWN = (
+    Leg(1.0, over(TABLE, 0.13)),
+    Leg(0.8, over(TABLE, 0.012)),
+    Leg(0.2, over(TABLE, 0.012), then_closed=False),
+    Leg(0.4, over(TABLE, 0.012)),
+)
+OPENED = Leg(0.1, over(BLOCK, 0.13), then_closed=False)
 
 
-def test_a_pick_and_place_goes_through_the_six_phases_and_back_to_reaching() -> None:
-    labels = geometric_labels(walk(WHOLE).geometry())
-    assert order(labels) == ALL_SIX
+@pytest.mark.parametrize(
+    ("legs", "carries", "phases"),
+    [
+        (WHOLE, True, ALL_SIX),  # withdrawing above the placed block is not aligning
+        ((*PICK[:2], Leg(0.5, ASIDE), *WHOLE), True, ALL_SIX),  # nor is passing over the block
+        (PICK[:3], True, ["REACH", "ALIGN"]),  # it ends over the block
+        # closing on nothing is grasping until the tool leaves, and opening with nothing no release;
+        # standing above the block with open fingers again is aligning, as the trial ends so
+        (PICK, False, ["REACH", "ALIGN", "GRASP", "-"]),
+        ((*PICK, OPENED, *PICK[2:3]), False, ["REACH", "ALIGN", "GRASP", "-", "ALIGN"]),
+        # laid down beside the container there is no pre-release
+        ((*PICK, *LAID_DOWN), True, ["REACH", "ALIGN", "GRASP", "TRANSPORT", "RELEASE"]),
+    ],
+)
+def test_a_trial_goes_through_the_phases_of_what_it_does(legs, carries, phases) -> None:
+    assert order(geometric_labels(walk(legs, carries=carries).geometry())) == phases
+
+
+def first(phase: Phase, labels: np.ndarray = LABELS) -> int:
+    """The tick in which it begins."""
+    return int(np.argmax(labels == CODE[phase]))
 
 
 def test_aligning_begins_where_the_tool_comes_over_the_block_and_lasts_until_it_closes() -> None:
-    path = walk(WHOLE)
-    labels = geometric_labels(path.geometry())
-    begin = np.argmax(labels == CODE[Phase.ALIGN])
-    beside = np.linalg.norm((path.tool - path.block)[:, :2], axis=1)
+    begin = first(Phase.ALIGN)
+    beside = np.linalg.norm((PATH.tool - PATH.block)[:, :2], axis=1)
     assert beside[begin] <= 0.020 < beside[begin - 1]
-    assert np.argmax(path.closed) == np.argmax(labels == CODE[Phase.GRASP])
+    assert np.argmax(PATH.closed) == first(Phase.GRASP)
     standing = slice(round(1.05 / PERIOD_S), round(1.35 / PERIOD_S))
-    assert (labels[standing] == CODE[Phase.ALIGN]).all()
+    assert (LABELS[standing] == CODE[Phase.ALIGN]).all()
 
 
 def test_grasping_ends_when_the_block_leaves_the_table() -> None:
-    path = walk(WHOLE)
-    labels = geometric_labels(path.geometry())
-    begin = np.argmax(labels == CODE[Phase.TRANSPORT])
-    height = path.block[:, 2] - 0.010
+    begin, height = first(Phase.TRANSPORT), PATH.block[:, 2] - 0.010
     assert height[begin - 1] < 0.003 <= height[begin]
 
 
 def test_pre_release_begins_where_the_block_comes_over_the_container() -> None:
-    path = walk(WHOLE)
-    labels = geometric_labels(path.geometry())
-    begin = np.argmax(labels == CODE[Phase.PRE_RELEASE])
-    beside = np.abs((path.block - CONTAINER)[:, :2]).max(axis=1)
+    begin = first(Phase.PRE_RELEASE)
+    beside = np.abs((PATH.block - CONTAINER)[:, :2]).max(axis=1)
     assert beside[begin] <= 0.045 < beside[begin - 1]
 
 
 def test_release_ends_when_the_fingertips_are_clear_of_the_block() -> None:
-    path = walk(WHOLE)
-    labels = geometric_labels(path.geometry())
-    opened = np.flatnonzero(labels == CODE[Phase.RELEASE])
-    moved = np.linalg.norm(path.tool - path.tool[opened[0]], axis=1)
-    assert not path.closed[opened[0]]
-    assert path.closed[opened[0] - 1]
+    opened = np.flatnonzero(CODE[Phase.RELEASE] == LABELS)
+    moved = np.linalg.norm(PATH.tool - PATH.tool[opened[0]], axis=1)
+    assert not PATH.closed[opened[0]]
+    assert PATH.closed[opened[0] - 1]
     assert moved[opened[-1]] <= 0.010 < moved[opened[-1] + 1]
-
-
-def test_withdrawing_above_the_placed_block_is_not_aligning() -> None:
-    assert order(geometric_labels(walk(WHOLE).geometry()))[-1] == "REACH"
-
-
-def test_passing_over_the_block_without_closing_is_reaching() -> None:
-    aside = (float(BLOCK[0]), float(BLOCK[1]) + 0.10, 0.15)
-    labels = geometric_labels(walk((*PICK[:2], Leg(0.5, aside), *WHOLE)).geometry())
-    assert order(labels) == ALL_SIX
-    assert begin_s(labels, Phase.ALIGN) > 1.9
-
-
-def test_a_trial_that_ends_over_the_block_was_aligning() -> None:
-    assert order(geometric_labels(walk(PICK[:3]).geometry())) == ["REACH", "ALIGN"]
-
-
-def test_closing_on_nothing_is_grasping_until_the_tool_leaves_and_then_no_phase() -> None:
-    labels = geometric_labels(walk(PICK, carries=False).geometry())
-    assert order(labels) == ["REACH", "ALIGN", "GRASP", "-"]
-
-
-def test_opening_with_nothing_in_the_fingers_is_no_release() -> None:
-    again = (*PICK, Leg(0.1, over(BLOCK, 0.13), then_closed=False), *PICK[2:3])
-    labels = geometric_labels(walk(again, carries=False).geometry())
-    # standing above the block with open fingers again: aligning once more, as the trial ends so
-    assert order(labels) == ["REACH", "ALIGN", "GRASP", "-", "ALIGN"]
 
 
 def test_a_block_that_falls_out_of_the_fingers_ends_the_transport() -> None:
@@ -129,45 +120,26 @@ def test_a_block_that_falls_out_of_the_fingers_ends_the_transport() -> None:
     assert np.argmax(labels[fallen:] == NOT_COUNTED) == 0
 
 
-def test_a_block_laid_down_beside_the_container_has_no_pre_release() -> None:
-    table = np.array([0.33, 0.05, 0.0])
-    aside = (
-        Leg(1.0, over(table, 0.13)),
-        Leg(0.8, over(table, 0.012)),
-        Leg(0.2, over(table, 0.012), then_closed=False),
-        Leg(0.4, over(table, 0.012)),
-    )
-    found = order(geometric_labels(walk((*PICK, *aside)).geometry()))
-    assert found == ["REACH", "ALIGN", "GRASP", "TRANSPORT", "RELEASE"]
-
-
 def test_with_a_goal_height_what_happens_above_it_is_not_yet_aligning() -> None:
-    path = walk(WHOLE)
-    labels = geometric_labels(path.geometry(), LabelRules(goal_height=0.10))
-    begin = np.argmax(labels == CODE[Phase.ALIGN])
-    above = path.tool[:, 2] - path.block[:, 2]
+    labels = geometric_labels(SCENE, LabelRules(goal_height=0.10))
+    begin, above = first(Phase.ALIGN, labels), PATH.tool[:, 2] - PATH.block[:, 2]
     assert above[begin] <= 0.10 < above[begin - 1]
-    begin = np.argmax(labels == CODE[Phase.PRE_RELEASE])
-    assert path.tool[begin, 2] <= 0.10 < path.tool[begin - 1, 2]
+    begin = first(Phase.PRE_RELEASE, labels)
+    assert PATH.tool[begin, 2] <= 0.10 < PATH.tool[begin - 1, 2]
 
 
 @given(st.lists(st.integers(1, 4), min_size=20, max_size=20))
 def test_playing_a_trial_slower_or_faster_changes_no_phase(times: list[int]) -> None:
     """The definition knows no speed: were every tick repeated, so would its label be."""
-    scene = SCENE
-    repeats = np.resize(times, len(scene.closed))
-    slower = Geometry(
-        np.repeat(scene.tool, repeats, axis=0),
-        np.repeat(scene.block, repeats, axis=0),
-        np.repeat(scene.over_container, repeats),
-        np.repeat(scene.closed, repeats),
-        scene.block_rest_height,
-    )
-    assert (geometric_labels(slower) == np.repeat(geometric_labels(scene), repeats)).all()
+    repeats = np.resize(times, len(SCENE.closed))
+    names = ("tool", "block", "over_container", "closed")
+    arrays = {name: np.repeat(getattr(SCENE, name), repeats, axis=0) for name in names}
+    slower = Geometry(**arrays, block_rest_height=SCENE.block_rest_height)
+    assert (geometric_labels(slower) == np.repeat(LABELS, repeats)).all()
 
 
 def test_what_precedes_the_first_engagement_is_not_counted() -> None:
-    ticks, scene = session(walk(WHOLE), lead_s=0.5)
+    ticks, scene = session(PATH, lead_s=0.5)
     labels = true_labels("a trial", ticks, scene, SIZES)
     lead = round(0.5 / PERIOD_S)
     assert (labels[:lead] == NOT_COUNTED).all()
@@ -175,28 +147,21 @@ def test_what_precedes_the_first_engagement_is_not_counted() -> None:
 
 
 def test_a_scene_known_thirty_times_a_second_labels_ticks_as_one_known_at_each() -> None:
-    path = walk(WHOLE)
-    ticks, scene = session(path, lead_s=0.0)
-    labels = true_labels("a trial", ticks, scene, SIZES)
-    exact = geometric_labels(path.geometry())
-    assert np.count_nonzero(labels != exact) <= 4 * len(ALL_SIX)
+    labels = true_labels("a trial", *session(PATH, lead_s=0.0), SIZES)
+    assert np.count_nonzero(labels != LABELS) <= 4 * len(ALL_SIX)
 
 
 def test_a_tick_without_an_arm_state_keeps_what_was_known() -> None:
-    ticks, scene = session(walk(WHOLE), lead_s=0.0)
+    ticks, scene = session(PATH, lead_s=0.0)
     whole = true_labels("a trial", ticks, scene, SIZES)
     ticks[300] = replace(ticks[300], arm=None)
     assert (true_labels("a trial", ticks, scene, SIZES) == whole).all()
 
 
-def test_a_log_that_does_not_know_where_things_were_is_refused() -> None:
-    ticks, _ = session(walk(WHOLE))
+def test_a_log_that_does_not_know_where_things_were_or_when_the_arm_followed_is_refused() -> None:
+    ticks, scene = session(PATH)
     with pytest.raises(LogError, match=r"a trial: has no record of where the block was"):
         true_labels("a trial", ticks, [], SIZES)
-
-
-def test_a_log_in_which_the_arm_never_followed_is_refused() -> None:
-    ticks, scene = session(walk(WHOLE))
     idle = [replace(tick, deadman=False, arming="ready") for tick in ticks]
     with pytest.raises(LogError, match="has no record of an engagement of the arm"):
         true_labels("a trial", idle, scene, SIZES)

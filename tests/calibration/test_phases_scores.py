@@ -41,11 +41,6 @@ def trial(labels: str) -> Trial:
     return Trial(Motion("by hand", t_s, inputs), codes(labels))
 
 
-def into(letter: str, labels: str, inferred: str) -> Switches:
-    t_s = np.arange(len(labels), dtype=np.float64)
-    return switches_into(LETTERS[letter], t_s, codes(labels), codes(inferred))
-
-
 def test_every_counted_tick_is_in_the_confusion_once() -> None:
     scores = score([trial("..RRAAGT")], [codes("RRRAAAGG")])
     assert scores.ticks == 6
@@ -64,36 +59,28 @@ def test_scores_of_several_trials_add_up() -> None:
     assert together.switches[Phase.ALIGN] == Switches((0.0,), missed=1, spurious=0)
 
 
-def test_a_late_switch_has_a_positive_delay_and_an_early_one_a_negative() -> None:
-    assert into("A", "RRRAAAA", "RRRRRAA").delays_s == (2.0,)
-    assert into("A", "RRRAAAA", "RAAAAAA").delays_s == (-2.0,)
-
-
-def test_a_switch_that_is_never_made_is_missed() -> None:
-    assert into("A", "RRAATT", "RRRRTT") == Switches((), missed=1, spurious=0)
-
-
-def test_a_switch_without_a_true_one_is_spurious() -> None:
-    assert into("A", "RRRRRR", "RAARAR") == Switches((), missed=0, spurious=2)
-
-
-def test_flicker_within_a_true_phase_is_found_once_and_spurious_after() -> None:
-    assert into("A", "RAAAAAA", "RARARAA") == Switches((0.0,), missed=0, spurious=2)
-
-
-def test_two_true_switches_need_two_inferred_ones() -> None:
-    assert into("A", "RAARAA", "RAAAAA") == Switches((0.0,), missed=1, spurious=0)
-
-
-def test_what_begins_with_the_trial_is_no_switch() -> None:
-    assert into("R", "RRRAA", "RRRAA") == Switches((), missed=0, spurious=0)
-    assert into("R", "..RRA", "RRRRA") == Switches((), missed=0, spurious=0)
-
-
-def test_what_is_inferred_where_nothing_counts_is_not_spurious() -> None:
-    assert into("A", "..RRR", ".ARRR") == Switches((), missed=0, spurious=0)
-    assert into("O", "T..RR", "TTOOR") == Switches((), missed=0, spurious=0)
-    assert into("O", "T..RR", "TTTOR") == Switches((), missed=0, spurious=1)
+@pytest.mark.parametrize(
+    ("letter", "labels", "inferred", "delays_s", "missed", "spurious"),
+    [
+        ("A", "RRRAAAA", "RRRRRAA", (2.0,), 0, 0),  # late
+        ("A", "RRRAAAA", "RAAAAAA", (-2.0,), 0, 0),  # early
+        ("A", "RRAATT", "RRRRTT", (), 1, 0),  # never made
+        ("A", "RRRRRR", "RAARAR", (), 0, 2),  # without a true one
+        ("A", "RAAAAAA", "RARARAA", (0.0,), 0, 2),  # flicker within a true phase
+        ("A", "RAARAA", "RAAAAA", (0.0,), 1, 0),  # two true switches need two inferred ones
+        ("R", "RRRAA", "RRRAA", (), 0, 0),  # what begins with the trial is no switch
+        ("R", "..RRA", "RRRRA", (), 0, 0),
+        ("A", "..RRR", ".ARRR", (), 0, 0),  # inferred where nothing counts
+        ("O", "T..RR", "TTOOR", (), 0, 0),
+        ("O", "T..RR", "TTTOR", (), 0, 1),
+    ],
+)
+def test_a_switch_is_found_with_its_delay_or_missed_or_spurious(
+    letter, labels, inferred, delays_s, missed, spurious
+) -> None:
+    t_s = np.arange(len(labels), dtype=np.float64)
+    found = switches_into(LETTERS[letter], t_s, codes(labels), codes(inferred))
+    assert found == Switches(delays_s, missed, spurious)
 
 
 def test_percentiles_of_no_delays_are_unknown() -> None:

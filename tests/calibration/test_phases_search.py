@@ -22,11 +22,11 @@ from calibration.phases.fit import (
     fit_thresholds,
     thresholds_at,
 )
-from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer, motion_of
+from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer
 from tams_app.config import PhasesConfig
-from tams_app.errors import ConfigError, LogError, TamsError
+from tams_app.errors import TamsError
 from tams_app.records import Phase
-from tests.calibration.phase_trials import WHOLE, motion, session, walk
+from tests.calibration.phase_trials import motion
 
 pytestmark = [
     pytest.mark.untimed,
@@ -177,13 +177,6 @@ def test_a_threshold_at_an_end_of_the_range_is_named() -> None:
     assert smallest.at_the_edge == ["align_dwell_s", "pre_release_dwell_s"]
 
 
-def test_one_or_two_trials_are_too_few() -> None:
-    with pytest.raises(ConfigError, match=r"2 trials are too few .* give at least 3"):
-        check_trials(labelled(PhasesConfig(), range(2)))
-    with pytest.raises(ConfigError, match=r"1 trial is too few .* give at least 3"):
-        check_trials(labelled(PhasesConfig(), range(1)))
-
-
 def test_a_phase_that_never_occurs_is_named() -> None:
     trials = [
         replace(t, labels=np.where(t.labels == CODE[Phase.RELEASE], NOT_COUNTED, t.labels))
@@ -207,10 +200,3 @@ def test_labels_of_another_trial_are_noticed_when_the_gripper_never_closes() -> 
     swapped = replace(first, motion=replace(first.motion, inputs=opened))
     with pytest.raises(TamsError, match=r"made 0: .* its gripper never closes"):
         check_trials([swapped, *others])
-
-
-def test_a_log_without_an_arm_state_is_refused() -> None:
-    ticks, _ = session(walk(WHOLE))
-    blind = [replace(tick, arm=None) for tick in ticks]
-    with pytest.raises(LogError, match="made blind: has no state of the arm in it"):
-        motion_of("made blind", blind, blind[0].started_ns, SMOOTHING_MS)

@@ -14,13 +14,7 @@ pytestmark = pytest.mark.untimed
 
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 TURNED = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-
-
-@pytest.fixture
-def config_path(tmp_path):
-    path = tmp_path / "lab.yaml"
-    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: lab\n")
-    return path
+OTHER = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
 @pytest.fixture
@@ -48,13 +42,13 @@ def test_a_file_tells_where_it_comes_from_and_how_good_it_is(store):
     assert second["source"] == "three strokes"
     assert second["quality"] == {"error_deg": 0.4}
     assert second["replaces"] == first.name
+    assert second["simulated"] is False
 
 
 def test_the_older_file_stays_as_it_was_and_can_be_put_in_force_again(store, config_path):
     old = store.write(frame())
     before = old.read_bytes()
-    other = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    new = store.write(frame(other))
+    new = store.write(frame(OTHER))
     assert new != old
     assert old.read_bytes() == before
     (store.folder / "in-force.yaml").write_text(f"frame: {old.name}\n")
@@ -68,21 +62,12 @@ def test_the_command_line_counts_more_than_a_calibration(store, config_path):
     assert config.hand.translation_scale == 0.25
 
 
-def test_a_sessions_own_configuration_is_not_calibrated_anew(store, config_path, tmp_path):
+def test_what_a_session_ran_with_stays_so_and_is_not_calibrated(store, config_path, tmp_path):
     store.write(frame())
     effective = tmp_path / "config.yaml"
     effective.write_text(dump_config(load_config(config_path)))
-    other = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
-    store.write(frame(other))
+    store.write(frame(OTHER))
     assert load_config(effective).hand.rotation == TURNED
-
-
-def test_what_a_session_ran_with_is_not_calibrated_for_that_would_not_be_used(
-    store, config_path, tmp_path
-):
-    store.write(frame())
-    effective = tmp_path / "config.yaml"
-    effective.write_text(dump_config(load_config(config_path)))
     with pytest.raises(ConfigError, match="is what a session ran with"):
         CalibrationSet.of(effective, load_config(effective))
 
@@ -147,12 +132,14 @@ def test_a_configuration_without_a_set_is_told_how_to_name_one(config_path):
         CalibrationSet.of(config_path, load_config(config_path))
 
 
-def test_it_is_written_only_after_a_yes(store):
-    ui = ScriptedUI(["n"])
-    assert store.propose(ui, frame(), yes=False) is None
+def test_it_is_written_only_after_a_yes_and_what_it_would_replace_is_named_before(store):
+    assert store.propose(ScriptedUI(["n"]), frame(), yes=False) is None
     assert store.in_force("frame") is None
-    path = store.propose(ScriptedUI(["perhaps", "y"]), frame(), yes=False)
-    assert path == store.in_force("frame")
+    first = store.propose(ScriptedUI(["perhaps", "y"]), frame(), yes=False)
+    assert first == store.in_force("frame")
+    ui = ScriptedUI(["n"])
+    store.propose(ui, frame(), yes=False)
+    assert any(first.name in text for text in ui.said[: ui.said.index("Write it? [y/n] ")])
 
 
 def test_without_a_terminal_only_yes_writes(store):
@@ -177,7 +164,7 @@ class Leaving(ScriptedUI):
 def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(store, how):
     old, ui = store.write(frame()), Leaving(how)
     with pytest.raises(type(how)):
-        store.propose(ui, frame(((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))), yes=False)
+        store.propose(ui, frame(OTHER), yes=False)
     assert store.in_force("frame") == old
     (kept,) = set(store.folder.glob("frame-*.yaml")) - {old}
     assert f"Kept, but not in force: {kept}" in ui.said[-1]
@@ -211,31 +198,15 @@ def test_half_a_file_does_not_stay(store, monkeypatch):
     assert list(store.folder.iterdir()) == []
 
 
-def test_a_file_tells_whether_it_was_simulated(store):
-    path = store.write(frame())
-    assert yaml.safe_load(path.read_text())["calibration"]["simulated"] is False
-
-
-def test_a_folder_that_cannot_be_written_is_told_before_anything_is_measured(store):
+def test_a_folder_that_cannot_be_written_is_one_sentence_and_before_anything_is_measured(store):
     store.check_before(ScriptedUI(), yes=True, simulated=True)
     store.folder.parent.write_text("in the way")
+    with pytest.raises(TamsError, match="cannot be written"):
+        store.write(frame())
     for ui, yes in ((ScriptedUI(), True), (ScriptedUI(["y"]), False)):
         with pytest.raises(TamsError, match="cannot be written: nothing that is measured"):
             store.check_before(ui, yes, simulated=False)
     store.check_before(ScriptedUI(), yes=False, simulated=False)  # nothing would be written
-
-
-def test_what_would_be_replaced_is_named_before_the_question(store):
-    first = store.write(frame())
-    ui = ScriptedUI(["n"])
-    store.propose(ui, frame(), yes=False)
-    assert any(first.name in text for text in ui.said[: ui.said.index("Write it? [y/n] ")])
-
-
-def test_a_folder_that_cannot_be_made_is_one_sentence(store):
-    store.folder.parent.write_text("in the way")
-    with pytest.raises(TamsError, match="cannot be written"):
-        store.write(frame())
 
 
 def test_what_was_simulated_is_never_put_in_force_for_real_devices(tmp_path):

@@ -1,0 +1,20 @@
+"""What tests of several wizards need: a configuration of the rig, and a screen."""
+
+import pytest
+
+from tests.faces.window.xvfb import virtual_screen
+
+
+@pytest.fixture
+def config_path(tmp_path):
+    """A configuration of the rig whose set of calibrations is `lab`."""
+    path = tmp_path / "lab.yaml"
+    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: lab\n")
+    return path
+
+
+@pytest.fixture
+def screen(tmp_path, monkeypatch):
+    """What a display shows that no one sits at."""
+    with virtual_screen(tmp_path, monkeypatch, 1024, 768, "-noreset") as found:
+        yield found
