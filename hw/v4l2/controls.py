@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import FileIO
 
-from linuxpy.video.device import ControlFlag, ControlType, Device, get_control, set_control
-
+from hw.v4l2.ioctl import G_CTRL, QUERY_EXT_CTRL, S_CTRL, ask, every
 from tams_app.config import CameraConfig
 from tams_app.errors import ConfigError, DeviceError
 
@@ -21,7 +21,9 @@ EXPOSURE_AUTO_PRIORITY = 0x009A_0903  # may lengthen the frame period in the dar
 MANUAL_EXPOSURE = 1  # of EXPOSURE_AUTO
 EXPOSURE_UNIT_US = 100
 
-_UNUSABLE = ControlFlag.DISABLED | ControlFlag.READ_ONLY | ControlFlag.HAS_PAYLOAD
+_UNUSABLE = 0x0001 | 0x0004 | 0x0100  # disabled, read-only, no number
+_HEADING = 6  # type
+_NEXT = 0x8000_0000
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,18 +45,15 @@ class Setting:
     value: int
 
 
-def controls_of(device: Device) -> list[Control]:
+def controls_of(device: FileIO) -> list[Control]:
     """Everything that can be set to a number, headings left out; OSError if it is pulled out."""
+    found = every(device, QUERY_EXT_CTRL, first=_NEXT, after=lambda number: number | _NEXT)
     return [
         Control(
-            found.id,
-            control_name(found.name.decode(errors="replace")),
-            found.minimum,
-            found.maximum,
-            found.default_value,
+            number, control_name(title.rstrip(b"\0").decode(errors="replace")), low, high, usual
         )
-        for found in device.info.controls
-        if found.type != ControlType.CTRL_CLASS and not found.flags & _UNUSABLE
+        for number, kind, title, low, high, _step, usual, flags, *_ in found
+        if kind != _HEADING and not flags & _UNUSABLE
     ]
 
 
@@ -107,11 +106,11 @@ def plan_settings(config: CameraConfig, has: Sequence[Control]) -> list[Setting]
     return plan + [_setting(by_name.get(name), name, value, has) for name, value in named]
 
 
-def apply_settings(device: Device, settings: Iterable[Setting]) -> None:
+def apply_settings(device: FileIO, settings: Iterable[Setting]) -> None:
     """Set them one by one; DeviceError names the one that the camera refuses."""
     for setting in settings:
         try:
-            set_control(device, setting.control.id, setting.value)
+            ask(device, S_CTRL, setting.control.id, setting.value)
         except OSError as error:
             raise DeviceError(
                 f"the camera refuses to set {setting.control.name} to {setting.value}: "
@@ -119,10 +118,10 @@ def apply_settings(device: Device, settings: Iterable[Setting]) -> None:
             ) from error
 
 
-def not_kept(device: Device, settings: Iterable[Setting]) -> list[str]:
+def not_kept(device: FileIO, settings: Iterable[Setting]) -> list[str]:
     """The settings that the camera has changed by itself, as the ends of sentences."""
     values = {setting.control: setting.value for setting in settings}
-    found = {control: get_control(device, control.id) for control in values}
+    found = {control: ask(device, G_CTRL, control.id)[1] for control in values}
     return [
         f"keeps {control.name} at {found[control]} although {value} was set"
         for control, value in values.items()

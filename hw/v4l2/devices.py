@@ -6,15 +6,19 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from io import FileIO
 from pathlib import Path
 
-from linuxpy.video.device import Device, iter_read, raw
-
+from hw.v4l2 import ioctl
+from hw.v4l2.ioctl import every
 from tams_app.errors import DeviceError
 
 MJPEG = ("MJPG", "JPEG")
 _LINKS = ("by-id", "by-path")
 _RATE_TOLERANCE = 0.01  # 29.97 will do for 30
+_CAPTURES = 1  # among the capabilities of a node, and the type of its buffers
+_COMPRESSED = 1  # among the flags of a format
+_DISCRETE = 1  # kind of a size or rate: not a range
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +152,11 @@ def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraIn
     modes: tuple[CameraMode, ...] = ()
     refusal = ""
     try:
-        with Device(node) as device:
-            if raw.Capability.VIDEO_CAPTURE not in device.info.device_capabilities:
+        with FileIO(node, "r+") as device:
+            _, card, _, _, _, capabilities, *_ = ioctl.ask(device, ioctl.QUERYCAP)
+            if not capabilities & _CAPTURES:
                 return None
-            name = name or device.info.raw_capabilities.card.decode(errors="replace")
+            name = name or card.rstrip(b"\0").decode(errors="replace")
             modes = tuple(_modes(device))
     except FileNotFoundError:
         return None
@@ -173,40 +178,32 @@ def _attribute(file: Path) -> str:
     return file.read_text(errors="replace").strip() if file.is_file() else ""
 
 
-def _modes(device: Device) -> Iterator[CameraMode]:
-    """From the driver's answers: linuxpy's own lists of modes take rates through a float."""
-    asked = raw.v4l2_fmtdesc(type=raw.BufType.VIDEO_CAPTURE)
-    for found in iter_read(device, raw.IOC.ENUM_FMT, asked):
-        pixel_format = found.pixelformat
-        fourcc = pixel_format.to_bytes(4, "little").decode("latin-1").strip()
-        compressed = bool(found.flags & raw.ImageFormatFlag.COMPRESSED)
-        for width, height, largest in _sizes(device, pixel_format):
-            found_rates, any_rate = _rates(device, pixel_format, *(largest or (width, height)))
-            rates = tuple(sorted(found_rates, reverse=True))
-            yield CameraMode(fourcc, compressed, width, height, rates, any_rate, largest)
+def _modes(device: FileIO) -> Iterator[CameraMode]:
+    for _, _, flags, _, fourcc, *_ in every(device, ioctl.ENUM_FMT, _CAPTURES):
+        name = fourcc.to_bytes(4, "little").decode("latin-1").strip()
+        for width, height, largest in _sizes(device, fourcc):
+            found, any_rate = _rates(device, fourcc, *(largest or (width, height)))
+            rates = tuple(sorted(found, reverse=True))
+            compressed = bool(flags & _COMPRESSED)
+            yield CameraMode(name, compressed, width, height, rates, any_rate, largest)
 
 
-def _sizes(device: Device, pixel_format: int) -> Iterator[tuple[int, int, tuple[int, int] | None]]:
+def _sizes(device: FileIO, fourcc: int) -> Iterator[tuple[int, int, tuple[int, int] | None]]:
     """Width and height [px] of the frames, and up to where if it is a range."""
-    asked = raw.v4l2_frmsizeenum(pixel_format=pixel_format)
-    for found in iter_read(device, raw.IOC.ENUM_FRAMESIZES, asked):
-        if found.type != raw.Frmsizetypes.DISCRETE:  # a range stands alone
-            ends = found.stepwise
-            yield ends.min_width, ends.min_height, (ends.max_width, ends.max_height)
+    for _, _, kind, *ends in every(device, ioctl.ENUM_FRAMESIZES, fourcc):
+        if kind != _DISCRETE:  # a range stands alone
+            narrowest, widest, _, lowest, highest, *_ = ends
+            yield narrowest, lowest, (widest, highest)
             return
-        yield found.discrete.width, found.discrete.height, None
+        yield ends[0], ends[1], None
 
 
-def _rates(
-    device: Device, pixel_format: int, width: int, height: int
-) -> tuple[list[Fraction], bool]:
+def _rates(device: FileIO, fourcc: int, width: int, height: int) -> tuple[list[Fraction], bool]:
     """The frame rates [1/s], and whether any between the two there are will do."""
-    asked = raw.v4l2_frmivalenum(pixel_format=pixel_format, width=width, height=height)
     rates: list[Fraction] = []
-    for found in iter_read(device, raw.IOC.ENUM_FRAMEINTERVALS, asked):
-        any_rate = found.type != raw.Frmivaltypes.DISCRETE
-        ends = (found.stepwise.min, found.stepwise.max) if any_rate else (found.discrete,)
-        periods = [(end.numerator, end.denominator) for end in ends]
+    for answer in every(device, ioctl.ENUM_FRAMEINTERVALS, fourcc, width, height):
+        any_rate = answer[4] != _DISCRETE
+        periods = (answer[5:7], answer[7:9]) if any_rate else (answer[5:7],)
         rates += [Fraction(parts, seconds) for seconds, parts in periods if seconds and parts]
         if any_rate:
             return rates, True

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-
-from linuxpy.video.device import Device
+from io import FileIO
 
 from hw.gstreamer.capture import GstCapture
 from hw.v4l2.controls import (
@@ -71,14 +70,14 @@ class V4l2Source:
         if self._info is None:
             return []
         try:
-            with Device(self._info.node) as device:
+            with FileIO(self._info.node, "r+") as device:
                 return not_kept(device, self._settings)
         except OSError as error:
             return [f"does not tell its controls: {error.strerror}"]
 
     def _set_controls(self, info: CameraInfo) -> None:
         try:
-            with Device(info.node) as device:
+            with FileIO(info.node, "r+") as device:
                 self._settings = plan_settings(self._config, controls_of(device))
                 apply_settings(device, self._settings)
         except OSError as error:
