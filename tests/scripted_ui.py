@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 from rich.console import Console, RenderableType
 
@@ -21,7 +22,14 @@ class ScriptedConsole(Console):
         self.asked: list[str] = []
         self.transcript: list[str] = []  # both, in order
 
-    def print(self, *objects: object, **_: object) -> None:
+    @property
+    def text(self) -> str:
+        """All that was printed, as it was shown."""
+        assert isinstance(self.file, io.StringIO)
+        return self.file.getvalue()
+
+    def print(self, *objects: object, **options: Any) -> None:
+        super().print(*objects, **options)
         self.said.append(str(objects[0]))
         self.transcript.append(str(objects[0]))
 

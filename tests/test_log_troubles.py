@@ -76,21 +76,17 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     assert [(one.records, one.since_ns) for one in found.lost] == [(5, found.ticks[-1].started_ns)]
 
 
-def test_a_viewer_that_fails_costs_the_log_nothing(tmp_path: Path) -> None:
-    log = recorder(tmp_path / "session.mcap", VirtualClock(), "receive")
+@pytest.mark.parametrize("at", ["receive", "close"])
+def test_a_viewer_that_fails_or_cannot_be_closed_costs_the_log_nothing(
+    tmp_path: Path, at: str
+) -> None:
+    log = recorder(tmp_path / "session.mcap", VirtualClock(), at)
     log.start()
     for number in range(10):
         log.record(tick(number))
     log.close()
-    assert len(read_log(tmp_path / "session.mcap").ticks) == 10
+    log.close()
+    found = read_log(tmp_path / "session.mcap")
+    assert (len(found.ticks), found.truncated) == (10, False)
     (sentence,) = log.troubles()
     assert sentence.startswith("viewers are sent nothing more (RuntimeError")
-
-
-def test_a_viewer_that_cannot_be_closed_leaves_a_log_that_is_whole(tmp_path: Path) -> None:
-    log = recorder(tmp_path / "session.mcap", VirtualClock(), "close")
-    log.record(tick(0))
-    log.start()
-    log.close()
-    log.close()
-    assert not read_log(tmp_path / "session.mcap").truncated

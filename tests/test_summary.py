@@ -42,98 +42,58 @@ from tests.synthetic_session import (
 
 pytestmark = pytest.mark.waiting
 
-PERCENTILES = {"p50": 0, "p95": 0, "max": 0}
+
+def keys(names: str, **below: Any) -> dict[str, Any]:
+    """The keys of a part of the summary, and those below some of them."""
+    return dict.fromkeys(names.split()) | below
+
+
 SSIM = dict.fromkeys(SSIM_KINDS)
-VIEW_KEYS: dict[str, Any] = {
-    "target_kbps_mean": 0,
-    "sent_kbps_mean": 0,
-    "tracking_error": 0.0,
-    "fps": {"asked": 30, "given": 30.0},
-    "frame_interval_ms": {"p50": 0.0, "p95": 0.0},
-    "frames_damaged_at_camera": 0,
-    "frames_captured": 0,
-    "frames_sent": 0,
-    "frames_left_out": 0,
-    "frames_shown": 0,
-    "latency_ms": {"p50": 0, "p95": 0, "p99": 0},
-    "latency_stages_ms": {stage: {"p50": 0.0, "p95": 0.0} for stage in STAGES},
-    "own_latency_ms": {"p50": 0.0, "p95": 0.0},
-    "freezes": {"count": 0, "total_s": 0.0, "longest_s": 0.0},
-    "not_whole_s": 0.0,
+VIEW_KEYS = keys(
+    "target_kbps_mean sent_kbps_mean tracking_error frames_damaged_at_camera frames_captured "
+    "frames_sent frames_left_out frames_shown not_whole_s ssim_sampled_fraction frames_damaged",
+    fps=keys("asked given"),
+    frame_interval_ms=keys("p50 p95"),
+    latency_ms=keys("p50 p95 p99"),
+    latency_stages_ms={stage: keys("p50 p95") for stage in STAGES},
+    own_latency_ms=keys("p50 p95"),
+    freezes=keys("count total_s longest_s"),
+    ssim_n=SSIM,
     **SSIM,
-    "ssim_n": SSIM,
-    "ssim_sampled_fraction": 0.0,
-    "frames_damaged": 0,
-}
-KEYS: dict[str, Any] = {
-    "schema": 1,
-    "version": "",
-    "seed": 0,
-    "strategy": "",
-    "network": "",
-    "budget_mode": "",
-    "codecs": {"encoder": "x264enc", "decoder": "avdec_h264"},
-    "predicted_views": [],
-    "duration_s": 0.0,
-    "complete": True,
-    "missing": [],
-    "records_lost": 0,
-    "outcome": {
-        "completed": True,
-        "success": True,
-        "completion_time_s": 0.0,
-        "drops": 0,
-        "reason": "",
-    },
-    "control": {
-        "rate_hz": 120,
-        "ticks": 0,
-        "late": 0,
-        "skipped": 0,
-        "late_fraction": 0.0,
-        "period_error_ms": {"p50": 0, "p99": 0, "p99_9": 0, "max": 0},
-        "tick_cost_ms": {"p50": 0, "p99": 0, "max": 0},
-        "scheduler": "fifo",
-    },
-    "arm": {
-        "servo": "velocity",
-        "round_trip_ms": {"p50": 0, "p99": 0, "max": 0},
-        "stops": [{"t_s": 0.0, "reason": "", "stop_time_ms": 0.0}],
-    },
-    "phases": [{"t_s": 0.0, "phase": "REACH", "reason": ""}],
-    "uplink": {
-        "capacity_kbps": 0,
-        "budget_kbps_mean": 0,
-        "sent_kbps_mean": 0,
-        "utilisation": 0.0,
-        "queue_ms": PERCENTILES,
-        "loss_fraction": 0.0,
-        "residual_loss_fraction": 0.0,
-        "resent_fraction": 0.0,
-        "parity_fraction": 0.0,
-        "padding_fraction": 0.0,
-    },
-    "views": {"eih": VIEW_KEYS, "gt": VIEW_KEYS, "gs": VIEW_KEYS},
-    "rates": {"shortfall": None},
-    "primary_view": {
-        **SSIM,
-        "time_weighted": SSIM,
-        "n": SSIM,
-        "sampled_fraction": 0.0,
-        "missing_phases": [None],
-        "by_phase": {},
-    },
-    "episodes": [],
-    "prediction": {
-        "error_mm": {"p50": 0.0, "p95": 0.0},
-        "error_deg": {"p50": 0.0, "p95": 0.0},
-        "newest_state_mm": {"p50": 0.0, "p95": 0.0},
-        "trusted_fraction": 1.0,
-        "camera_fits": True,
-    },
-    "operator": dict.fromkeys(("kind", "glances_per_s", "relied_on", "uncertainty_mm")),
-    "system": {"cpu_percent": {"app": 0.0, "helpers": 0.0}, "peak_rss_mb": 0.0},
-}
+)
+KEYS = keys(
+    "schema version seed strategy network budget_mode duration_s complete records_lost",
+    codecs=keys("encoder decoder"),
+    predicted_views=[],
+    missing=[],
+    outcome=keys("completed success completion_time_s drops reason"),
+    control=keys(
+        "rate_hz ticks late skipped late_fraction scheduler",
+        period_error_ms=keys("p50 p99 p99_9 max"),
+        tick_cost_ms=keys("p50 p99 max"),
+    ),
+    arm=keys("servo", round_trip_ms=keys("p50 p99 max"), stops=[keys("t_s reason stop_time_ms")]),
+    phases=[keys("t_s phase reason")],
+    uplink=keys(
+        "capacity_kbps budget_kbps_mean sent_kbps_mean utilisation loss_fraction "
+        "residual_loss_fraction resent_fraction parity_fraction padding_fraction",
+        queue_ms=keys("p50 p95 max"),
+    ),
+    views=dict.fromkeys(VIEWS, VIEW_KEYS),
+    rates=keys("shortfall"),
+    primary_view=keys(
+        "sampled_fraction", time_weighted=SSIM, n=SSIM, missing_phases=[None], by_phase={}, **SSIM
+    ),
+    episodes=[],
+    prediction=keys(
+        "trusted_fraction camera_fits",
+        error_mm=keys("p50 p95"),
+        error_deg=keys("p50 p95"),
+        newest_state_mm=keys("p50 p95"),
+    ),
+    operator=keys("kind glances_per_s relied_on uncertainty_mm"),
+    system=keys("peak_rss_mb", cpu_percent=keys("app helpers")),
+)
 
 
 def tree(value: Any) -> Any:

@@ -1,5 +1,7 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
+from tams_app.recording.mcap_log import MakeViewers as MakeViewers
+from tams_app.recording.mcap_log import Viewers as Viewers
 from tams_app.recording.mcap_stream import Gap as Gap
 from tams_app.recording.mcap_stream import damage_sentence as damage_sentence
 from tams_app.recording.reader import damage_of as damage_of
@@ -16,6 +18,4 @@ from tams_app.recording.topics import FrameSent as FrameSent
 from tams_app.recording.topics import FrameShown as FrameShown
 from tams_app.recording.topics import Header as Header
 from tams_app.recording.topics import SessionLog as SessionLog
-from tams_app.recording.viewers import MakeViewers as MakeViewers
-from tams_app.recording.viewers import Viewers as Viewers
 from tams_app.recording.writer import Recorder as Recorder

@@ -7,10 +7,10 @@ memory and written whole, so that a kill leaves no half-written chunk behind.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 from foxglove import Context, Schema, open_mcap, set_log_level
 from foxglove.channels import CompressedVideoChannel
@@ -27,7 +27,6 @@ from tams_app.recording.topics import (
     Header,
     OutcomeGiven,
 )
-from tams_app.recording.viewers import MakeViewers, Viewers
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.units import NS_PER_S
 
@@ -41,6 +40,22 @@ def _keep_sdk_quiet() -> None:
 
 
 _keep_sdk_quiet()  # only before the first file or server of the process
+
+
+class Viewers(Protocol):
+    """Channels beside the log's own, in the same file."""
+
+    def receive(self, record: Any, now_ns: int) -> None:
+        """A record that the log keeps, an encoded frame, or a frame shown that was wanted."""
+
+    def wants(self, view: str, shown_ns: int) -> bool:
+        """Whether a frame shown now is wanted with its pixels; each view in one thread."""
+
+    def close(self) -> None:
+        """The log ends; may be called twice."""
+
+
+MakeViewers: TypeAlias = Callable[[Context, Header], Viewers]
 
 
 class McapLog:

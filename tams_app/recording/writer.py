@@ -14,9 +14,8 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
-from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.mcap_log import MakeViewers, McapLog
 from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, RecordsLost
-from tams_app.recording.viewers import MakeViewers
 from tams_app.records import Frame, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue

@@ -13,8 +13,6 @@ from tams_app.records.arm import CommandLink as CommandLink
 from tams_app.records.arm import LinkFault as LinkFault
 from tams_app.records.arm import MountPrediction as MountPrediction
 from tams_app.records.arm import ServoMode as ServoMode
-from tams_app.records.episode import Episode as Episode
-from tams_app.records.episode import EpisodeRequest as EpisodeRequest
 from tams_app.records.figure import NO_DISTORTION as NO_DISTORTION
 from tams_app.records.figure import ArmFigure as ArmFigure
 from tams_app.records.figure import Lens as Lens
@@ -37,11 +35,11 @@ from tams_app.records.hand import ControllerSample as ControllerSample
 from tams_app.records.hand import ControllerStatus as ControllerStatus
 from tams_app.records.hand import Haptic as Haptic
 from tams_app.records.hand import Presses as Presses
-from tams_app.records.link import HandHeard as HandHeard
-from tams_app.records.link import LinkHealth as LinkHealth
-from tams_app.records.link import StateHeard as StateHeard
 from tams_app.records.log import LATE_NS as LATE_NS
+from tams_app.records.log import HandHeard as HandHeard
+from tams_app.records.log import LinkHealth as LinkHealth
 from tams_app.records.log import Note as Note
+from tams_app.records.log import StateHeard as StateHeard
 from tams_app.records.log import StopRecord as StopRecord
 from tams_app.records.log import SystemSample as SystemSample
 from tams_app.records.log import Tick as Tick
@@ -63,6 +61,8 @@ from tams_app.records.state import SessionState as SessionState
 from tams_app.records.state import ViewState as ViewState
 from tams_app.records.state import Whole as Whole
 from tams_app.records.state import without_figures as without_figures
+from tams_app.records.trial import Episode as Episode
+from tams_app.records.trial import EpisodeRequest as EpisodeRequest
 from tams_app.records.trial import OperatorGlance as OperatorGlance
 from tams_app.records.trial import Outcome as Outcome
 from tams_app.records.trial import SceneTruth as SceneTruth

@@ -18,7 +18,7 @@ from tams_app.study.commands import (
     show_study,
     void_trial,
 )
-from tests.study.experimenter import Experimenter
+from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 from tests.study.test_guided import HARDWARE
 from tests.study.test_unattended import SMALL
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.untimed
 def test_showing_tells_who_is_how_far(tmp_path: Path) -> None:
     study = make_study(tmp_path, 2, **SMALL)
     fill_study(study, PlantedRunner(), leave=("P02-03",))
-    screen = Experimenter()
+    screen = ScriptedConsole()
     assert void_trial(tmp_path, "P01-02", "the light went out", screen) == 0
     show_study(tmp_path, screen)
     rows = [line.split("│")[1:-1] for line in screen.text.splitlines() if "│ P0" in line]
@@ -43,7 +43,7 @@ def test_showing_tells_who_is_how_far(tmp_path: Path) -> None:
 def test_a_program_reads_who_is_how_far(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study = make_study(tmp_path, 2, **SMALL)
     fill_study(study, PlantedRunner(), leave=("P02-03",))
-    forget_participant(tmp_path, "P01", Experimenter(), yes=True)
+    forget_participant(tmp_path, "P01", ScriptedConsole(), yes=True)
     assert _main(["study", "show", str(tmp_path), "--json"]) == 0
     tree = json.loads(capsys.readouterr().out)
     assert (tree["trials"], tree["simulated"]) == (4, True)
@@ -67,7 +67,7 @@ def test_forgetting_asks_first(
     study = make_study(tmp_path, 2, **SMALL)
     fill_study(study, PlantedRunner())
     monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
-    screen = Experimenter(answer)
+    screen = ScriptedConsole(answer)
     assert forget_participant(tmp_path, "P02", screen, yes=False) == code
     assert "Delete P02" in screen.asked[0]
     assert (tmp_path / "trials/P02").exists() == bool(code)
@@ -76,8 +76,8 @@ def test_forgetting_asks_first(
 def test_a_sitting_that_ends_at_a_trial_that_could_not_be_run_has_failed(tmp_path: Path) -> None:
     study = make_study(tmp_path, 1, **HARDWARE)
     runner = PlantedRunner(judged=False, fails=("P01-01",))
-    assert run_guided(study, runner, "P01", Experimenter("g", "s")) == 1
-    assert run_guided(study, runner, "P01", Experimenter("g", "a", "s")) == 0
+    assert run_guided(study, runner, "P01", ScriptedConsole("g", "s")) == 1
+    assert run_guided(study, runner, "P01", ScriptedConsole("g", "a", "s")) == 0
 
 
 def test_the_tracking_example_is_drawn_from_a_fitting_trial_s_log(
@@ -105,4 +105,4 @@ def test_a_report_without_its_extra_says_how_to_get_it(
 ) -> None:
     monkeypatch.setattr(commands, "find_spec", lambda name: None if name == "pyarrow" else name)
     with pytest.raises(SetupError, match=r"pyarrow missing: pip install 'tams\[study\]'"):
-        report_study(tmp_path, Experimenter())
+        report_study(tmp_path, ScriptedConsole())

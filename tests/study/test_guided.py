@@ -13,7 +13,7 @@ from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import AttemptState, PlannedTrial, Verdict
 from tams_app.study.runner import TrialRunner
 from tams_app.task.marks import Marks
-from tests.study.experimenter import Experimenter
+from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, make_study
 
 pytestmark = pytest.mark.untimed
@@ -29,7 +29,7 @@ RUNNER = PlantedRunner(judged=False)
 
 def sit(
     study: StudyFolder,
-    person: Experimenter,
+    person: ScriptedConsole,
     runner: TrialRunner = RUNNER,
     participant: str | None = None,
     found: Callable[[Path], Marks] = lambda _: Marks(31.5),
@@ -46,7 +46,7 @@ SUCCESS: Sequence[str] = ("g", "j", "y", "0", "y", "y")  # go, judge, placed, dr
 
 def test_a_sitting_goes_through_all_trials_and_keeps_the_verdicts(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter(*SUCCESS, "g", "j", "n", "3")
+    person = ScriptedConsole(*SUCCESS, "g", "j", "n", "3")
     assert sit(study, person) == 2
     verdicts = [trial.attempts[0].verdict for trial in study.load().trials]
     assert verdicts == [
@@ -60,7 +60,7 @@ def test_the_experimenter_is_asked_to_set_the_scene_and_never_told_the_strategy(
     tmp_path: Path,
 ) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter(*SUCCESS, *SUCCESS)
+    person = ScriptedConsole(*SUCCESS, *SUCCESS)
     sit(study, person)
     spoken = " ".join([*person.said, *person.asked]).lower()
     assert "block on start mark" in spoken
@@ -72,7 +72,7 @@ def test_the_experimenter_is_asked_to_set_the_scene_and_never_told_the_strategy(
 
 def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter("g", "v", "", "the light went out", *SUCCESS, *SUCCESS)
+    person = ScriptedConsole("g", "v", "", "the light went out", *SUCCESS, *SUCCESS)
     assert sit(study, person) == 2
     trial = study.load().trials[0]
     assert [one.state for one in trial.attempts] == [AttemptState.VOID, AttemptState.DONE]
@@ -82,38 +82,33 @@ def test_a_void_trial_is_taken_again_and_its_reason_and_data_stay(tmp_path: Path
     assert sum("Why is it void?" in question for question in person.asked) == 2
 
 
-def test_leaving_before_the_verdict_asks_only_for_the_verdict_next_time(tmp_path: Path) -> None:
+@pytest.mark.parametrize("state", [AttemptState.RAN, AttemptState.STARTED])
+def test_leaving_before_the_verdict_or_a_kill_asks_only_for_the_verdict_next_time(
+    tmp_path: Path, state: AttemptState
+) -> None:
     study = hardware_study(tmp_path)
-    assert sit(study, Experimenter("g")) == 0
-    attempt = study.load().trials[0].last
+    assert sit(study, ScriptedConsole("g")) == 0
+    plan = study.load()
+    attempt = plan.trials[0].last
     assert attempt is not None
     assert attempt.state is AttemptState.RAN
-    person = Experimenter("j", "y", "0", "y", "y", "s")
+    left = attempt.model_copy(update={"state": state})  # started: killed before it was noted
+    study.save(plan.with_attempt(plan.trials[0].id, left))
+    person = ScriptedConsole("j", "y", "0", "y", "y", "s")
     assert sit(study, person) == 1
     assert "has no verdict" in person.said[0]
     assert len(study.load().trials[0].attempts) == 1
 
 
-def test_a_killed_study_asks_for_the_verdict_of_what_ran_to_its_end(tmp_path: Path) -> None:
-    study = hardware_study(tmp_path)
-    sit(study, Experimenter("g"))
-    plan = study.load()
-    attempt = plan.trials[0].last
-    assert attempt is not None
-    started = attempt.model_copy(update={"state": AttemptState.STARTED})
-    study.save(plan.with_attempt(plan.trials[0].id, started))  # as if killed before it was noted
-    assert sit(study, Experimenter("j", "y", "0", "y", "y", "s")) == 1
-
-
 def test_a_trial_that_cannot_be_run_is_retried_on_request(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
     failing = PlantedRunner(judged=False, fails=("P01-01",))
-    person = Experimenter("g", "a", "g", "s")
+    person = ScriptedConsole("g", "a", "g", "s")
     assert sit(study, person, failing) == 0
     assert "P01-01 could not be run: P01-01: the rig fell over" in person.said
     states = [attempt.state for attempt in study.load().trials[0].attempts]
     assert states == [AttemptState.FAILED] * 2
-    assert sit(study, Experimenter(*SUCCESS, "s")) == 1
+    assert sit(study, ScriptedConsole(*SUCCESS, "s")) == 1
 
 
 class Interrupted:
@@ -123,7 +118,7 @@ class Interrupted:
 
 def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
-    person = Experimenter("g")
+    person = ScriptedConsole("g")
     with pytest.raises(KeyboardInterrupt):
         sit(study, person, Interrupted())
     assert "goes on from here" in person.said[-1]
@@ -134,7 +129,7 @@ def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
 
 def test_practice_needs_no_verdict(tmp_path: Path) -> None:
     study = hardware_study(tmp_path, study__practice_trials=1)
-    assert sit(study, Experimenter("g", *SUCCESS, "s")) == 2
+    assert sit(study, ScriptedConsole("g", *SUCCESS, "s")) == 2
     done = [trial for trial in study.load().trials if trial.is_done]
     assert [trial.practice for trial in done] == [True, False]
     assert done[0].attempts[0].verdict is None
@@ -142,14 +137,14 @@ def test_practice_needs_no_verdict(tmp_path: Path) -> None:
 
 def test_each_participant_has_a_sitting(tmp_path: Path) -> None:
     study = hardware_study(tmp_path, 2)
-    assert sit(study, Experimenter(*SUCCESS, "s"), participant="P02") == 1
+    assert sit(study, ScriptedConsole(*SUCCESS, "s"), participant="P02") == 1
     assert study.load().left[0].participant == "P01"
     with pytest.raises(ConfigError, match="is no participant"):
-        sit(study, Experimenter(), participant="P05")
+        sit(study, ScriptedConsole(), participant="P05")
     study.forget(study.load(), "P02")
     with pytest.raises(ConfigError, match="was forgotten"):
-        sit(study, Experimenter(), participant="P02")
-    assert sit(study, Experimenter(*SUCCESS, *SUCCESS)) == 2
-    person = Experimenter()
+        sit(study, ScriptedConsole(), participant="P02")
+    assert sit(study, ScriptedConsole(*SUCCESS, *SUCCESS)) == 2
+    person = ScriptedConsole()
     assert sit(study, person) == 0
     assert person.said == ["All trials of this study are done."]

@@ -86,17 +86,6 @@ def test_practice_comes_first_and_is_apart() -> None:
     assert not counted & {trial.seed for trial in plan.trials[:2]}
 
 
-def test_conditions_are_data() -> None:
-    config = small_config(study__networks=["s3", "none"], study__strategies=["tams", "equal"])
-    plan = make_plan(config, 1)
-    assert {(trial.strategy, trial.network) for trial in plan.trials} == {
-        ("tams", "s3"),
-        ("equal", "s3"),
-        ("tams", "none"),
-        ("equal", "none"),
-    }
-
-
 @pytest.mark.parametrize(
     ("overrides", "sentence"),
     [

@@ -22,7 +22,7 @@ from tams_app.task.marks import (
     marks_of,
 )
 from tams_app.units import NS_PER_S
-from tests.study.experimenter import Experimenter
+from tests.scripted_ui import ScriptedConsole
 from tests.synthetic_session import START_NS, header, live_records, tick
 
 pytestmark = pytest.mark.untimed
@@ -32,7 +32,7 @@ def judged(
     *answers: str, measured_s: float | None = 40.0, marks: Marks | None = None
 ) -> tuple[Verdict, list[str]]:
     """The verdict from these answers, each of which is used, and what was said meanwhile."""
-    person = Experimenter(*answers)
+    person = ScriptedConsole(*answers)
     verdict = ask_verdict(person, TrialConfig(), marks or Marks(measured_s))
     assert not person.answers
     return verdict, person.said
