@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
@@ -21,7 +20,7 @@ from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.plan import ParticipantState, Plan, conditions_of_all, void
+from tams_app.study.plan import Participant, ParticipantState, Plan, conditions_of_all, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
@@ -36,29 +35,6 @@ _DESIGN = {  # what a plan fixes: the option of each key of the configuration
     "seed": "--seed",
 }
 _REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
-
-
-@dataclass(frozen=True, slots=True)
-class Progress:
-    """The progress of a participant; one who does not take part has no numbers.
-
-    void_or_failed: attempts that do not count, those that were interrupted among them.
-    """
-
-    participant: str
-    state: str
-    done: int | None = None
-    planned: int | None = None
-    void_or_failed: int | None = None
-    next: str | None = None  # trial
-
-    @property
-    def row(self) -> tuple[str, ...]:
-        """Of the table."""
-        if self.done is None:
-            return (self.participant, self.state, "", "", "")
-        numbers = (self.done, self.planned, self.void_or_failed)
-        return (self.participant, *map(str, numbers), self.next or "")
 
 
 def plan_study(config: Config, folder: Path, participants: int, console: Console) -> int:
@@ -204,14 +180,14 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
     `as_json`: print one object instead.
     """
     plan = StudyFolder(folder).load()
-    people = [_progress_of(plan, person.id, person.state) for person in plan.participants]
+    people = [_progress_of(plan, person) for person in plan.participants]
     if as_json:
         tree = {
             "name": plan.name,
             "simulated": plan.simulated,
             "trials": len(plan.trials),
             "balance": balance_sentence(plan),
-            "participants": [asdict(person) for person in people],
+            "participants": people,
         }
         console.out(json.dumps(tree), highlight=False)
         return 0
@@ -221,7 +197,10 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
     for heading in ("participant", "done", "planned", "void or failed attempts", "next"):
         table.add_column(heading)
     for person in people:
-        table.add_row(*person.row)
+        is_here = person["done"] is not None
+        numbers = [str(person[key]) for key in ("done", "planned", "void_or_failed")]
+        shown = [*numbers, person["next"] or ""] if is_here else [person["state"], "", "", ""]
+        table.add_row(person["participant"], *shown)
     console.print(table)
     console.print(balance_sentence(plan), highlight=False, soft_wrap=True)
     console.print(str(folder), style="bold", highlight=False)
@@ -293,11 +272,19 @@ def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPo
     return DaskPool(runner, dask)
 
 
-def _progress_of(plan: Plan, pseudonym: str, state: ParticipantState) -> Progress:
-    mine = [trial for trial in plan.trials if trial.participant == pseudonym]
-    if state is not ParticipantState.TAKES_PART:
-        return Progress(pseudonym, state.value)
-    done = [trial for trial in mine if trial.is_done]
-    others = sum(len(trial.attempts) for trial in mine) - len(done)
-    following = next((trial.id for trial in mine if not trial.is_done), None)
-    return Progress(pseudonym, state.value, len(done), len(mine) - len(done), others, following)
+def _progress_of(plan: Plan, person: Participant) -> dict[str, Any]:
+    """How far a participant is; one who does not take part has no numbers.
+
+    void_or_failed: attempts that do not count, those that were interrupted among them.
+    """
+    found: dict[str, Any] = {"participant": person.id, "state": person.state.value}
+    if person.state is not ParticipantState.TAKES_PART:
+        return found | dict.fromkeys(("done", "planned", "void_or_failed", "next"))
+    mine = [trial for trial in plan.trials if trial.participant == person.id]
+    done = sum(trial.is_done for trial in mine)
+    return found | {
+        "done": done,
+        "planned": len(mine) - done,
+        "void_or_failed": sum(len(trial.attempts) for trial in mine) - done,
+        "next": next((trial.id for trial in mine if not trial.is_done), None),
+    }

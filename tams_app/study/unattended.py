@@ -44,30 +44,23 @@ def run_unattended(study: StudyFolder, pool: TrialPool, display: TrialsProgress)
                 plan, running[trial.id] = study.new_attempt(plan, trial.id)
                 pool.start(Job(trial, study.path / running[trial.id].folder))
             for job, failure in pool.wait():
-                attempt = _settled(study, running.pop(job.trial.id), failure)
+                attempt = running.pop(job.trial.id)
+                if not failure and not study.has_ended(attempt):
+                    failure = "its summary is not whole"
+                state = AttemptState.FAILED if failure else AttemptState.DONE
+                attempt = attempt.model_copy(update={"state": state, "reason": failure})
                 plan = plan.with_attempt(job.trial.id, attempt)
                 study.save(plan)
-                _report(tally, display, job.trial.id, attempt)
+                display.trial_ended()
+                if failure:
+                    tally.failures[job.trial.id] = failure
+                    display.notify(f"{job.trial.id} failed: {failure} (see {attempt.folder})")
+                else:
+                    tally.done += 1
     finally:
         pool.close()
         study.recover(study.load())
     return tally
-
-
-def _settled(study: StudyFolder, attempt: Attempt, failure: str) -> Attempt:
-    if not failure and not study.has_ended(attempt):
-        failure = "its summary is not whole"
-    state = AttemptState.FAILED if failure else AttemptState.DONE
-    return attempt.model_copy(update={"state": state, "reason": failure})
-
-
-def _report(tally: Tally, display: TrialsProgress, trial_id: str, attempt: Attempt) -> None:
-    display.trial_ended()
-    if attempt.state is AttemptState.DONE:
-        tally.done += 1
-    else:
-        tally.failures[trial_id] = attempt.reason
-        display.notify(f"{trial_id} failed: {attempt.reason} (see {attempt.folder})")
 
 
 class TrialsProgress(Progress):

@@ -104,10 +104,6 @@ class QualityTable:
         known = ~np.isnan(np.array(list(self.scores.values())))
         return int(np.sum(np.any(known, axis=0) & chosen))
 
-    def captures(self, view: int) -> int:
-        """The number of captured frames of a view."""
-        return int(np.sum(self.captured[:, 0] == view))
-
     def primary_captures(self, phase: int) -> int:
         """The number of captured frames of whatever view was primary, in one phase."""
         return int(np.sum((self.captured[:, 1] == phase) & (self.captured[:, 2] == 1)))
@@ -121,7 +117,9 @@ def view_quality(log: SessionLog, view: str, table: QualityTable) -> dict[str, A
     return {
         **table.means(mine),
         "ssim_n": table.counts(mine),
-        "ssim_sampled_fraction": ratio(table.scored(mine), table.captures(place)),
+        "ssim_sampled_fraction": ratio(
+            table.scored(mine), int(np.sum(table.captured[:, 0] == place))
+        ),
         "frames_damaged": None if concealed is None else len(concealed),
     }
 

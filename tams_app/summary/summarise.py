@@ -67,7 +67,7 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "complete": log.complete,
         "missing": _missing(log),
         "records_lost": sum(one.records for one in log.lost),
-        "outcome": _outcome(log),
+        "outcome": asdict(log.outcome or Outcome(None, None, None, None, "")),
         "episodes": episodes(log),
         "control": control(log),
         "arm": arm(log),
@@ -169,10 +169,6 @@ def _missing(log: SessionLog) -> list[dict[str, Any]]:
         }
         for gap in log.missing
     ]
-
-
-def _outcome(log: SessionLog) -> dict[str, Any]:
-    return asdict(log.outcome or Outcome(None, None, None, None, ""))
 
 
 def _system(log: SessionLog) -> dict[str, Any]:
