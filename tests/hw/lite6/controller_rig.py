@@ -8,6 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from hw.lite6.codes import Mode, State
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig
@@ -33,6 +34,28 @@ class ControllerRig:
             self.model, control_port=ports.control, report_port=ports.report
         )
         self.server.start()
+
+    def make_ready(self, mode: Mode = Mode.POSITION) -> None:
+        """As the arm of a session is: enabled, in this mode."""
+        with self.server.lock:
+            self.model.enable(True)
+            self.model.set_mode(mode)
+            self.model.set_state(0)
+
+    @property
+    def stopped(self) -> bool:
+        with self.server.lock:
+            return self.model.state == State.STOPPED
+
+    def intercept(self, answer: Callable[[int, bytes], bytes | None]) -> None:
+        """Have `answer` see each request first; where it gives None the model answers."""
+        handle = self.model.handle
+
+        def intercepted(register: int, payload: bytes, now_ns: int) -> bytes:
+            given = answer(register, payload)
+            return handle(register, payload, now_ns) if given is None else given
+
+        self.model.handle = intercepted  # type: ignore[method-assign]
 
     def config(self, reply_timeout_s: float = 0.5) -> ArmConfig:
         ports = self.server.ports

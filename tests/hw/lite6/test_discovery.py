@@ -47,16 +47,9 @@ def test_an_arm_is_found_with_all_that_it_says_of_itself(rig: ControllerRig) -> 
 
 def test_a_moving_arm_goes_on_moving_and_is_asked_only(rig: ControllerRig) -> None:
     asked = set()
-    handle = rig.model.handle
-
-    def recorded(register: int, payload: bytes, now_ns: int) -> bytes:
-        asked.add(register)
-        return handle(register, payload, now_ns)
-
+    rig.intercept(lambda register, _: asked.add(register))
+    rig.make_ready()
     with rig.server.lock:
-        rig.model.handle = recorded  # type: ignore[method-assign]
-        rig.model.enable(True)
-        rig.model.set_state(0)
         rig.model.move_joints(tuple(joint + 1.0 for joint in rig.model.joints), 0.05, 1.0)
     assert ", moving," in probe(rig).description
     assert asked == QUERIES

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from hw.lite6.codes import Register, State
+from hw.lite6.codes import Register
 from hw.lite6.stop_channel import StopChannel
 from hw.lite6.uxbus import UxbusClient
 from tams_app.errors import DeviceError
@@ -27,20 +27,9 @@ def rig() -> Iterator[ControllerRig]:
         yield made
 
 
-def make_ready(rig: ControllerRig) -> None:
-    with rig.server.lock:
-        rig.model.enable(True)
-        rig.model.set_state(0)
-
-
-def is_stopped(rig: ControllerRig) -> bool:
-    with rig.server.lock:
-        return rig.model.state == State.STOPPED
-
-
 @pytest.fixture
 def channel(rig: ControllerRig) -> Iterator[StopChannel]:
-    make_ready(rig)
+    rig.make_ready()
     made = StopChannel("127.0.0.1", rig.config().control_port, 0.5, "arm-stop")
     made.start()
     yield made
@@ -48,41 +37,30 @@ def channel(rig: ControllerRig) -> Iterator[StopChannel]:
     made.close()
 
 
-def test_a_stop_is_acknowledged_once_the_controller_has_stopped(
-    rig: ControllerRig, channel: StopChannel
-) -> None:
-    assert not is_stopped(rig)
-    channel.request_stop()
-    assert channel.wait_acknowledged(10.0)
-    assert is_stopped(rig)
-
-
 def test_each_stop_is_a_new_one(rig: ControllerRig, channel: StopChannel) -> None:
     for _ in range(3):
-        make_ready(rig)
+        rig.make_ready()
+        assert not rig.stopped
         channel.request_stop()
         assert channel.wait_acknowledged(10.0)
-        assert is_stopped(rig)
+        assert rig.stopped
 
 
 def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
     rig: ControllerRig, channel: StopChannel
 ) -> None:
-    stops = 0
-    handle = rig.model.handle
+    stops: list[int] = []
 
-    def ask_again(register: int, payload: bytes, now_ns: int) -> bytes:
-        nonlocal stops
+    def ask_again(register: int, _: bytes) -> None:
         if register == Register.SET_STATE:
-            stops += 1
-            if stops == 1:
+            stops.append(register)
+            if len(stops) == 1:
                 channel.request_stop()
-        return handle(register, payload, now_ns)
 
-    rig.model.handle = ask_again  # type: ignore[method-assign]
+    rig.intercept(ask_again)
     channel.request_stop()
     assert channel.wait_acknowledged(10.0)
-    assert stops == 2
+    assert len(stops) == 2
 
 
 def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
@@ -95,7 +73,7 @@ def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
     assert channel.pending
     rig.server.refuse_connections = False
     assert channel.wait_acknowledged(10.0)
-    assert is_stopped(rig)
+    assert rig.stopped
     assert channel.failure == ""
 
 
@@ -120,13 +98,13 @@ def relay(rig: ControllerRig) -> Iterator[TcpRelay]:
 def test_a_stop_gives_up_a_connection_that_is_open_but_silent(
     rig: ControllerRig, relay: TcpRelay
 ) -> None:
-    make_ready(rig)
+    rig.make_ready()
     channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
     channel.start()
     relay.hold_present()
     channel.request_stop()
     assert channel.wait_acknowledged(10.0)
-    assert is_stopped(rig)
+    assert rig.stopped
     assert channel.failure == ""
     channel.close()
 
@@ -143,7 +121,7 @@ def test_an_idle_channel_gives_up_a_connection_that_is_open_but_silent(
 
 
 def test_a_slow_arm_is_given_time_to_acknowledge(rig: ControllerRig) -> None:
-    make_ready(rig)
+    rig.make_ready()
     channel = StopChannel("127.0.0.1", rig.config().control_port, 0.02, "arm-stop")
     channel.start()
     rig.server.reply_delay_s = 0.2
