@@ -20,7 +20,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tests.calibration.camera_ui_process import ALL, STILL
 from tests.hw.lite6.controller_rig import controller, until
 from tests.hw.v4l2 import fake_cameras
-from tests.hw.v4l2.fake_cameras import ROOT, SMALL, CameraProcess, Machine, build_library
+from tests.hw.v4l2.camera_process import camera_process
+from tests.hw.v4l2.fake_cameras import ROOT, Machine, build_library
 
 pytestmark = pytest.mark.waiting
 
@@ -128,16 +129,13 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
     assert "by-path/usb-0:3" in found.cameras["eih"].path
 
     before = {number: camera.streams_started for number, camera in cameras.items()}
-    process = CameraProcess(library, machine)
-    try:
+    with camera_process(tmp_path, machine) as process:
         for view, settings in found.cameras.items():
-            number = process.ask("make", view, settings, SMALL)
-            process.ask("do", number, "start", ())
-            process.ask("do", number, "close", ())
+            camera = process.camera(settings, view)
+            camera.start()
+            camera.close()
             opened = int(nodes[view].removeprefix("video"))
             assert cameras[opened].streams_started == before[opened] + 1
-    finally:
-        process.close()
     assert cameras[6].streams_started == before[6]
 
 

@@ -15,15 +15,15 @@ from hw.make_camera import make_camera
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
 from tams_app import gst
-from tams_app.config import CameraConfig, VideoConfig
+from tams_app.config import CameraConfig
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
 from tests.contract.promises.camera import CameraBench
-from tests.hw.v4l2.fake_cameras import Behaviour, CameraProcess, RemoteCamera
+from tests.hw.v4l2.camera_process import CameraProcess
+from tests.hw.v4l2.fake_cameras import SILENT, SMALL
 
-SMALL = VideoConfig(width=160, height=120)
 VIEW = "gt"
 
 
@@ -111,13 +111,15 @@ class V4l2Rig(CameraRig):
         self.cleaning.callback(self._machine.unplug)
 
     def camera(self) -> Camera:
-        return RemoteCamera(self._process, CameraConfig(name="Webcam"), SMALL)
+        made: Camera = self._process.camera(CameraConfig(name="Webcam"), VIEW)
+        return made
 
     def absent_camera(self) -> Camera:
-        return RemoteCamera(self._process, CameraConfig(name="Microscope"), SMALL)
+        absent: Camera = self._process.camera(CameraConfig(name="Microscope"), VIEW)
+        return absent
 
     def silence(self) -> None:
-        self._webcam.behaviour = Behaviour.SILENT
+        self._webcam.behaviour = SILENT
 
 
 def write_video(path: Path, frames: int, fps: int = 30, size: str = "width=160,height=120") -> None:

@@ -12,7 +12,7 @@ from tams_app.units import NS_PER_S
 from tests.contract.camera_rigs import CameraRig, FileRig, PatternRig, SimRig, V4l2Rig
 from tests.contract.promises.camera import CAMERA_PROMISES, CameraBench
 from tests.contract.promises.promise import Promise
-from tests.hw.v4l2.fake_cameras import CameraProcess, camera_process
+from tests.hw.v4l2.camera_process import CameraProcess, camera_process
 
 pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 

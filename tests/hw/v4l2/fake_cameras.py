@@ -1,41 +1,22 @@
-"""V4L2 cameras that tests plug in and out, and a process in which they seem to be real.
-
-The process runs with `fake_v4l2.c` preloaded, so that everything from v4l2src upwards is the real
-thing; what is played is the kernel. Skipped, with the reason, where there is no C compiler.
-"""
+"""V4L2 cameras for a process that has `fake_v4l2.c` preloaded: the kernel's side is played."""
 
 from __future__ import annotations
 
 import ctypes
 import mmap
 import os
-import pickle
 import shutil
 import subprocess
-import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from enum import IntEnum
+from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
 import pytest
 
-from hw.camera import Camera
-from hw.v4l2.controls import (
-    AUTO_WHITE_BALANCE,
-    EXPOSURE_ABSOLUTE,
-    EXPOSURE_AUTO,
-    EXPOSURE_AUTO_PRIORITY,
-    WHITE_BALANCE_TEMPERATURE,
-)
-from hw.v4l2.devices import CameraInfo
-from tams_app.config import CameraConfig, VideoConfig
-from tams_app.errors import ConfigError, DeviceError
-from tams_app.records import Frame
+from hw.v4l2 import controls as ids
+from tams_app.config import VideoConfig
 
 SOURCE = Path(__file__).parent / "fake_v4l2.c"
 ROOT = Path(__file__).parents[3]
@@ -46,35 +27,24 @@ GREYS = 25  # between the frames
 GAIN = 0x0098_0913
 INTEGER, BOOLEAN, MENU, HEADING, RECTANGLE = 1, 2, 3, 6, 0x0107
 DISABLED, READ_ONLY, HAS_PAYLOAD = 0x0001, 0x0004, 0x0100
-_ERRORS = {error.__name__: error for error in (ConfigError, DeviceError)}
-
-
-class Behaviour(IntEnum):
-    """What a camera does (fake_v4l2.c)."""
-
-    RUNS = 0
-    SILENT = 1
-    REPEATS = 2
-    SKIPS = 3  # every fifth frame
-    CORRUPTS = 4  # all but the beginning of every second frame
-    MARKS = 5  # every second frame as one of which something was lost
+SILENT, MARKS = 1, 2  # behaviours
 
 
 class FakeControl(ctypes.Structure):
     """struct control of fake_v4l2.c"""
 
     _fields_ = (
-        ("id", ctypes.c_uint32),
-        ("type", ctypes.c_uint32),
+        *((name, ctypes.c_uint32) for name in ("id", "type")),
         ("name", ctypes.c_char * 32),
-        ("minimum", ctypes.c_int32),
-        ("maximum", ctypes.c_int32),
-        ("step", ctypes.c_int32),
-        ("fallback", ctypes.c_int32),
-        ("value", ctypes.c_int32),
-        ("stubborn", ctypes.c_uint32),
-        ("flags", ctypes.c_uint32),
+        *((name, ctypes.c_int32) for name in ("minimum", "maximum", "step", "fallback", "value")),
+        *((name, ctypes.c_uint32) for name in ("stubborn", "flags")),
     )
+
+
+_NUMBERS = (
+    "behaviour metadata pixelformat width height rate period widest highest slowest open_error "
+    "age_us changes streams_started frame_bytes frame_count control_count"
+)
 
 
 class FakeCamera(ctypes.Structure):
@@ -82,40 +52,29 @@ class FakeCamera(ctypes.Structure):
 
     _fields_ = (
         ("card", ctypes.c_char * 32),
-        ("behaviour", ctypes.c_uint32),
-        ("metadata", ctypes.c_uint32),
-        ("pixelformat", ctypes.c_uint32),
-        ("width", ctypes.c_uint32),
-        ("height", ctypes.c_uint32),
-        ("rate", ctypes.c_uint32),
-        ("period", ctypes.c_uint32),
-        ("widest", ctypes.c_uint32),
-        ("highest", ctypes.c_uint32),
-        ("slowest", ctypes.c_uint32),
-        ("open_error", ctypes.c_uint32),
-        ("age_us", ctypes.c_uint32),
-        ("changes", ctypes.c_uint32),
-        ("streams_started", ctypes.c_uint32),
-        ("frames", ctypes.c_uint32),
-        ("frame_bytes", ctypes.c_uint32),
-        ("frame_count", ctypes.c_uint32),
-        ("control_count", ctypes.c_uint32),
+        *((name, ctypes.c_uint32) for name in _NUMBERS.split()),
         ("controls", FakeControl * 8),
     )
 
-    def control(self, name: bytes) -> FakeControl:
-        found: FakeControl = next(control for control in self.controls if control.name == name)
-        return found
+    def values(self) -> dict[str, int]:
+        return {one.name.decode(): one.value for one in self.controls if one.name}
 
 
 WEBCAM_CONTROLS = (
     FakeControl(GAIN, INTEGER, b"Gain", 0, 100, 1, 10, 10),
-    FakeControl(EXPOSURE_AUTO, MENU, b"Auto Exposure", 0, 3, 1, 3, 3),
-    FakeControl(EXPOSURE_ABSOLUTE, INTEGER, b"Exposure Time, Absolute", 3, 2047, 1, 250, 250),
-    FakeControl(EXPOSURE_AUTO_PRIORITY, BOOLEAN, b"Exposure, Dynamic Framerate", 0, 1, 1, 0, 1),
-    FakeControl(AUTO_WHITE_BALANCE, BOOLEAN, b"White Balance, Automatic", 0, 1, 1, 1, 1),
+    FakeControl(ids.EXPOSURE_AUTO, MENU, b"Auto Exposure", 0, 3, 1, 3, 3),
+    FakeControl(ids.EXPOSURE_ABSOLUTE, INTEGER, b"Exposure Time, Absolute", 3, 2047, 1, 250, 250),
+    FakeControl(ids.EXPOSURE_AUTO_PRIORITY, BOOLEAN, b"Exposure, Dynamic Framerate", 0, 1, 1, 0, 1),
+    FakeControl(ids.AUTO_WHITE_BALANCE, BOOLEAN, b"White Balance, Automatic", 0, 1, 1, 1, 1),
     FakeControl(
-        WHITE_BALANCE_TEMPERATURE, INTEGER, b"White Balance Temperature", 2000, 6500, 1, 4000, 4000
+        ids.WHITE_BALANCE_TEMPERATURE,
+        INTEGER,
+        b"White Balance Temperature",
+        2000,
+        6500,
+        1,
+        4000,
+        4000,
     ),
 )
 
@@ -230,87 +189,3 @@ def build_library(folder: Path) -> Path:
     command = [compiler, "-O1", "-shared", "-fPIC", "-o", str(library), str(SOURCE), "-ldl"]
     subprocess.run([*command, "-lpthread"], check=True)
     return library
-
-
-@contextmanager
-def camera_process(folder: Path) -> Iterator[CameraProcess]:
-    """A machine without cameras, and a process that runs on it."""
-    process = CameraProcess(build_library(folder), Machine(folder))
-    try:
-        yield process
-    finally:
-        process.close()
-
-
-class CameraProcess:
-    """A process that sees the machine's cameras; see `camera_process.py` for its side."""
-
-    def __init__(self, library: Path, machine: Machine) -> None:
-        self.machine = machine
-        environment = os.environ | {
-            "LD_PRELOAD": str(library),
-            "TAMS_FAKE_V4L2": str(machine.dev),
-            "G_DEBUG": "fatal-warnings",
-        }
-        self._process = subprocess.Popen(
-            [
-                sys.executable,
-                "-m",
-                "tests.hw.v4l2.camera_process",
-                str(machine.dev),
-                str(machine.sys),
-            ],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            cwd=ROOT,
-            env=environment,
-        )
-
-    def ask(self, *request: Any) -> Any:
-        """Have it done there; the errors of TAMS are raised here again."""
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        pickle.dump(request, self._process.stdin)
-        self._process.stdin.flush()
-        failure, answer = pickle.load(self._process.stdout)
-        if failure:
-            raise _ERRORS[failure](answer)
-        return answer
-
-    def cameras(self) -> list[CameraInfo]:
-        return list(self.ask("list"))
-
-    def close(self) -> None:
-        assert self._process.stdin is not None
-        assert self._process.stdout is not None
-        self._process.stdin.close()
-        exit_code = self._process.wait(30)
-        self._process.stdout.close()
-        assert exit_code == 0
-
-
-class RemoteCamera(Camera):
-    """A V4L2 camera that lives in the process which sees it."""
-
-    def __init__(
-        self, process: CameraProcess, config: CameraConfig, video: VideoConfig = SMALL
-    ) -> None:
-        self.view = "gt"
-        self._process = process
-        self._number = process.ask("make", self.view, config, video)
-
-    def start(self) -> None:
-        self._do("start")
-
-    def next_frame(self, timeout_s: float) -> Frame | None:
-        frame: Frame | None = self._do("next_frame", timeout_s)
-        return frame
-
-    def close(self) -> None:
-        self._do("close")
-
-    def notes(self) -> list[tuple[str, str]]:
-        return list(self._process.ask("notes_of", self._number))
-
-    def _do(self, name: str, *arguments: Any) -> Any:
-        return self._process.ask("do", self._number, name, arguments)

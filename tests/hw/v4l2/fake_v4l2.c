@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 enum { MAX_OPEN = 32, MAX_BUFFERS = 16, MAX_CONTROLS = 8, OFFSET_STEP = 1 << 22 };
-enum behaviour { RUNS, SILENT, REPEATS, SKIPS, CORRUPTS, MARKS };
+enum behaviour { RUNS, SILENT, MARKS };
 
 struct control {
     uint32_t id, type;
@@ -39,7 +39,7 @@ struct camera {
     uint32_t slowest;          /* of any rate up to the one above, 0: it has that one alone */
     uint32_t open_error;       /* why it cannot be opened, 0: it can */
     uint32_t age_us;                            /* of a frame when it is ready */
-    uint32_t changes, streams_started, frames;  /* what was done */
+    uint32_t changes, streams_started;          /* what was done */
     uint32_t frame_bytes, frame_count; /* the JPEGs behind this struct, each this long */
     uint32_t control_count;
     struct control controls[MAX_CONTROLS];
@@ -90,13 +90,12 @@ static int take(int *queue, int *count) {
 static void fill(struct opened *o, int index, const struct timespec *due) {
     struct camera *c = o->camera;
     size_t bytes = picture_bytes(c);
-    uint32_t number = c->behaviour == REPEATS ? 0 : o->sequence;
+    uint32_t number = o->sequence;
     unsigned char *frame = o->buffers[index];
     if (c->pixelformat == V4L2_PIX_FMT_MJPEG)
         memcpy(frame, (char *)(c + 1) + bytes * (number % c->frame_count), bytes);
     else
         for (size_t i = 0; i < bytes; i++) frame[i] = (i + number * 7) & 0xff;
-    if (c->behaviour == CORRUPTS && number % 2) memset(frame + bytes / 8, 0, bytes - bytes / 8);
     int64_t us = due->tv_sec * 1000000LL + due->tv_nsec / 1000 - c->age_us;
     struct v4l2_buffer *state = &o->states[index];
     state->timestamp.tv_sec = us / 1000000;
@@ -117,14 +116,11 @@ static void *film(void *argument) {
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
         pthread_mutex_lock(&lock);
         int go_on = o->streaming && plugged(o);
-        int left_out = o->camera->behaviour == SILENT ||
-                       (o->camera->behaviour == SKIPS && o->sequence % 5 == 4);
         o->sequence++;
-        if (go_on && !left_out && o->queued_count) {
+        if (go_on && o->camera->behaviour != SILENT && o->queued_count) {
             int index = take(o->queued, &o->queued_count);
             fill(o, index, &due);
             o->ready[o->ready_count++] = index;
-            o->camera->frames++;
             eventfd_write(o->fd, 1);
         } else if (o->streaming && !plugged(o)) {
             eventfd_write(o->fd, 1); /* wakes the waiting thread: there is an error to fetch */

@@ -41,13 +41,9 @@ def plan(has: tuple[Control, ...] = WEBCAM, **keys: Any) -> list[tuple[str, int]
     return [(setting.control.name, setting.value) for setting in plan_settings(config(**keys), has)]
 
 
-def test_a_fixed_exposure_is_manual_and_in_units_of_100_us() -> None:
-    planned = plan(exposure_us=8000)
+def test_a_value_is_set_after_its_automatic_is_off_and_an_exposure_in_units_of_100_us() -> None:
+    planned = plan(exposure_us=8000, white_balance_k=4600)
     assert planned.index(("auto_exposure", 1)) < planned.index(("exposure_time_absolute", 80))
-
-
-def test_a_fixed_white_balance_is_set_after_its_automatic_is_off() -> None:
-    planned = plan(white_balance_k=4600)
     manual = planned.index(("white_balance_automatic", 0))
     assert manual < planned.index(("white_balance_temperature", 4600))
 
@@ -58,6 +54,7 @@ def test_without_them_exposure_and_white_balance_are_automatic_again() -> None:
     assert planned["white_balance_automatic"] == 1
     assert "exposure_time_absolute" not in planned
     assert "white_balance_temperature" not in planned
+    assert plan(has=()) == []
 
 
 @pytest.mark.parametrize("keys", [{}, {"exposure_us": 8000}])
@@ -70,10 +67,6 @@ def test_controls_by_name_come_last_and_have_the_last_word() -> None:
     named = plan(controls={"auto_exposure": 1, "exposure_dynamic_framerate": 1})
     assert [value for name, value in named if name == "auto_exposure"] == [1]
     assert [value for name, value in named if name == "exposure_dynamic_framerate"] == [1]
-
-
-def test_a_camera_without_controls_is_left_as_it_is() -> None:
-    assert plan(has=()) == []
 
 
 @pytest.mark.parametrize(
