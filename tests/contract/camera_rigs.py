@@ -122,13 +122,13 @@ class V4l2Rig(CameraRig):
         self._webcam.behaviour = SILENT
 
 
-def write_video(path: Path, frames: int, fps: int = 30, size: str = "width=160,height=120") -> None:
+def write_video(path: Path, frames: int, size: str = "width=160,height=120") -> None:
     """A video with sound in which every frame is another."""
     Gst: Any = gst.load().Gst
-    sound = max(1, frames * 44100 // fps // 1024)
+    sound = max(1, frames * 44100 // 30 // 1024)
     pipeline = gst.parse_pipeline(
         f"videotestsrc num-buffers={frames} pattern=smpte horizontal-speed=3 "
-        f"! video/x-raw,format=I420,{size},framerate={fps}/1 ! jpegenc ! matroskamux name=mux "
+        f"! video/x-raw,format=I420,{size},framerate=30/1 ! jpegenc ! matroskamux name=mux "
         f"! filesink name=file audiotestsrc num-buffers={sound} ! vorbisenc ! mux."
     )
     pipeline.get_by_name("file").set_property("location", str(path))

@@ -61,13 +61,6 @@ def test_a_file_of_another_shape_gets_black_borders(tmp_path: Path) -> None:
     assert image[:40, 24:-24].max() > 100
 
 
-def test_a_slow_file_leaves_places_empty(tmp_path: Path) -> None:
-    video = tmp_path / "slow.mkv"
-    write_video(video, frames=40, fps=10)
-    frames, _ = film(FileSource(str(video), SMALL), 6)
-    assert frames[-1].index - frames[0].index >= 15
-
-
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(DeviceError, match=r"camera gt: there is no video file .*none\.mkv"):
         film(FileSource(str(tmp_path / "none.mkv"), SMALL), 1)
@@ -127,13 +120,6 @@ def test_what_the_installed_decoders_play_is_played(tmp_path: Path, name: str) -
     assert notes == []
 
 
-def test_the_sound_of_an_mp4_is_left_out(tmp_path: Path) -> None:
-    sound = "audiotestsrc num-buffers=90 ! avenc_aac ! mux."
-    encode(tmp_path / "sound.mp4", CODED["h264.mp4"], sound)
-    frames, notes = film(FileSource(str(tmp_path / "sound.mp4"), SMALL), 40)
-    assert (len(frames), notes) == (40, [])
-
-
 def test_what_the_export_writes_is_played(tmp_path: Path) -> None:
     writer = Mp4Writer(tmp_path / "file-000.mp4", 160, 120, 30)
     for number in range(30):
@@ -167,21 +153,6 @@ def test_a_file_keeps_its_own_times_and_its_pauses_are_no_failure(tmp_path: Path
     apart_s = np.diff([frame.capture_ns for frame in frames]) / NS_PER_S
     assert apart_s[:3] == pytest.approx([1.2, 0.1, 1.2], abs=0.02)
     assert notes == []
-
-
-def test_in_a_pause_there_is_no_frame(tmp_path: Path) -> None:
-    write(tmp_path / "slow.mkv", JPEG, [(jpeg(0), False), (jpeg(1), False)], (0.0, 3.0))
-    camera = GstCamera(
-        "gt",
-        FileSource(str(tmp_path / "slow.mkv"), SMALL),
-        SMALL,
-        MonotonicClock(),
-        lambda *_: None,
-    )
-    camera.start()
-    assert camera.next_frame(1.0) is None
-    assert camera.trouble == ""
-    camera.close()
 
 
 def test_a_file_without_pictures_says_so(tmp_path: Path) -> None:

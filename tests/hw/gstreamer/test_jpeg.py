@@ -9,8 +9,7 @@ from typing import Any
 import cv2
 import pytest
 
-from hw.gstreamer import jpeg as jpegs
-from hw.gstreamer.jpeg import damage_of
+from hw.gstreamer.damage import damage_of
 from tams_app import gst
 from tests.hw.gstreamer.damaged_videos import SIZE, hole, jpeg, not_a_picture, picture
 
@@ -88,7 +87,7 @@ def test_a_lost_restart_marker_is_found_in_padded_pictures_and_without_the_libra
     data = padded(RESTARTS)
     third, fourth = data.index(b"\xff\xd2", 600), data.index(b"\xff\xd3", 600)
     assert damage_of(data[:third] + data[fourth:]) == "JPEG pictures lack a part"
-    monkeypatch.setattr(jpegs, "turbojpeg", lambda: None)
+    monkeypatch.setattr("hw.gstreamer.damage.turbojpeg", lambda: None)
     assert damage_of(data[:third] + data[fourth:]) == "JPEG pictures lack a part"
     assert damage_of(hole(jpeg(1))) == ""
 

@@ -7,7 +7,6 @@ import pytest
 from hw.gstreamer.monitor import (
     REMEMBERED,
     REPETITION_NS,
-    SILENCE_NS,
     START_TIMEOUT_NS,
     FrameStatus,
     FreezeWatch,
@@ -27,14 +26,12 @@ def watch() -> FreezeWatch:
     return watch
 
 
-def test_a_camera_that_was_just_opened_is_given_time(watch: FreezeWatch) -> None:
+def test_a_camera_is_silent_half_a_second_after_its_last_frame_later_where_it_was_just_opened(
+    watch: FreezeWatch,
+) -> None:
     assert watch.silent_from_ns() == OPENED_NS + START_TIMEOUT_NS
-
-
-def test_a_camera_is_silent_half_a_second_after_its_last_frame(watch: FreezeWatch) -> None:
     watch.frame(OPENED_NS + 900 * NS_PER_MS, b"a")
-    assert watch.silent_from_ns() == OPENED_NS + 900 * NS_PER_MS + SILENCE_NS
-    assert SILENCE_NS == 500 * NS_PER_MS
+    assert watch.silent_from_ns() == OPENED_NS + 1400 * NS_PER_MS
 
 
 def test_frames_that_differ_in_one_bit_are_seen(watch: FreezeWatch) -> None:
@@ -76,20 +73,10 @@ def test_reopening_does_not_make_the_same_frame_a_new_one(watch: FreezeWatch) ->
         watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
     reopened_ns = OPENED_NS + 3 * NS_PER_S
     watch.opened(reopened_ns)
+    # nor one that is left over from before a reason to close the camera again at once
     assert watch.frame(reopened_ns + PERIOD_NS, b"a") is FrameStatus.REPEATED
     assert watch.frame(reopened_ns + REPETITION_NS + 1, b"a") is FrameStatus.FROZEN
     assert watch.frame(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is FrameStatus.NEW
-
-
-def test_a_frame_left_over_from_before_reopening_does_not_close_the_camera(
-    watch: FreezeWatch,
-) -> None:
-    for number in range(60):
-        watch.frame(OPENED_NS + number * PERIOD_NS, b"a")
-    reopened_ns = OPENED_NS + 3 * NS_PER_S
-    watch.opened(reopened_ns)
-    assert watch.frame(reopened_ns + PERIOD_NS, b"a") is not FrameStatus.FROZEN
-    assert watch.frame(reopened_ns + 2 * PERIOD_NS, b"b") is FrameStatus.NEW
 
 
 def test_a_file_may_show_one_frame_for_ever() -> None:
