@@ -83,32 +83,18 @@ class Policy:
 
     @staticmethod
     def of(config: Config, capacity: Capacity) -> Policy:
-        """Make the policy of a configuration.
+        """The policy of a configuration; ConfigError if its strategy or budget does not exist.
 
-        Args:
-            config: names strategy and budget.
-            capacity: the emulated link's, for the budget `oracle`.
-
-        Returns:
-            A new policy.
-
-        Raises:
-            ConfigError: there is no such strategy or budget.
+        `capacity`: the emulated link's, for the budget `oracle`.
         """
         settings = config.policy
         strategy = make_strategy(config.strategy, settings)
         return Policy(strategy, make_budget(settings, capacity), settings)
 
     def step(self, phase: Phase, report: UplinkReport) -> Allocation:
-        """One allocation (paper, section III-D).
+        """One allocation (paper, section III-D): targets, and what they follow from.
 
-        Args:
-            phase: s_t, the current phase.
-            report: what the senders know now; its time must not decrease from call to call.
-
-        Returns:
-            The target bitrate of each view [kbit/s of IP datagram bytes], and what it follows from:
-            phase, estimated capacity and budget B_t (the capacity times the safety factor).
+        `report`: what the senders know now; its time must not decrease from call to call.
         """
         now_ns = report.now_ns
         self._budget.observe(report)

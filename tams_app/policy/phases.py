@@ -102,16 +102,8 @@ class PhaseTracker:
 
         The first step has no gripper edge, unless `begins_open`. A gripper of unknown state is
         taken for open, so that the next command to close it is an edge. Where it was closed and is
-        not known any more, nothing is claimed to be held, and Reach begins.
-
-        Args:
-            speed: v̄_t [m/s].
-            vertical_speed: v̄_{z,t}, positive upwards [m/s].
-            closed: g_t; None: not known.
-            period_s: Δt [s].
-
-        Returns:
-            The decision of `infer_phase`.
+        not known any more, nothing is claimed to be held, and Reach begins. The rest is as for
+        `infer_phase`; `closed`: None: not known.
         """
         if self._closed is None:
             self._closed = bool(closed)
@@ -195,15 +187,7 @@ class PhaseInference:
         return self._smoothed.vertical_speed
 
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
-        """One control period.
-
-        Args:
-            now_ns: the time [ns]; Δt is counted from the step before.
-            arm: the newest report; None while there is none.
-
-        Returns:
-            The phase that has begun, None if it is the one before.
-        """
+        """One control period; Δt is counted from the step before."""
         period_s = 0.0 if self._last_ns is None else (now_ns - self._last_ns) / NS_PER_S
         self._last_ns = now_ns
         if arm is not None:

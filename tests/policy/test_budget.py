@@ -7,7 +7,7 @@ import pytest
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
 from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.budget import BUDGETS, OracleBudget, make_budget
+from tams_app.policy.budget import BUDGETS, OracleBudget, SenderBudget, make_budget
 from tams_app.records import Phase, UplinkReport
 
 pytestmark = pytest.mark.untimed
@@ -37,8 +37,10 @@ def test_without_a_bottleneck_the_oracle_gives_the_configured_maximum():
     assert budget.capacity_kbps(0) == 20_000
 
 
-def test_the_oracle_never_asks_for_padding_and_bounds_nothing():
-    budget = OracleBudget(Falling(), BudgetConfig())
+@pytest.mark.parametrize(
+    "budget", [OracleBudget(Falling(), BudgetConfig()), SenderBudget(BudgetConfig())]
+)
+def test_without_feedback_on_packets_no_padding_is_asked_for_and_nothing_bound(budget):
     assert budget.padding_bytes(0) == 0
     assert budget.flight_limit_bytes(0) == math.inf
 

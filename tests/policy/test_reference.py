@@ -92,19 +92,6 @@ def test_the_phases_are_those_of_the_authors_rule_on_random_and_hostile_rows(see
     assert found == expected
 
 
-@pytest.mark.parametrize("gripper", [0, 1])
-def test_a_first_row_that_is_closed_already_has_just_closed_as_theirs_begins_open(
-    gripper: int,
-) -> None:
-    rows = [(0.02 * number, 0.0, 0.0, 0.0, gripper) for number in range(3)]
-    assert authors_phases(rows) == [["REACH"] * 3, ["GRASP"] * 3][gripper]
-    config = load_config(overrides={"preset": "reference"}).policy.phases
-    text = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n"
-    text += "".join(f"{t_s},{x},{y},{z},{closed}\n" for t_s, x, y, z, closed in rows)
-    labelled = label_phases(text, "rows", PhaseParameters.of(config), 0.0)
-    assert [row["phase"] for row in csv.DictReader(io.StringIO(labelled))] == authors_phases(rows)
-
-
 def test_in_a_session_the_speed_is_not_smoothed() -> None:
     inference = PhaseInference(load_config(overrides={"preset": "reference"}).policy.phases)
     speeds = []

@@ -1,6 +1,5 @@
 """The capacity from sender statistics and receiver reports."""
 
-import math
 from collections.abc import Callable
 
 import pytest
@@ -86,9 +85,3 @@ def test_reports_that_stop_cut_it_and_a_single_missing_one_does_not():
 
     assert run(until, 9)[-1] == 3000
     assert run(until, 60)[-1] < 100
-
-
-def test_it_never_asks_for_padding_and_bounds_nothing():
-    budget = SenderBudget(CONFIG)
-    assert budget.padding_bytes(0) == 0
-    assert budget.flight_limit_bytes(0) == math.inf

@@ -9,6 +9,7 @@ from tams_app.policy.allocation import make_strategy
 from tams_app.policy.tams_plus import ladder
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
+from tests.policy.test_allocation import weight_rows
 
 pytestmark = pytest.mark.untimed
 
@@ -19,12 +20,6 @@ TAMS, PLUS = make_strategy("tams", POLICY), make_strategy("tams+", POLICY)
 
 phases = st.sampled_from(list(Phase))
 small_budgets = st.floats(0, FLOORS_KBPS, exclude_max=True)
-
-
-@st.composite
-def weight_rows(draw):
-    parts = draw(st.lists(st.integers(0, 100), min_size=1, max_size=6).filter(any))
-    return {f"v{i}": part / sum(parts) for i, part in enumerate(parts)}
 
 
 @given(phases, st.floats(FLOORS_KBPS, 20_000))
