@@ -32,10 +32,6 @@ class Trail:
         while len(self._samples) > 1 and self._samples[1][0] < t_ns - self._kept_ns:
             self._samples.popleft()
 
-    def clear(self) -> None:
-        """Forget all."""
-        self._samples.clear()
-
     def covers(self, t_ns: int, beyond_ns: int) -> bool:
         """Whether `t_ns` is within the samples, or after the newest by at most `beyond_ns`."""
         if not self._samples:

@@ -18,8 +18,7 @@ from hw.arms import arm_kind
 from tams_app.config import Config, LensConfig, MountConfig, load_config
 from tams_app.console import checks
 from tams_app.errors import SetupError, TamsError
-from tams_app.prediction.plane_warp import border_rays, mounted, plane_change, projected
-from tams_app.prediction.resampling import RayMap
+from tams_app.prediction.plane_warp import RayMap, border_rays, mounted, plane_change, projected
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras

@@ -13,7 +13,7 @@ from tams_app.records import Activity, ArmState, ControllerSample, ServoMode, Tw
 from tams_app.rotation import Rotation
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
-from tests.teleop.rig import PERIOD_NS, Bench, Hand, make_config
+from tests.teleop.rig import PERIOD_NS, Bench, Hand, hand_for, make_config
 
 READY_JOINTS = np.radians([0.0, 9.9, 31.8, 0.0, 21.9, 0.0])
 MODEL = Lite6Model()
@@ -101,6 +101,19 @@ class Sides:
         self.hand.trigger = 1.0
         self.step(self.way + self.back + 2)
         assert self.output.arming is ArmingState.ENGAGED
+
+    def move(self, *velocity_m_s: float) -> None:
+        """Engage, and lead the arm at this velocity from now on."""
+        self.engage()
+        self.hand.linear = hand_for(velocity_m_s, self.config)
+
+    def errors_m(self, ticks: int, **changes: object) -> list[float]:
+        """How far off each prediction is while so many ticks pass."""
+        errors = []
+        for _ in range(ticks):
+            self.step(**changes)
+            errors.append(self.error_m())
+        return errors
 
     def error_m(self) -> float:
         """How far the TCP is from where it is predicted now."""

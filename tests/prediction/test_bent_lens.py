@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from tams_app.prediction.outline import ArmOutline, PlacedArm
 from tams_app.prediction.plane_warp import (
+    RayMap,
     WristWarp,
     border_rays,
     corners_of,
@@ -18,7 +19,6 @@ from tams_app.prediction.plane_warp import (
     projected,
     silhouette,
 )
-from tams_app.prediction.resampling import RayMap
 from tams_app.records import NO_DISTORTION, Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tests.prediction.wrist import MOUNT, STRAIGHT, above, lens_of, picture
@@ -109,7 +109,7 @@ def test_a_frame_of_the_plane_becomes_what_the_bent_lens_sees_now(lens):
 @pytest.mark.parametrize("lens", [WIDE, TELE, replace(WIDE, distortion=NO_DISTORTION)])
 def test_the_mesh_puts_each_pixel_within_a_twentieth_of_where_it_belongs(lens):
     then, now = (mounted(flange, lens.pose) for flange in (THEN, NOW))
-    change = plane_change(border_rays(lens), then, now, 0.0)
+    change = plane_change(border_rays(lens), then, now)
     assert change is not None
     pixels = np.stack(np.meshgrid(np.arange(640.0), np.arange(480.0)), axis=-1).reshape(-1, 2)
     rays = np.insert(lens.slopes(pixels), 2, 1.0, axis=1) @ change.T

@@ -23,9 +23,7 @@ def test_the_arm_is_where_it_is_predicted_whatever_the_hand_does(way, back, path
     errors = []
     for velocity in path:
         sides.hand.linear = hand_for(velocity, sides.config)
-        for _ in range(30):
-            sides.step()
-            errors.append(sides.error_m())
+        errors += sides.errors_m(30)
     assert max(errors) < 2e-3
 
 
@@ -86,8 +84,7 @@ def test_an_arm_in_fault_is_predicted_to_stand_whatever_the_trigger_does():
 
 def test_a_stop_that_only_the_robot_s_side_knows_ends_the_predicted_motion():
     sides = Sides(way=4, back=12)
-    sides.engage()
-    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.move(0.1, 0.0, 0.0)
     sides.step(30)
     sides.step(1, estop=True)
     sides.step(40)
@@ -99,9 +96,7 @@ def test_an_arm_that_follows_late_is_predicted_so():
     sides.engage()
     for direction in (0.12, -0.12):
         sides.hand.linear = hand_for((direction, 0.0, 0.0), sides.config)
-        for _ in range(40):
-            sides.step()
-            assert sides.error_m() < 3e-3
+        assert max(sides.errors_m(40)) < 3e-3
 
 
 def test_an_operator_s_side_that_begins_later_learns_of_the_mode():
@@ -126,8 +121,7 @@ def test_an_operator_s_side_that_begins_later_learns_of_the_mode():
 
 def test_an_arm_that_slows_down_near_its_reach_is_predicted_so():
     sides = Sides(way=12, back=12)
-    sides.engage()
-    sides.hand.linear = hand_for((0.2, 0.0, 0.15), sides.config)
+    sides.move(0.2, 0.0, 0.15)
     scales, errors = [], []
     for _ in range(150):
         sides.step()
@@ -139,30 +133,20 @@ def test_an_arm_that_slows_down_near_its_reach_is_predicted_so():
 
 def test_a_slowed_arm_is_predicted_as_slow():
     sides = Sides(way=6, back=6)
-    sides.engage()
-    sides.hand.linear = hand_for((0.15, 0.0, 0.0), sides.config)
+    sides.move(0.15, 0.0, 0.0)
     slow_ns = 700_000_000  # of video, at which the arm is slowed and does not hold
     sides.step(40, video_age_ns=slow_ns)
     assert 0.0 < sides.output.speed_scale < 1.0
-    errors = []
-    for _ in range(40):
-        sides.step(video_age_ns=slow_ns)
-        errors.append(sides.error_m())
-    assert max(errors) < 1e-3
+    assert max(sides.errors_m(40, video_age_ns=slow_ns)) < 1e-3
 
 
 def test_the_error_of_earlier_predictions_is_told_with_each():
     sides = Sides(way=12, back=12)
-    sides.engage()
-    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
-    for _ in range(40):
-        sides.step()
-        sides.model.at(sides.now_ns)
+    sides.move(0.1, 0.0, 0.0)
+    sides.errors_m(40)
     assert sides.model.at(sides.now_ns).error_m < 2e-3
     sides.arm.joints = sides.arm.joints + 0.05  # a jump that no command caused
-    for _ in range(20):
-        sides.step()
-        sides.model.at(sides.now_ns)
+    sides.errors_m(20)
     assert sides.model.at(sides.now_ns).error_m > 0.01
 
 
@@ -182,11 +166,8 @@ def test_predictions_are_trusted_that_are_good_or_much_better_than_none(error_m,
 
 def test_how_far_off_the_newest_state_was_is_told_beside_the_error_of_predictions():
     sides = Sides(way=24, back=24)
-    sides.engage()
-    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
-    for _ in range(100):
-        sides.step()
-        sides.model.at(sides.now_ns)
+    sides.move(0.1, 0.0, 0.0)
+    sides.errors_m(100)
     forecast = sides.model.at(sides.now_ns)
     assert forecast.error_m < 2e-3
     assert forecast.late_m == pytest.approx(0.1 * 24 / 120, abs=3e-3)
@@ -197,21 +178,16 @@ def test_an_error_is_forgotten_after_two_seconds():
     sides = Sides(way=2, back=2)
     sides.step(20)
     sides.arm.joints = sides.arm.joints + 0.05
-    for _ in range(10):
-        sides.step()
-        sides.model.at(sides.now_ns)
+    sides.errors_m(10)
     assert sides.model.at(sides.now_ns).error_m > 0.01
-    for _ in range(260):
-        sides.step()
-        sides.model.at(sides.now_ns)
+    sides.errors_m(260)
     assert sides.model.at(sides.now_ns).error_m < 1e-6
 
 
 def test_an_operator_s_computer_that_stood_still_predicts_no_motion_of_that_time():
     """No sample came there either, and the arm's own deadman has stopped it."""
     sides = Sides(way=0, back=0)
-    sides.engage()
-    sides.hand.linear = hand_for((0.2, 0.0, 0.0), sides.config)
+    sides.move(0.2, 0.0, 0.0)
     sides.step(30)
     joints = sides.model.at(sides.now_ns).joints
     later_ns = sides.now_ns + 2_000_000_000
@@ -221,8 +197,7 @@ def test_an_operator_s_computer_that_stood_still_predicts_no_motion_of_that_time
 
 def test_the_past_is_as_it_was_measured():
     sides = Sides(way=3, back=3)
-    sides.engage()
-    sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
+    sides.move(0.1, 0.0, 0.0)
     sides.step(20)
     then_ns, joints = sides.now_ns, sides.arm.joints
     sides.step(10)

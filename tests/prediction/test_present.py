@@ -1,4 +1,6 @@
 import math
+from collections.abc import Callable
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -28,15 +30,32 @@ START_NS = 1_000_000_000
 THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
 
 
-def trail_of(trusted: bool = True, late_ns: int = 100 * NS_PER_MS) -> MountTrail:
+def trail_of(
+    now: Pose = NOW, late_ns: int = 100 * NS_PER_MS, steps: int = 40, **more: Any
+) -> MountTrail:
     trail = MountTrail()
-    for step in range(40):
-        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW, late_ns, trusted=trusted))
+    for step in range(steps):
+        trail.add(placed(START_NS + step * PERIOD_NS, THEN, now, late_ns, **more))
     return trail
 
 
-def last_ns() -> int:
-    return START_NS + 39 * PERIOD_NS
+def last_ns(steps: int = 40) -> int:
+    return START_NS + (steps - 1) * PERIOD_NS
+
+
+def state(t_ns: int, joints: np.ndarray) -> ArmHeard:
+    return ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0)
+
+
+class Telling:
+    """A prediction, and what it has told."""
+
+    def __init__(self, way: int = 0, camera_fits: Callable[[], bool] = lambda: True) -> None:
+        self.sides, self.told = Sides(way, way), list[MountPrediction]()
+        self.present = Present(self.sides.model, MODEL.tcp_pose, self.told.append, camera_fits)
+
+    def send(self, now_ns: int) -> None:
+        self.present.sent(self.sides.hand.sample(START_NS, 0.0), now_ns)
 
 
 LENS = lens_of(64, 48)
@@ -58,13 +77,12 @@ def test_a_frame_is_shown_as_it_would_look_from_where_the_mount_is_believed_to_b
     assert shown.unseen == warped.unseen
 
 
-def test_a_frame_that_is_too_old_is_shown_as_received():
-    trail = MountTrail()
-    for step in range(120):
-        trail.add(placed(START_NS + step * PERIOD_NS, THEN, NOW))
-    end_ns = START_NS + 119 * PERIOD_NS
-    assert show(trail, OLDEST_NS / NS_PER_MS, end_ns).as_received is None
-    old = show(trail, OLDEST_NS / NS_PER_MS + 1, end_ns)
+@pytest.mark.parametrize("offset_ns", [0, 7_000_000_000])
+def test_a_frame_that_is_too_old_by_the_clock_it_was_captured_by_is_shown_as_received(offset_ns):
+    trail, end_ns = trail_of(late_ns=0, steps=120, offset_ns=offset_ns), last_ns(120)
+    view = WristView(WristWarp(LENS, ()), trail)
+    assert view.show(FRAME, end_ns + offset_ns - OLDEST_NS, end_ns).as_received is None
+    old = view.show(FRAME, end_ns + offset_ns - OLDEST_NS - 1, end_ns)
     assert old.as_received is AsReceived.OLD
     assert old.image is FRAME
 
@@ -84,14 +102,12 @@ def test_a_frame_is_shown_as_received_where_the_camera_is_not_as_calibrated():
 
 
 def test_each_belief_says_whether_the_camera_is_as_calibrated():
-    told: list[MountPrediction] = []
     fits = iter((True, False))
-    sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: next(fits))
-    present.heard(ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0), way_ns=0)
+    telling = Telling(camera_fits=lambda: next(fits))
+    telling.present.heard(state(START_NS, READY_JOINTS), way_ns=0)
     for step in (2, 4):
-        present.sent(sides.hand.sample(START_NS, 0.0), START_NS + step * PERIOD_NS)
-    assert [one.camera_fits for one in told] == [True, False]
+        telling.send(START_NS + step * PERIOD_NS)
+    assert [one.camera_fits for one in telling.told] == [True, False]
 
 
 def test_a_frame_is_shown_as_received_where_the_mount_is_not_known():
@@ -107,11 +123,8 @@ def test_a_frame_is_shown_as_received_where_the_mount_is_not_known():
 
 
 def test_a_frame_is_shown_as_received_where_the_camera_sees_the_horizon():
-    trail = MountTrail()
     tilted = above(0.0, 0.0, 0.2, Rotation.from_rotvec((1.2, 0.0, 0.0)))
-    for step in range(40):
-        trail.add(placed(START_NS + step * PERIOD_NS, THEN, tilted))
-    assert show(trail).as_received is AsReceived.HORIZON
+    assert show(trail_of(tilted)).as_received is AsReceived.HORIZON
 
 
 def test_a_tool_that_points_down_turns_smoothly_between_two_samples():
@@ -145,10 +158,9 @@ def test_between_two_beliefs_the_last_motion_goes_on_for_a_moment():
 
 
 def test_each_second_sample_tells_where_the_mount_is_then_and_now():
-    told: list[MountPrediction] = []
-    sides = Sides(way=6, back=6)
-    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
-    sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
+    telling = Telling(way=6)
+    sides, told = telling.sides, telling.told
+    sides.model = telling.present  # type: ignore[assignment]  # it takes the same samples and states
     sides.engage()
     sides.hand.linear = hand_for((0.1, 0.0, 0.0), sides.config)
     for _ in range(60):
@@ -167,51 +179,26 @@ def test_each_second_sample_tells_where_the_mount_is_then_and_now():
 
 
 def test_frames_may_be_captured_by_another_clock():
-    told: list[MountPrediction] = []
-    sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
-    state = ArmHeard(START_NS, READY_JOINTS, None, ArmingState.READY, False, 1.0)
-    present.heard(state, way_ns=0, offset_ns=5_000_000_000)
-    present.sent(sides.hand.sample(START_NS, 0.0), START_NS + PERIOD_NS)
-    assert told[-1].now_ns == START_NS + PERIOD_NS
-    assert told[-1].then_ns == START_NS + 5_000_000_000
-    trail = MountTrail()
-    trail.add(told[-1])
+    telling, trail = Telling(), MountTrail()
+    telling.present.heard(state(START_NS, READY_JOINTS), way_ns=0, offset_ns=5_000_000_000)
+    telling.send(START_NS + PERIOD_NS)
+    (told,) = telling.told
+    assert (told.now_ns, told.then_ns) == (START_NS + PERIOD_NS, START_NS + 5_000_000_000)
+    trail.add(told)
     assert trail.offset_ns == 5_000_000_000
 
 
-def test_a_frame_s_age_is_by_the_clock_it_was_captured_by():
-    trail = MountTrail()
-    offset_ns = 7_000_000_000
-    for step in range(120):
-        t_ns = START_NS + step * PERIOD_NS
-        trail.add(MountPrediction(t_ns + offset_ns, THEN, t_ns, NOW, True, offset_ns))
-    end_ns = START_NS + 119 * PERIOD_NS
-    view = WristView(WristWarp(LENS, ()), trail)
-    assert view.show(FRAME, end_ns + offset_ns - OLDEST_NS, end_ns).as_received is None
-    old = view.show(FRAME, end_ns + offset_ns - OLDEST_NS - 1, end_ns)
-    assert old.as_received is AsReceived.OLD
-
-
-def test_a_state_that_is_older_than_the_last_moves_nothing():
+def test_nothing_is_told_before_the_first_state_and_an_older_one_than_the_last_moves_nothing():
     """Else a clock that was misjudged would leave an old prediction beside new places."""
-    told: list[MountPrediction] = []
-    sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
+    telling = Telling()
+    telling.send(START_NS)
+    assert telling.told == []
     for t_ns in (START_NS, START_NS - PERIOD_NS):
         joints = READY_JOINTS + (START_NS - t_ns) * 1e-9
-        present.heard(ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0), way_ns=0)
-    present.sent(sides.hand.sample(START_NS, 0.0), START_NS + PERIOD_NS)
-    assert told[-1].then_ns == START_NS
-    assert told[-1].then.position == pytest.approx(MODEL.tcp_pose(READY_JOINTS).position)
-
-
-def test_nothing_is_told_before_the_first_state():
-    told: list[MountPrediction] = []
-    sides = Sides(way=0, back=0)
-    present = Present(sides.model, MODEL.tcp_pose, told.append, lambda: True)
-    present.sent(sides.hand.sample(START_NS, 0.0), START_NS)
-    assert told == []
+        telling.present.heard(state(t_ns, joints), way_ns=0)
+    telling.send(START_NS + 2 * PERIOD_NS)
+    assert telling.told[-1].then_ns == START_NS
+    assert telling.told[-1].then.position == pytest.approx(MODEL.tcp_pose(READY_JOINTS).position)
 
 
 def test_the_luma_of_what_is_shown_is_that_of_the_picture():
