@@ -12,10 +12,11 @@ import numpy as np
 from hw.controller import Controller
 from tams_app.config import LinkConfig
 from tams_app.link.age import LeastOffset, PeerClock
+from tams_app.link.gaps import Breaks
 from tams_app.link.messages import HandMessage
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
 from tams_app.rotation import Rotation
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
 _STATUSES = {status.value: status for status in ControllerStatus}
 _LOST = ControllerSample(
@@ -27,7 +28,6 @@ _AWAY = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
 _WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
 _SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
-_BREAKS, _BREAKS_WITHIN_NS = 3, NS_PER_S
 _JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # a second's
 _ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
 
@@ -73,10 +73,11 @@ class LinkController(Controller):
         self._receive = receive
         self._pulse = pulse
         self._bridge_ns = config.bridge_ms * NS_PER_MS
-        self._breaks: deque[int] = deque(maxlen=_BREAKS)  # when they ended
+        self._breaks = Breaks()
+        self.too_often = 0  # how many breaks made too many
         self._in_break = False
         self._ways_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)  # by the clocks as they are
-        self._heard_ns: int | None = None
+        self.counted_ns: int | None = None  # when the newest whose pose counts was received
         self._gap_until_ns = 0  # then the link is lost
         self._newest: HandMessage | None = None  # that counted
         self._newest_ns = 0  # when it was sent, on our clock
@@ -100,7 +101,7 @@ class LinkController(Controller):
         if not self._started:
             self._forget()
             return _NOT_STARTED
-        heard_ns, let_go = self._heard_ns, self._let_go
+        heard_ns, let_go = self.counted_ns, self._let_go
         self._let_go = False
         if let_go:  # the next operator may have been heard since, but first the arm stops
             return self._absent
@@ -110,11 +111,10 @@ class LinkController(Controller):
             self._forget()
         if heard_ns is None:
             return _GAP if now_ns < self._gap_until_ns else self._absent
-        sample, breaks = self._sample, self._breaks
-        too_many = len(breaks) == _BREAKS and now_ns - breaks[0] <= _BREAKS_WITHIN_NS
-        if too_many and sample.status is ControllerStatus.OK:  # others stop the arm themselves
-            return replace(sample, status=ControllerStatus.LINK_GAPS)
-        return sample
+        is_ok = self._sample.status is ControllerStatus.OK  # others stop the arm themselves
+        if is_ok and self._breaks.too_many(now_ns):
+            return replace(self._sample, status=ControllerStatus.LINK_GAPS)
+        return self._sample
 
     def pulse(self, haptic: Haptic) -> None:
         if self._started:
@@ -153,7 +153,7 @@ class LinkController(Controller):
         self._newest, self._newest_ns = message, message.sent_ns + offset_ns
         if not is_early:
             self._posed, self._offset_ns, self._early_from_ns = message, offset_ns, None
-            self._heard_ns = heard_ns
+            self.counted_ns = heard_ns
         elif self._early_from_ns is None:
             self._early_from_ns = heard_ns
         return ""
@@ -181,7 +181,7 @@ class LinkController(Controller):
             beyond_ns = heard_ns - self._newest_ns - self._bridge_ns
             self._in_break = beyond_ns > 0 and beyond_ns > self._jitter_ns()
         if self._in_break and not was_in_break:
-            self._breaks.append(heard_ns)
+            self.too_often += self._breaks.add(heard_ns)
 
     def _jitter_ns(self) -> int:
         """What half of the samples have taken beyond the shortest way, at most 25 ms."""
@@ -230,10 +230,10 @@ class LinkController(Controller):
         self.clock.wake(now_ns)
 
     def _forget(self) -> None:
-        self._heard_ns = self._newest = self._posed = self._early_from_ns = None
+        self.counted_ns = self._newest = self._posed = self._early_from_ns = None
         self._anew_ns = 0
         self._in_break = False
-        self._breaks.clear()
+        self._breaks = Breaks()
         self._ways_ns.clear()
         self._offset = LeastOffset(_WAY_WINDOW_NS)
 

@@ -10,8 +10,10 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from msgspec.structs import replace
 from pydantic import ValidationError
 
+from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.addresses import addresses_of, called, datagram_socket
@@ -20,14 +22,18 @@ from tams_app.link.ends import GOODBYE
 from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
+from tams_app.link.messages import HandMessage
 from tams_app.link.operator_end import OperatorEnd
 from tams_app.printing import Console
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _ANSWER_NS = 8 * NS_PER_S
-_PINGS, _PING_EVERY_NS = 500, 20 * NS_PER_MS
+_PINGS, _PING_EVERY_NS = 1250, 8 * NS_PER_MS  # as often as samples of the hand in a session
 _QUIET_NS = NS_PER_S
+_STAMPS = ("sent_ns", "echo_ns", "echo_heard_ns", "pose_ns", "buttons_ns")
+_POSE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_SAMPLE = HandMessage(0, True, 0, 0, 0, "ok", _POSE, 0, 0, 0.0, 0.0, False, False, False, ())
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +42,7 @@ class LinkMeasured:
 
     lost_fraction: of the echoes. gaps: between those that came, in words. latency_ms, jitter_ms,
     lost_after_ms (None: no value of it helps): for `link` in the configuration of the robot's side.
+    link_gaps_a_minute: how many breaks hold the arm (*link gaps*) even then.
     """
 
     round_trip_ms: dict[str, float]  # p50, p95, p99
@@ -44,6 +51,7 @@ class LinkMeasured:
     jitter_ms: float
     gaps: str
     lost_after_ms: float | None
+    link_gaps_a_minute: float
 
 
 def run_link_check(
@@ -55,39 +63,50 @@ def run_link_check(
         where = called(endpoint.host, endpoint.port)
         console.print(f"measuring the link to {where}, about ten seconds", soft_wrap=True)
     try:
-        found = _measure(endpoint)
+        with _Prober(endpoint, MonotonicClock()) as prober:
+            prober.connect()
+            found = measured(prober.echoes())
     except OSError as error:
         raise HelperError(f"the network refuses: {error.strerror or error}") from error
     if as_json:
         console.out(json.dumps(asdict(found)), highlight=False)
-        return 0
-    for line in findings(found):
+    for line in () if as_json else findings(found):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     return 0
 
 
-def _measure(endpoint: Endpoint) -> LinkMeasured:
-    with _Prober(endpoint, MonotonicClock()) as prober:
-        prober.connect()
-        round_trips_ms = prober.round_trips_ms()
-        gaps_ms = np.diff(prober.arrived_ns) / NS_PER_MS
-        return measured(round_trips_ms, gaps_ms.tolist())
-
-
-def measured(round_trips_ms: list[float], gaps_ms: list[float]) -> LinkMeasured:
-    """Evaluate echoes, and the gaps between them; TamsError if there was no echo."""
-    if not round_trips_ms:
+def measured(echoes: list[tuple[int, int]]) -> LinkMeasured:
+    """Evaluate echoes: when each was sent and came back [ns]; TamsError if there was none."""
+    if not echoes:
         raise TamsError("the robot's side answers no measurement: is it still running?")
-    of_gaps = gaps_ms, _PINGS * _PING_EVERY_NS / NS_PER_S, LinkConfig().lost_after_ms
-    p50, p95, p99 = np.percentile(round_trips_ms, (50, 95, 99)).tolist()
+    trips_ms = np.diff(echoes)[:, 0] / NS_PER_MS
+    p50, p95, p99 = np.percentile(trips_ms, (50, 95, 99)).tolist()
+    way_ms = {"latency_ms": p50 / 2, "jitter_ms": p95 - float(trips_ms.min())}
+    link = LinkConfig().model_copy(update=way_ms)
+    found = _held(echoes, link)[0], _PINGS * _PING_EVERY_NS / NS_PER_S, link
+    prescribed = {"lost_after_ms": lost_after_for(*found) or link.lost_after_ms}
+    too_often = _held(echoes, link.model_copy(update=prescribed))[1]
     return LinkMeasured(
         round_trip_ms={"p50": p50, "p95": p95, "p99": p99},
-        lost_fraction=1 - len(round_trips_ms) / _PINGS,
-        latency_ms=p50 / 2,
-        jitter_ms=p95 - min(round_trips_ms),
-        gaps=advice(*of_gaps),
-        lost_after_ms=lost_after_for(*of_gaps),
+        lost_fraction=1 - len(echoes) / _PINGS,
+        **way_ms,
+        gaps=advice(*found, too_often),
+        lost_after_ms=lost_after_for(*found, too_often),
+        link_gaps_a_minute=too_often * 60.0 / found[1],
     )
+
+
+def _held(echoes: list[tuple[int, int]], link: LinkConfig) -> tuple[list[float], int]:
+    """Of samples that come as the echoes did: gaps [ms], and how many breaks made too many."""
+    controller = LinkController(link, lambda _: None, lambda _: None)
+    controller.start()
+    counted_ns = []
+    for sent_ns, heard_ns in echoes:
+        controller.sample(heard_ns)
+        controller.take(replace(_SAMPLE, **dict.fromkeys(_STAMPS, sent_ns)), heard_ns)
+        if controller.counted_ns == heard_ns:
+            counted_ns.append(heard_ns)
+    return (np.diff(counted_ns) / NS_PER_MS).tolist(), controller.too_often
 
 
 def findings(found: LinkMeasured) -> Iterator[str]:
@@ -95,6 +114,8 @@ def findings(found: LinkMeasured) -> Iterator[str]:
     trips = ", ".join(f"{value:.1f} ms ({name})" for name, value in found.round_trip_ms.items())
     yield f"round trip: {trips}; lost {found.lost_fraction:.1%}"
     yield found.gaps
+    if found.link_gaps_a_minute and found.lost_after_ms is not None:
+        yield f"whatever is set, {found.link_gaps_a_minute:.0f} a minute hold the arm (link gaps)"
     measured_ms = {"latency_ms": round(found.latency_ms, 1), "jitter_ms": round(found.jitter_ms, 1)}
     if found.lost_after_ms is not None and found.lost_after_ms != LinkConfig().lost_after_ms:
         measured_ms["lost_after_ms"] = found.lost_after_ms
@@ -122,7 +143,6 @@ class _Prober:
             endpoint.host, endpoint.port, loopback_only=endpoint.key is None
         )
         self._clock = clock
-        self.arrived_ns: list[int] = []  # when echoes came
         self._socket = datagram_socket(family)
         self._socket.setblocking(False)
         self._end = OperatorEnd(key, addresses, os.urandom)
@@ -150,10 +170,10 @@ class _Prober:
                     self._socket.sendto(*call)
             list(self._received(NS_PER_S // 20))
 
-    def round_trips_ms(self) -> list[float]:
-        """Of each echo that came back [ms]."""
+    def echoes(self) -> list[tuple[int, int]]:
+        """When each was sent that came back, and when it came [ns]."""
         sent_ns: dict[int, int] = {}
-        trips_ms = []
+        echoes = []
         for number in range(_PINGS):
             sent_ns[number] = self._clock.now_ns()
             self._send(ping(number))
@@ -161,9 +181,8 @@ class _Prober:
             for now_ns, message in self._received(wait_ns):
                 echoed = number_of(message)
                 if echoed is not None and echoed in sent_ns:
-                    self.arrived_ns.append(now_ns)
-                    trips_ms.append((now_ns - sent_ns.pop(echoed)) / NS_PER_MS)
-        return trips_ms
+                    echoes.append((sent_ns.pop(echoed), now_ns))
+        return echoes
 
     def _send(self, message: bytes) -> None:
         if (addressed := self._end.message(message, self._clock.now_ns())) is not None:

@@ -49,7 +49,7 @@ class LinkedHand:
         self._confirms = self._stops = self._menu_presses = 0
         self._episodes: tuple[int, ...] = ()
         self._notified: set[str] = set()
-        self._gaps = GapWatch(config.link.lost_after_ms, config.link.fault_after_ms)
+        self._gaps = GapWatch(config.link)
 
     def follow(self, sent: Mapping[str, SentFrames]) -> None:
         """Set the frames behind the RTP timestamps of shown ones, by view."""
@@ -114,8 +114,10 @@ class LinkedHand:
             self.hand = message.hand
             self._log.fact(HAND_FACT, message.hand)
         refusal = self.controller.take(message, heard_ns)
-        if not refusal and (advice := self._gaps.step(heard_ns, self.is_armed)):
-            self._log.note("warning", advice)
+        if self.controller.counted_ns == heard_ns:
+            advice = self._gaps.step(heard_ns, self.is_armed, self.controller.too_often)
+            if advice:
+                self._log.note("warning", advice)
         self._log.record(
             HandHeard(
                 t_ns=heard_ns,

@@ -19,6 +19,7 @@ from tams_app.console.two_sided import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 
@@ -125,27 +126,57 @@ def quiet() -> Console:
     return Console(file=io.StringIO())
 
 
+def echoes(*trips_ms: float) -> list[tuple[int, int]]:
+    """Of pings in turn, that took so long."""
+    sent = [(NS_PER_S + n * 8 * NS_PER_MS, trip) for n, trip in enumerate(trips_ms)]
+    return [(ns, ns + round(trip * NS_PER_MS)) for ns, trip in sent]
+
+
+def bursts(every_ms: int, held_ms: int = 150) -> list[tuple[int, int]]:
+    """Ten seconds of pings on a link that holds them so long, so often."""
+    return echoes(*(1.0 + max(0, held_ms - 8 * n % every_ms) for n in range(1250)))
+
+
+def text_of(found: list[tuple[int, int]]) -> str:
+    return "\n".join(findings(measured(found)))
+
+
 def test_a_link_that_answers_nothing_is_no_measurement():
     with pytest.raises(TamsError, match="answers no measurement"):
-        measured([], [])
+        measured([])
 
 
 def test_of_a_network_on_which_samples_may_be_seconds_old_no_settings_are_proposed():
-    usual = "\n".join(findings(measured([20.0, 22.0, 25.0], [20.0] * 3)))
+    usual = text_of(echoes(20.0, 22.0, 25.0))
     assert "latency_ms: 11.0" in usual
     assert "older than 2" in usual
-    queued = "\n".join(findings(measured([20.0, 700.0, 1500.0], [20.0] * 3)))
+    queued = text_of(echoes(20.0, 700.0, 1500.0))
     assert "no arm may be moved over this network" in queued
     assert "latency_ms:" not in queued
 
 
 def test_gaps_that_would_hold_the_arm_are_told_and_prescribed_for():
-    bursts_ms = [20.0] * 490 + [150.0] * 10
-    text = "\n".join(findings(measured([20.0, 22.0, 25.0], bursts_ms)))
-    assert "60 a minute exceed link.lost_after_ms (100 ms) and hold the arm" in text
-    assert "\n  lost_after_ms: 180" in text
-    even = "\n".join(findings(measured([20.0, 22.0], [20.0] * 500)))
-    assert "lost_after_ms:" not in even
+    text = text_of(bursts(1000))
+    assert "54 a minute exceed link.lost_after_ms (100 ms) and hold the arm" in text
+    assert "\n  lost_after_ms: 190" in text
+    assert "link gaps" not in text
+    assert "lost_after_ms:" not in text_of(echoes(*[20.0] * 1250))
+
+
+@pytest.mark.parametrize(("every_ms", "held_ms"), [(400, 150), (320, 90), (304, 200)])
+def test_of_gaps_that_would_hold_the_arm_whatever_is_set_it_prescribes_nothing(
+    every_ms: int, held_ms: int
+):
+    text = text_of(bursts(every_ms, held_ms))
+    assert "are the third within a second and hold the arm (link gaps): no setting helps" in text
+    assert "  lost_after_ms:" not in text
+
+
+def test_gaps_that_hold_the_arm_even_with_what_is_prescribed_are_counted():
+    in_a_row = [(10 * NS_PER_S + sent, 10 * NS_PER_S + came) for sent, came in bursts(400)]
+    text = text_of([*bursts(1000), *in_a_row[:130]])
+    assert "\n  lost_after_ms: 190" in text
+    assert "whatever is set, 6 a minute hold the arm (link gaps)" in text
 
 
 @pytest.mark.parametrize(
