@@ -17,7 +17,6 @@ from tams_app.records import (
     CommandLink,
     ControllerSample,
     ControllerStatus,
-    EncodedFrame,
     LinkCapacity,
     Outcome,
     PacketFate,
@@ -196,18 +195,7 @@ def live_records(seconds: float, video_bytes: int = 8000) -> Iterator[Any]:
     """What a running session hands to the recorder, in order of time."""
     log = Synthetic(seconds).log()
     random = np.random.default_rng(0)  # coded video does not compress any further
-    frames = [
-        EncodedFrame(
-            sent.view,
-            sent.index,
-            sent.capture_ns,
-            sent.encoded_ns,
-            sent.keyframe,
-            random.bytes(video_bytes),
-            rtp_timestamp=sent.rtp_timestamp,
-        )
-        for sent in log.sent
-    ]
+    frames = [sent.with_data(random.bytes(video_bytes)) for sent in log.sent]
     timed: list[tuple[int, Any]] = [
         *((record.started_ns, record) for record in log.ticks),
         *((record.t_ns, record) for record in (*log.phases, *log.allocations, *log.system)),

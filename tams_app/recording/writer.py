@@ -121,14 +121,8 @@ class Recorder(QueuedWriter[Record]):
 
     def record(self, item: Record) -> None:
         """Queue one record; a frame's pixels are let go at once, but for the few viewers get."""
-        if self.failure is not None:
-            return
-        if not isinstance(item, Frame | ShownFrame):
-            self._queue.put(item)
-            return
-        self._queue.put(without_pixels(item))
-        if isinstance(item, ShownFrame) and self._log.wants_pixels(item):
-            self._queue.put(item)
+        if self.failure is None:
+            self._queue.put_all(_kept(self._log, item))
 
     def record_packets(self, packets: Sequence[PacketRecord]) -> None:
         """Queue the fates of a batch of datagrams."""
@@ -216,10 +210,8 @@ class DirectRecorder:
             self._next_check_ns = now_ns + SPACE_CHECK_NS
             self._log.flush()
             require_reserve(self._directory, self._reserve_mb)
-        kept = without_pixels(item) if isinstance(item, Frame | ShownFrame) else item
-        self._log.write(kept, now_ns)
-        if isinstance(item, ShownFrame) and self._log.wants_pixels(item):
-            self._log.write(item, now_ns)
+        for one in _kept(self._log, item):
+            self._log.write(one, now_ns)
 
     def record_packets(self, packets: Sequence[PacketRecord]) -> None:
         """Write the fates of a batch of datagrams, together with others of the same time."""
@@ -236,8 +228,11 @@ class DirectRecorder:
             self._log.write(PacketBatch.of(packets), self._clock.now_ns())
 
 
-def without_pixels(frame: Frame | ShownFrame) -> FrameCaptured | FrameShown:
-    """What the log keeps of a frame."""
-    if isinstance(frame, Frame):
-        return FrameCaptured(frame.view, frame.index, frame.capture_ns)
-    return FrameShown(frame.view, frame.index, frame.shown_ns, frame.whole, frame.received_ns)
+def _kept(log: McapLog, item: Record) -> list[Record]:
+    """What a log keeps of a record: frames without their pixels, but for the few viewers get."""
+    if isinstance(item, Frame):
+        return [FrameCaptured(item.view, item.index, item.capture_ns)]
+    if not isinstance(item, ShownFrame):
+        return [item]
+    shown = FrameShown(item.view, item.index, item.shown_ns, item.whole, item.received_ns)
+    return [shown, item] if log.wants_pixels(item) else [shown]
