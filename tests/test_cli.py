@@ -220,6 +220,11 @@ def test_the_version_is_told(capsys):
         (["calibrate", "phases", "--from", "missing"], "1 trial is too few"),
         (["calibrate", "weights", "--from", "missing"], "missing"),
         (["calibrate", "cameras", "--from", "missing"], "--from: `calibrate cameras` measures"),
+        (["run", "--metrics"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
+        (["operate", "--metrics=h:1"], "--metrics: there are no figures for Prometheus any more"),
+        (["--metrics", "h:1"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
+        (["replay", "logs", "--recompute"], "--recompute: what the code makes of a recorded"),
+        (["doctor", "--speed"], "--speed: a session says at its end where frames were missing"),
         (["key", "new", "."], "--for NAME"),
         (["key", "new", "x.key", "--for", "a/b"], "is no name"),
         (["key", "list", "nothing.key"], "cannot be read"),
@@ -282,22 +287,6 @@ def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_a
     code, err = refused(capsys, tmp_path, command, "--ros2")
     assert code == 1
     assert "--ros2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (["run", "--metrics"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
-        (["operate", "--metrics=h:1"], "--metrics: there are no figures for Prometheus any more"),
-        (["--metrics", "h:1"], "--metrics: there are no figures for Prometheus any more: Foxglove"),
-        (["replay", "logs", "--recompute"], "--recompute: what the code makes of a recorded"),
-        (["doctor", "--speed"], "--speed: a session says at its end where frames were missing"),
-    ],
-)
-def test_an_option_that_was_removed_names_what_takes_its_place(capsys, arguments, sentence):
-    code, out, err = run(capsys, *arguments)
-    assert (code, out) == (2, "")
-    assert err.startswith(f"tams: {sentence}")
 
 
 @pytest.mark.parametrize(
