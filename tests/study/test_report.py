@@ -82,20 +82,17 @@ def page(folder: Path) -> Page:
     return Page((folder / "report.html").read_text(encoding="utf-8"))
 
 
-def test_a_planted_advantage_holds() -> None:
-    ssim, time, _ = claims(measured(WINNING))
-    assert ssim.tally == "2 comparisons: holds: 2"
-    assert time.tally == "2 comparisons: holds: 2"
-
-
-def test_a_planted_disadvantage_is_said_as_plainly() -> None:
-    measures = measured(LOSING)
-    ssim, time, _ = claims(measures)
-    assert ssim.tally == "2 comparisons: the opposite holds: 2"
-    assert time.tally == "2 comparisons: the opposite holds: 2"
-    assert estimate(measures.phase_difference("equal", "s1", "REACH")) == pytest.approx(
-        -0.02, abs=0.005
-    )
+@pytest.mark.parametrize(
+    ("runner", "finding", "ssim"), [(WINNING, "holds", 0.02), (LOSING, "the opposite holds", -0.02)]
+)
+def test_a_planted_advantage_holds_and_a_disadvantage_is_said_as_plainly(
+    runner: PlantedRunner, finding: str, ssim: float
+) -> None:
+    measures = measured(runner)
+    of_ssim, of_time, _ = claims(measures)
+    assert of_ssim.tally == of_time.tally == f"2 comparisons: {finding}: 2"
+    difference = measures.phase_difference("equal", "s1", "REACH")
+    assert estimate(difference) == pytest.approx(ssim, abs=0.005)
 
 
 def test_favourable_and_unfavourable_differences_get_the_same_test_and_words() -> None:

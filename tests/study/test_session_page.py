@@ -139,19 +139,11 @@ def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_h
     tiles = [re.sub(r"<[^>]+>", " ", tile).split() for tile in told.split("<div><dt>")]
     assert ["Episodes", "1", "kept", "1", "discarded"] in tiles
     assert not [tile for tile in tiles if tile[:1] == ["Outcome"]]
-
-
-def test_numbers_of_stops_and_episodes_are_their_rows_names_and_stand_below_their_heading(
-    folder: Path, page: str
-) -> None:
-    log = read_log(folder / "session.mcap")
-    log.episodes = [Episode(second(1), 1, second(0.5), second(1), False)]
-    told = written(log, folder)
-    for numbered in ("Episodes", "Stops"):
+    for numbered in ("Episodes", "Stops"):  # whose numbers name their rows, below their heading
         _, _, table = told.partition(f"<h2>{numbered}</h2>")
-        head, _, rows = table.partition("</thead>")
+        head, _, body = table.partition("</thead>")
         assert re.findall(r"<th scope=\"col\"[^>]*>([^<]+)", head)[0] == "No."
-        assert '<tr><th scope="row">1</th>' in rows.partition("</table>")[0]
+        assert '<tr><th scope="row">1</th>' in body.partition("</table>")[0]
 
 
 def test_every_phase_is_named_and_shown_as_it_began(folder: Path, page: str) -> None:
