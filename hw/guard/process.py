@@ -49,25 +49,19 @@ class HeartbeatWatch:
 
     def __init__(self, timeout_ns: int) -> None:
         self._timeout_ns = timeout_ns
-        self._arming = 0
-        self._sequence = 0
+        self.arming = self.sequence = 0  # of the newest beat that counted
         self._last_beat_ns = 0
         self.watch = Watch.IDLE
         self.cause = Cause.NONE  # of the latch
 
-    @property
-    def last_heard(self) -> tuple[int, int]:
-        """Arming and sequence of the newest beat that counted."""
-        return self._arming, self._sequence
-
     def hear(self, now_ns: int, heartbeat: Heartbeat) -> bool:
         """Take in one heartbeat; whether it counts: not a late one of an older or ended arming."""
-        if heartbeat.arming < self._arming:
+        if heartbeat.arming < self.arming:
             return False
-        if heartbeat.arming > self._arming:
+        if heartbeat.arming > self.arming:
             self._begin(now_ns, heartbeat)
             return True
-        if self.watch is not Watch.ARMED or heartbeat.sequence <= self._sequence:
+        if self.watch is not Watch.ARMED or heartbeat.sequence <= self.sequence:
             return False
         self._continue(now_ns, heartbeat)
         return True
@@ -85,17 +79,17 @@ class HeartbeatWatch:
         return True
 
     def _begin(self, now_ns: int, heartbeat: Heartbeat) -> None:
-        self._arming = heartbeat.arming
+        self.arming = heartbeat.arming
         self.watch, self.cause = Watch.IDLE, Cause.NONE
         if heartbeat.message is GuardMessage.BEAT:
             self.watch = Watch.ARMED
-            self._sequence, self._last_beat_ns = heartbeat.sequence, now_ns
+            self.sequence, self._last_beat_ns = heartbeat.sequence, now_ns
 
     def _continue(self, now_ns: int, heartbeat: Heartbeat) -> None:
         if heartbeat.message is GuardMessage.DISARM:
             self.watch = Watch.IDLE
         elif heartbeat.message is GuardMessage.BEAT:
-            self._sequence, self._last_beat_ns = heartbeat.sequence, now_ns
+            self.sequence, self._last_beat_ns = heartbeat.sequence, now_ns
 
 
 class Guard:
@@ -130,7 +124,7 @@ class Guard:
         cause = self._look()
         if (cause and self._watch.trip(cause)) or self._watch.lost(self._clock.now_ns()):
             self._arm.request_stop()
-            self._answer(*self._watch.last_heard)
+            self._answer(self._watch.arming, self._watch.sequence)
 
     def farewell(self) -> None:
         """The parent is gone or ends the guard: stop the arm if it was still armed."""

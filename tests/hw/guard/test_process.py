@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import signal
 import socket
 import struct
@@ -13,10 +12,10 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import psutil
 import pytest
@@ -38,13 +37,12 @@ from hw.guard.link import (
 )
 from hw.guard.motion import Cause, Motion, MotionWatch
 from hw.guard.process import Guard, HeartbeatWatch, Watch
-from hw.lite6.codes import Mode, Register, State
+from hw.lite6.codes import Mode, Register
 from hw.lite6.report_frames import REAL_PORT_OFFSET
 from tams_app.config import ArmConfig, LimitsConfig
-from tams_app.errors import HelperError
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
-from tams_app.runtime.realtime import GUARD_PRIORITY, NOT_PERMITTED
+from tams_app.runtime.realtime import GUARD_PRIORITY
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
@@ -70,7 +68,7 @@ def test_silence_before_the_first_beat_stops_nothing() -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
     assert not watch.lost(10 * NS_PER_S)
     assert watch.watch is Watch.IDLE
-    assert watch.last_heard == (0, 0)
+    assert (watch.arming, watch.sequence) == (0, 0)
 
 
 @given(st.lists(st.integers(0, TIMEOUT_NS), min_size=1, max_size=50))
@@ -255,14 +253,6 @@ def link(silent_guard: SilentGuard) -> Iterator[GuardLink]:
     made.close()
 
 
-def test_a_link_that_is_not_armed_only_asks_and_is_well_without_an_answer(
-    silent_guard: SilentGuard, link: GuardLink
-) -> None:
-    link.beat(0)
-    assert link.alive(NS_PER_S)
-    assert silent_guard.hear() == Heartbeat(GuardMessage.QUERY, 0, 1)
-
-
 @pytest.mark.parametrize("armings", [0, 1])
 def test_what_is_asked_arms_nothing(armings: int) -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
@@ -293,17 +283,18 @@ def test_a_guard_that_does_not_answer_is_not_alive(link: GuardLink) -> None:
     assert not link.alive(TIMEOUT_NS + 1)
 
 
-def test_answers_keep_the_guard_alive_and_tell_of_its_stop(
+def test_a_stop_among_the_answers_that_wait_is_a_latch_until_the_next_arming(
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.arm()
     link.beat(0)
-    heartbeat = silent_guard.hear()
-    assert heartbeat is not None
-    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, heartbeat.arming, heartbeat.sequence, True)
-    silent_guard.answer(answer)
-    assert until(lambda: link.beat(TIMEOUT_NS) or link.latched)
+    for latched in (False, True, False):  # the last one may have been under way when it latched
+        silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched))
+    link.beat(TIMEOUT_NS)
+    assert link.latched
     assert link.alive(2 * TIMEOUT_NS)
+    link.arm()
+    assert not link.latched
 
 
 def test_a_guard_that_lost_the_arm_is_not_alive(silent_guard: SilentGuard, link: GuardLink) -> None:
@@ -336,36 +327,27 @@ def test_an_arming_is_acknowledged_by_an_answer_to_one_of_its_own_beats(
     assert until(lambda: link.beat(3) or link.acknowledged)
 
 
-def test_each_arming_has_a_number_of_its_own(silent_guard: SilentGuard, link: GuardLink) -> None:
-    armings = []
-    for _ in range(3):
-        link.arm()
-        link.beat(0)
-        heartbeat = silent_guard.hear()
-        assert heartbeat is not None
-        armings.append(heartbeat.arming)
-        link.disarm()
-        silent_guard.hear()
-    assert armings == [1, 2, 3]
-
-
-def test_the_link_says_what_it_was_told_and_numbers_it_one_by_one(
+def test_the_link_says_what_it_was_told_numbers_it_one_by_one_and_each_arming_too(
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.beat(0)
+    assert link.alive(NS_PER_S), "it only asks"
     link.arm()
     link.beat(0)
     link.beat(0, Motion.FOLLOW, True, 0.25)
     link.beat(0, Motion.HOME, False, 0.125)
     link.disarm()
     link.beat(0, Motion.FOLLOW, True, 0.25)
-    assert [silent_guard.hear() for _ in range(6)] == [
+    link.arm()
+    link.beat(0)
+    assert [silent_guard.hear() for _ in range(7)] == [
         Heartbeat(GuardMessage.QUERY, 0, 1),
         Heartbeat(GuardMessage.BEAT, 1, 2),
         Heartbeat(GuardMessage.BEAT, 1, 3, motion=Motion.FOLLOW, deadman=True, speed=0.25),
         Heartbeat(GuardMessage.BEAT, 1, 4, motion=Motion.HOME, speed=0.125),
         Heartbeat(GuardMessage.DISARM, 1, 5),
         Heartbeat(GuardMessage.QUERY, 1, 6),
+        Heartbeat(GuardMessage.BEAT, 2, 7),
     ]
 
 
@@ -471,13 +453,6 @@ class GuardedArm:
     def _runs(self) -> bool:
         return self.process.exit_code is None
 
-    def make_ready(self) -> None:
-        """The arm is ready to move, as in a session."""
-        with self.rig.server.lock:
-            self.rig.model.enable(True)
-            self.rig.model.set_mode(Mode.CARTESIAN_VELOCITY)
-            self.rig.model.set_state(0)
-
     def beat_for(self, seconds: float, motion: Motion = Motion.REST, speed: float = 0.0) -> None:
         """Beat for that long, or until the guard has stopped the arm."""
         pause = threading.Event()
@@ -498,25 +473,25 @@ class GuardedArm:
     def now_ns(self) -> int:
         return self._clock.now_ns()
 
-    @property
-    def stopped(self) -> bool:
-        with self.rig.server.lock:
-            return self.rig.model.state == State.STOPPED
-
     def close(self) -> None:
         self.link.close()
         self.process.stop()
 
 
 @pytest.fixture
-def guarded() -> Iterator[GuardedArm]:
-    with controller() as rig:
-        arm = GuardedArm(rig)
-        arm.make_ready()
-        try:
-            yield arm
-        finally:
-            arm.close()
+def rig() -> Iterator[ControllerRig]:
+    with controller() as made:
+        made.make_ready(Mode.CARTESIAN_VELOCITY)
+        yield made
+
+
+@pytest.fixture
+def guarded(rig: ControllerRig) -> Iterator[GuardedArm]:
+    arm = GuardedArm(rig)
+    try:
+        yield arm
+    finally:
+        arm.close()
 
 
 def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_armed_anew(
@@ -524,53 +499,14 @@ def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_arme
 ) -> None:
     guarded.link.arm()
     guarded.beat_for(1.5)
-    assert not guarded.stopped
-    assert until(lambda: guarded.stopped)
+    assert not guarded.rig.stopped
+    assert until(lambda: guarded.rig.stopped)
     assert until(lambda: guarded.link.beat(guarded.now_ns) or guarded.link.latched)
-    guarded.make_ready()
+    guarded.rig.make_ready(Mode.CARTESIAN_VELOCITY)
     guarded.link.arm()
     guarded.beat_for(0.5)
-    assert not guarded.stopped
+    assert not guarded.rig.stopped
     assert not guarded.link.latched
-
-
-def test_the_ready_line_tells_the_scheduler_that_the_guard_was_granted(
-    guarded: GuardedArm,
-) -> None:
-    pid = guarded.process.pid
-    assert pid is not None
-    scheduler = guarded.ready["scheduler"]
-    assert scheduler in ("fifo", NOT_PERMITTED)
-    assert (scheduler == "fifo") == (os.sched_getscheduler(pid) == os.SCHED_FIFO)
-
-
-def test_disarmed_first_the_guard_ends_without_a_stop(guarded: GuardedArm) -> None:
-    guarded.link.arm()
-    guarded.beat_for(0.1)
-    guarded.link.disarm()
-    threading.Event().wait(0.5)
-    guarded.process.stop()
-    assert guarded.process.exit_code == 0
-    assert not guarded.stopped
-
-
-def test_the_end_of_the_session_while_armed_stops_the_arm(guarded: GuardedArm) -> None:
-    guarded.link.arm()
-    guarded.beat_for(0.1)
-    guarded.process.stop()
-    assert guarded.stopped
-    assert guarded.process.exit_code == 0
-
-
-def test_the_stop_is_repeated_until_the_arm_can_hear_it(guarded: GuardedArm) -> None:
-    guarded.link.arm()
-    guarded.beat_for(0.1)
-    guarded.rig.server.refuse_connections = True
-    guarded.rig.server.drop_connections()
-    threading.Event().wait(1.5)  # it stops the arm after one second
-    assert not guarded.stopped
-    guarded.rig.server.refuse_connections = False
-    assert until(lambda: guarded.stopped)
 
 
 def test_a_killed_guard_is_noticed(guarded: GuardedArm) -> None:
@@ -583,40 +519,6 @@ def test_a_killed_guard_is_noticed(guarded: GuardedArm) -> None:
     assert until(
         lambda: guarded.link.beat(clock.now_ns()) or not guarded.link.alive(clock.now_ns())
     )
-
-
-def test_a_guard_without_an_arm_says_so() -> None:
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        specification = guard_specification(ArmConfig(control_port=unused.getsockname()[1]), LIMITS)
-        process = HelperProcess("guard", "hw.guard.process", specification, None)
-        process.start()
-        with pytest.raises(HelperError, match="No arm answers"):
-            process.wait_ready()
-        process.stop()
-
-
-def test_the_guard_stops_an_arm_of_another_kind_by_that_kinds_own_channel(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(ARM_KINDS, "toy", "tests.contract.toy_arm:KIND")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as toy:
-        toy.bind(("127.0.0.1", 0))
-        toy.settimeout(10.0)
-        config = ArmConfig(model="toy", control_port=toy.getsockname()[1])
-        process = HelperProcess(
-            "guard", "hw.guard.process", guard_specification(config, LIMITS), None
-        )
-        process.start()
-        try:
-            memory = GuardMemory(process.wait_ready()["memory"])
-            link = GuardLink(memory, NS_PER_S, lambda: process.exit_code is None)
-            link.arm()
-            link.beat(time.monotonic_ns())  # and never again
-            assert toy.recv(64) == b"off"
-            link.close()
-        finally:
-            process.stop()
 
 
 def test_the_guard_starts_without_the_heavy_libraries() -> None:
@@ -645,11 +547,11 @@ def test_an_arm_that_does_what_the_beats_do_not_say_is_stopped_while_the_heart_b
 ) -> None:
     guarded.link.arm()
     guarded.beat_for(0.5)
-    assert not guarded.stopped
+    assert not guarded.rig.stopped
     guarded.command(speed)
     guarded.beat_for(5.0, motion, commanded)
     assert guarded.link.cause is cause
-    assert until(lambda: guarded.stopped)
+    assert until(lambda: guarded.rig.stopped)
 
 
 def test_an_arm_that_does_as_the_beats_say_is_left_alone(guarded: GuardedArm) -> None:
@@ -706,43 +608,6 @@ def test_the_guard_watches_an_arm_of_another_kind_by_that_kinds_own_reports(
             reports.sendto(f"0.3 {y} 0.2 {turned} 0 0 0 0 0".encode(), guard)
         assert link.cause is Cause.UNASKED
         assert control.recv(64) == b"off"
-
-
-# --- what the guard says unasked ----------------------------------------------------------------
-
-
-def test_the_guard_tells_of_its_stop_without_being_asked(guarded: GuardedArm) -> None:
-    guarded.link.arm()
-    guarded.beat_for(0.1)
-    assert until(lambda: guarded.stopped)
-    answers, beats = guarded.memory.answers, guarded.memory.beats
-    assert until(lambda: answers.written() > beats.written())  # one to each beat, and this one
-    guarded.link.beat(guarded.now_ns)  # one beat: it takes in what was said before it
-    assert guarded.link.latched
-
-
-def test_the_link_takes_in_everything_that_waits_before_it_beats(
-    silent_guard: SilentGuard, link: GuardLink
-) -> None:
-    link.arm()
-    link.beat(0)
-    for latched in (False, False, True):
-        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
-        silent_guard.answer(answer)
-    link.beat(1)
-    assert link.latched
-
-
-def test_a_latch_lasts_until_the_next_arming(silent_guard: SilentGuard, link: GuardLink) -> None:
-    link.arm()
-    link.beat(0)
-    for latched in (True, False):  # the second may have been under way when it latched
-        answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, latched)
-        silent_guard.answer(answer)
-    link.beat(1)
-    assert link.latched
-    link.arm()
-    assert not link.latched
 
 
 def test_a_guard_whose_process_has_ended_is_gone_at_the_next_beat(
@@ -1015,45 +880,46 @@ def test_the_guard_has_lost_the_arm_once_no_report_came_for_1200_ms(
 # --- the process's main function, in the test's own process -------------------------------------
 
 
+Session: TypeAlias = Callable[[dict[str, Any]], None]
+
+
 class GuardInThisProcess:
-    """Runs the guard's `main` in the calling thread, as the session runs it in a process."""
+    """The `HelperSide` of a guard whose `main` runs in the calling thread."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self._monkeypatch = monkeypatch
+        self.stop_requested = threading.Event()
+        self.specification: dict[str, Any] = {}
+        self.line: dict[str, Any] = {}
         self.priorities: list[int] = []
+        self._attended: Future[None] | None = None
+        monkeypatch.setattr(process, "HelperSide", lambda: self)
+        monkeypatch.setattr(process, "use_fifo", self._grant)
 
-    def run(
-        self, specification: dict[str, Any], session: Callable[[dict[str, Any]], None]
-    ) -> dict[str, Any]:
+    def run(self, config: ArmConfig, session: Session, **changes: float) -> dict[str, Any]:
         """Run it until `session` returns, which is called in another thread with the ready line.
 
         Returns that line.
         """
-        out, guards_out = os.pipe()
-        guards_in, to_guard = os.pipe()
-        os.dup2(guards_in, 0)
-        os.close(guards_in)
-        command = ["guard", json.dumps(specification)]
-        self._monkeypatch.setattr(sys, "argv", command)
-        self._monkeypatch.setattr(sys, "stdout", os.fdopen(guards_out, "w"))
-        self._monkeypatch.setattr(process, "use_fifo", self._grant)
+        self.specification = guard_specification(config, LIMITS) | changes
+        with ThreadPoolExecutor(1) as self._threads:
+            self._session = session
+            process.main()
+        if self._attended is not None:
+            self._attended.result()
+        return self.line
 
-        def attend() -> dict[str, Any]:
-            try:
-                with os.fdopen(out) as lines:
-                    ready: dict[str, Any] = json.loads(lines.readline())
-                session(ready)
-                return ready
-            finally:
-                os.close(to_guard)
+    def ready(self, **line: Any) -> None:
+        self.line = line
+        self._attended = self._threads.submit(self._attend)
 
-        with ThreadPoolExecutor(1) as threads:
-            attended = threads.submit(attend)
-            try:
-                process.main()
-            finally:
-                sys.stdout.close()
-        return attended.result()
+    def fail(self, error: str) -> None:
+        self.line = {"error": error}
+
+    def _attend(self) -> None:
+        try:
+            self._session(self.line)
+        finally:
+            self.stop_requested.set()
 
     def _grant(self, priority: int) -> str:
         self.priorities.append(priority)
@@ -1061,41 +927,8 @@ class GuardInThisProcess:
 
 
 @pytest.fixture
-def guard_here(monkeypatch: pytest.MonkeyPatch) -> Iterator[GuardInThisProcess]:
-    """What a helper does to its process is undone: input, signals."""
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    own_input = os.dup(0)
-    yield GuardInThisProcess(monkeypatch)
-    for thread in threading.enumerate():
-        if thread.name == "parent-watch":
-            thread.join(10.0)
-    os.dup2(own_input, 0)
-    os.close(own_input)
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
-
-
-class ReadyArm:
-    """A simulated arm in a session, and the specification of a guard for it."""
-
-    def __init__(self, rig: ControllerRig) -> None:
-        self.rig = rig
-        self.specification = guard_specification(rig.config(), LIMITS)
-        with rig.server.lock:
-            rig.model.enable(True)
-            rig.model.set_mode(Mode.CARTESIAN_VELOCITY)
-            rig.model.set_state(0)
-
-    @property
-    def stopped(self) -> bool:
-        with self.rig.server.lock:
-            return self.rig.model.state == State.STOPPED
-
-
-@pytest.fixture
-def ready_arm() -> Iterator[ReadyArm]:
-    with controller() as rig:
-        yield ReadyArm(rig)
+def guard_here(monkeypatch: pytest.MonkeyPatch) -> GuardInThisProcess:
+    return GuardInThisProcess(monkeypatch)
 
 
 def opened_link(ready: dict[str, Any]) -> GuardLink:
@@ -1107,7 +940,7 @@ def beat_until(link: GuardLink, condition: Callable[[], bool]) -> bool:
 
 
 def test_the_guard_says_where_to_beat_watches_and_leaves_nothing_open(
-    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+    guard_here: GuardInThisProcess, rig: ControllerRig
 ) -> None:
     def stop_threads() -> list[str]:
         return [thread.name for thread in threading.enumerate() if thread.name == "guard-stop"]
@@ -1121,9 +954,8 @@ def test_the_guard_says_where_to_beat_watches_and_leaves_nothing_open(
         assert not link.latched
         link.close()
 
-    specification = ready_arm.specification | {"heartbeat_timeout_ms": 1000.0}
-    ready = guard_here.run(specification, session)
-    assert not ready_arm.stopped
+    ready = guard_here.run(rig.config(), session, heartbeat_timeout_ms=1000.0)
+    assert not rig.stopped
     assert ready["scheduler"] == "granted"
     assert guard_here.priorities == [GUARD_PRIORITY]
     assert stop_threads() == []
@@ -1131,65 +963,65 @@ def test_the_guard_says_where_to_beat_watches_and_leaves_nothing_open(
 
 
 def test_the_guard_stops_the_arm_for_a_silence_of_the_configured_time_and_says_so(
-    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+    guard_here: GuardInThisProcess, rig: ControllerRig
 ) -> None:
     def session(ready: dict[str, Any]) -> None:
         link = opened_link(ready)
         link.arm()
         began_ns = time.monotonic_ns()
         link.beat(began_ns)
-        assert until(lambda: ready_arm.stopped)
+        assert until(lambda: rig.stopped)
         assert time.monotonic_ns() - began_ns > 100 * NS_PER_MS
         assert beat_until(link, lambda: link.latched)
         assert link.cause is Cause.SILENT
         link.close()
 
-    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 100.0}, session)
+    guard_here.run(rig.config(), session, heartbeat_timeout_ms=100.0)
 
 
 def test_a_guard_that_ends_with_its_session_stops_an_armed_arm(
-    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+    guard_here: GuardInThisProcess, rig: ControllerRig
 ) -> None:
     def session(ready: dict[str, Any]) -> None:
         link = opened_link(ready)
         link.arm()
         assert beat_until(link, lambda: link.acknowledged)
-        assert not ready_arm.stopped
+        assert not rig.stopped
 
-    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 10_000.0}, session)
-    assert ready_arm.stopped
+    guard_here.run(rig.config(), session, heartbeat_timeout_ms=10_000.0)
+    assert rig.stopped
 
 
 def test_a_stop_that_finds_no_arm_is_tried_until_there_is_one(
-    guard_here: GuardInThisProcess, ready_arm: ReadyArm
+    guard_here: GuardInThisProcess, rig: ControllerRig
 ) -> None:
     def session(ready: dict[str, Any]) -> None:
         link = opened_link(ready)
         link.arm()
-        ready_arm.rig.server.refuse_connections = True
-        ready_arm.rig.server.drop_connections()
+        rig.server.refuse_connections = True
+        rig.server.drop_connections()
         link.beat(time.monotonic_ns())  # and then silence
         time.sleep(0.15)
         assert beat_until(link, lambda: link.arm_lost)
-        assert not ready_arm.stopped
-        ready_arm.rig.server.refuse_connections = False
-        assert until(lambda: ready_arm.stopped)
+        assert not rig.stopped
+        rig.server.refuse_connections = False
+        assert until(lambda: rig.stopped)
 
-    guard_here.run(ready_arm.specification | {"heartbeat_timeout_ms": 100.0}, session)
+    guard_here.run(rig.config(), session, heartbeat_timeout_ms=100.0)
 
 
 def test_a_guard_that_reaches_no_arm_says_so_and_ends(guard_here: GuardInThisProcess) -> None:
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
-        specification = guard_specification(ArmConfig(host="127.0.0.1", control_port=port), LIMITS)
-        line = guard_here.run(specification, lambda _: None)
+        config = ArmConfig(host="127.0.0.1", control_port=port)
+        line = guard_here.run(config, lambda _: None)
     assert list(line) == ["error"]
     assert line["error"].startswith(f"No arm answers at 127.0.0.1:{port}")
 
 
 def test_a_guard_that_gets_no_reports_says_so_and_ends(
-    guard_here: GuardInThisProcess, ready_arm: ReadyArm, monkeypatch: pytest.MonkeyPatch
+    guard_here: GuardInThisProcess, rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     channels = []
     connect = process._stop_channel
@@ -1202,8 +1034,8 @@ def test_a_guard_that_gets_no_reports_says_so_and_ends(
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         port = unused.getsockname()[1]
-        specification = ready_arm.specification | {"report_port": port - REAL_PORT_OFFSET}
-        line = guard_here.run(specification, lambda _: None)
+        wrong = port - REAL_PORT_OFFSET
+        line = guard_here.run(rig.config(), lambda _: None, report_port=wrong)
     channels[0].close()
     assert list(line) == ["error"]
     assert line["error"].startswith(f"The arm at 127.0.0.1 sends no reports on port {port}")

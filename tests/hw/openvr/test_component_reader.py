@@ -8,19 +8,13 @@ from tams_app.config import ControllerConfig, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerStatus
 from tams_app.runtime.clock import MonotonicClock
-from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import RIGHT
 
 pytestmark = pytest.mark.waiting
 
 
 @pytest.fixture
-def runtime():
-    with FakeRuntime().in_place_of_the_library() as fake:
-        yield fake
-
-
-@pytest.fixture
-def components(runtime):
+def components(fake):
     components = ComponentReader(
         ControllerConfig(mapping={"vive_focus3_controller": {"a": "b/click", "b": "a/click"}})
     )
@@ -28,9 +22,9 @@ def components(runtime):
     components.close()
 
 
-def test_each_component_is_told_by_its_own_name_whatever_the_mapping(runtime, components):
-    runtime.devices[RIGHT].axes[1] = (0.75, 0.0)
-    runtime.devices[RIGHT].pressed = 1 << 7  # A
+def test_each_component_is_told_by_its_own_name_whatever_the_mapping(fake, components):
+    fake.devices[RIGHT].axes[1] = (0.75, 0.0)
+    fake.devices[RIGHT].pressed = 1 << 7  # A
     reading = components.read()
     assert reading.controller_type == "vive_focus3_controller"
     assert reading.values == {
@@ -58,49 +52,49 @@ def test_each_component_is_told_by_its_own_name_whatever_the_mapping(runtime, co
         ("knuckles", 35, (0, 0), {"thumbstick/click"}),
     ],
 )
-def test_each_button_is_found_where_the_type_has_it(runtime, components, kind, bit, pad, pressed):
-    hand = runtime.devices[RIGHT]
+def test_each_button_is_found_where_the_type_has_it(fake, components, kind, bit, pad, pressed):
+    hand = fake.devices[RIGHT]
     hand.controller_type, hand.pressed, hand.axes[0] = kind, 1 << bit, pad
     values = components.read().values
     assert {path for path, value in values.items() if value > 0.5} == pressed
 
 
-def test_a_pad_that_is_only_touched_is_no_button(runtime, components):
-    hand = runtime.devices[RIGHT]
+def test_a_pad_that_is_only_touched_is_no_button(fake, components):
+    hand = fake.devices[RIGHT]
     hand.controller_type, hand.axes[0] = "vive_controller", (0.0, 0.9)
     assert set(components.read().values.values()) == {0.0}
 
 
-def test_a_controller_that_is_away_and_input_that_is_taken_give_nothing(runtime, components):
-    runtime.dashboard = True
+def test_a_controller_that_is_away_and_input_that_is_taken_give_nothing(fake, components):
+    fake.dashboard = True
     assert components.read() is None
-    runtime.dashboard = False
-    runtime.devices[RIGHT].connected = False
+    fake.dashboard = False
+    fake.devices[RIGHT].connected = False
     assert components.read() is None
 
 
-def test_an_unknown_type_is_named(runtime, components):
-    runtime.devices[RIGHT].controller_type = "oculus_touch"
+def test_an_unknown_type_is_named(fake, components):
+    fake.devices[RIGHT].controller_type = "oculus_touch"
     with pytest.raises(DeviceError, match=r"type oculus_touch are not known.*--no-buttons"):
         components.read()
 
 
-def test_a_runtime_that_quits_is_told_and_let_go(runtime, components):
-    runtime.quit()
+def test_a_runtime_that_quits_is_told_and_let_go(fake, components):
+    fake.quit()
     with pytest.raises(DeviceError, match="SteamVR has quit"):
         components.read()
-    assert runtime.quits_acknowledged == 1
+    assert fake.quits_acknowledged == 1
 
 
-def test_the_wizard_reads_the_components_first_and_then_the_pose(runtime):
+def test_the_wizard_reads_the_components_first_and_then_the_pose(fake):
     config = load_config()
     setup = LiveSetup(config, MonotonicClock(), lambda *_: None)
     with setup.buttons() as source:
         assert source.next()[1].values["trigger/pull"] == 0.0
-    assert runtime.connections == 0
+    assert fake.connections == 0
     with setup.hand(config.controller) as source:
         now_ns, sample = source.next()
         assert sample.status is ControllerStatus.OK
         assert sample.pose.position == pytest.approx((0.2, 1.1, -0.3), abs=1e-6)
         assert sample.pose_ns <= now_ns
-    assert runtime.connections == 0
+    assert fake.connections == 0

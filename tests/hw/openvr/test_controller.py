@@ -24,10 +24,9 @@ WITHIN_S = 20.0
 
 
 @pytest.fixture
-def fake():
-    with FakeRuntime().in_place_of_the_library() as fake:
-        fake.devices[RIGHT].trembles = True
-        yield fake
+def fake(fake):
+    fake.devices[RIGHT].trembles = True
+    return fake
 
 
 @pytest.fixture
@@ -129,14 +128,6 @@ def test_an_unexpected_end_during_the_start_is_a_device_error(controller, fake, 
     monkeypatch.setattr(openvr_controller.OpenVrPoller, "step", fail)
     with pytest.raises(DeviceError, match="a broken thing"):
         controller.start()
-
-
-def test_a_runtime_that_is_restarted_in_mid_session_is_joined_again(controller, fake):
-    controller.start()
-    fake.quit()
-    until(controller, lambda s: s.status is ControllerStatus.RUNTIME_QUIT)
-    fake.restart()
-    until(controller, lambda s: s.status is ControllerStatus.OK)
 
 
 def test_the_thread_has_a_name_and_a_kernel_id(controller):

@@ -4,15 +4,9 @@ import pytest
 from hw.openvr.devices import DeviceIdentity, identify, list_controllers
 from hw.openvr.runtime import OpenVrRuntime
 from tams_app.errors import DeviceError
-from tests.hw.openvr.fake_openvr import LEFT, RIGHT, SPARE, FakeDevice, FakeRuntime
+from tests.hw.openvr.fake_openvr import LEFT, RIGHT, SPARE, FakeDevice
 
 pytestmark = pytest.mark.untimed
-
-
-@pytest.fixture
-def fake():
-    with FakeRuntime().in_place_of_the_library() as fake:
-        yield fake
 
 
 def test_controllers_are_listed_with_what_they_tell_of_themselves(fake):

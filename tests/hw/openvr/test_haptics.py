@@ -29,10 +29,6 @@ def test_a_pattern_is_played_whole_and_once(haptic):
         assert 0 <= at_ns - start_s * NS_PER_S <= POLL_NS
 
 
-def test_patterns_differ_in_number_length_or_strength():
-    assert len(set(PATTERNS.values())) == len(Haptic)
-
-
 def test_nothing_is_handed_over_within_the_smallest_gap():
     player = HapticPlayer()
     player.start(Haptic.RELEASE, 0)

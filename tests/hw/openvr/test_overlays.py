@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from hw.openvr.overlays import Overlays
 from hw.openvr.runtime import OpenVrRuntime
 from tams_app.errors import DeviceError
-from tests.hw.openvr.fake_openvr import HEADSET, FakeRuntime
+from tests.hw.openvr.fake_openvr import HEADSET
 
 pytestmark = pytest.mark.untimed
 
@@ -19,10 +19,9 @@ RECENTRED = openvr.VREvent_StandingZeroPoseReset
 
 
 @pytest.fixture
-def fake():
-    with FakeRuntime().in_place_of_the_library() as fake:
-        fake.overlays.reads_back = False
-        yield fake
+def fake(fake):
+    fake.overlays.reads_back = False
+    return fake
 
 
 @pytest.fixture

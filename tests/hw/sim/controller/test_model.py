@@ -143,20 +143,6 @@ def test_a_load_is_acknowledged_as_ready_if_it_was_given_while_ready(rig: Rig) -
     assert rig.model.settings.load == pytest.approx((0.35, 0, 0, 40))
 
 
-def test_state_four_brakes_at_once_and_forgets_the_command(rig: Rig) -> None:
-    rig.arm(Mode.CARTESIAN_VELOCITY)
-    rig.velocity(0, 200, 0, None)
-    rig.run(0.5)
-    rig.ask(Register.SET_STATE, bytes([4]))
-    assert rig.model.state is State.STOPPED
-    rig.run(0.1)
-    assert not any(rig.model.joint_speeds)
-    stood = rig.position_mm
-    rig.ask(Register.SET_STATE, bytes([0]))
-    rig.run(0.3)
-    np.testing.assert_allclose(rig.position_mm, stood, atol=0.1)
-
-
 def test_being_made_ready_while_still_braking_does_not_stop_with_a_jerk(rig: Rig) -> None:
     rig.arm(Mode.POSITION)
     rig.move(HOME_JOINTS, speed=2.0)
@@ -195,34 +181,6 @@ def test_a_state_or_mode_that_does_not_exist_is_refused_and_changes_nothing(rig:
 
 
 # --- motion -------------------------------------------------------------------------------------
-
-
-def test_a_joint_move_arrives_and_shows_as_moving_until_then(rig: Rig) -> None:
-    rig.arm(Mode.POSITION)
-    assert rig.move(HOME_JOINTS) == 0
-    assert rig.model.state is State.MOVING
-    assert rig.model.commands_waiting == 1
-    rig.run(0.2)
-    assert rig.model.state is State.MOVING
-    rig.run(3.0)
-    assert rig.model.state is State.STANDBY
-    assert rig.model.commands_waiting == 0
-    np.testing.assert_allclose(rig.model.joints, HOME_JOINTS, atol=1e-5)
-
-
-def test_velocity_moves_the_tcp_and_the_deadman_time_stops_it(rig: Rig) -> None:
-    rig.arm(Mode.CARTESIAN_VELOCITY)
-    start = rig.position_mm
-    for _ in range(50):
-        assert rig.velocity(0, 50, 0) == 0
-        rig.run(0.02)
-    way = rig.position_mm - start
-    assert way[1] == pytest.approx(50.0, abs=1.0)
-    rig.run(0.2)
-    assert rig.model.state is State.STANDBY
-    stood = rig.position_mm
-    rig.run(0.5)
-    np.testing.assert_allclose(rig.position_mm, stood, atol=1e-3)
 
 
 @pytest.mark.parametrize("duration_s", [None, 0.0, -1.0])

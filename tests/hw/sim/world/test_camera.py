@@ -16,11 +16,9 @@ from hw.sim.world.rig_memory import (
     FrameWriter,
     remove_memory,
 )
-from tams_app.errors import DeviceError
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
-from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.waiting
 
@@ -72,34 +70,6 @@ def test_a_frame_tells_when_it_was_taken_and_when_it_was_rendered(
     frame = camera.next_frame(1.0)
     assert frame is not None
     assert (frame.index, frame.capture_ns, frame.ready_ns) == (4, 1000, 1500)
-
-
-def test_newest_frame_is_delivered_once_and_older_ones_are_skipped(
-    writer: FrameWriter, camera: SimCamera
-) -> None:
-    for index in range(3):
-        writer.publish("gt", index, 100 + index, grey(index))
-    frame = camera.next_frame(0.1)
-    assert frame is not None
-    assert (frame.view, frame.index, frame.capture_ns) == ("gt", 2, 102)
-    assert (frame.image == 2).all()
-    assert camera.next_frame(0.1) is None
-
-
-def test_stalled_renderer_gives_none_after_the_timeout(camera: SimCamera) -> None:
-    start_ns = time.monotonic_ns()
-    assert camera.next_frame(0.25) is None
-    assert time.monotonic_ns() - start_ns >= 250 * NS_PER_MS
-
-
-def test_image_belongs_to_the_caller(writer: FrameWriter, camera: SimCamera) -> None:
-    writer.publish("gt", 0, 1, grey(10))
-    frame = camera.next_frame(0.1)
-    assert frame is not None
-    for index in range(1, SLOTS + 1):
-        writer.publish("gt", index, 1, grey(99))
-    assert (frame.image == 10).all()
-    frame.image[:] = 3
 
 
 def test_a_camera_that_waits_sleeps_until_a_frame_is_published(
@@ -155,15 +125,3 @@ def test_views_do_not_disturb_each_other(name: str, writer: FrameWriter) -> None
     assert (second.image == 7).all()
     eih.close()
     gt.close()
-
-
-def test_unknown_view_missing_renderer_and_unstarted_camera_are_device_errors(name: str) -> None:
-    with pytest.raises(DeviceError, match="no camera 'left'"):
-        SimCamera("left", name, MonotonicClock()).start()
-    camera = SimCamera("gt", name, MonotonicClock())
-    with pytest.raises(DeviceError, match="start its processes"):
-        camera.start()
-    with pytest.raises(DeviceError, match="not started"):
-        camera.next_frame(0.1)
-    camera.close()
-    camera.close()

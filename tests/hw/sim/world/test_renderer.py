@@ -195,10 +195,6 @@ def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
                 assert frame.image.std() > 10
                 assert frame.capture_ns <= clock.now_ns()
                 last[view] = frame.index
-        helpers[1].send(fps=5)
-        frames = (cameras["gs"].next_frame(10.0) for _ in range(100))  # some from before it hears
-        times = (frame.capture_ns for frame in frames if frame is not None)
-        assert any(after - before > 0.1 * NS_PER_S for before, after in pairwise(times))
         truth = WorldReader(name)
         first = truth.truth()
         kill(helpers.pop())
