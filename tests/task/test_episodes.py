@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import Episode, EpisodeRequest
-from tams_app.task.episodes import ARMED_NS, SHOWN, Episodes
+from tams_app.task.episodes import ARMED_NS, SHOWN, Episodes, verdict
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -95,134 +96,72 @@ def test_an_episode_begins_when_its_countdown_is_over_and_ends_kept() -> None:
     assert (played.doing, played.episodes.number) == ("idle", 2)
 
 
-def test_without_a_countdown_an_episode_begins_at_once() -> None:
-    played = Played(countdown_s=0.0)
-    played.ask(NEXT)
-    assert played.doing == "recording"
-    assert played.sentences == ["episode 1 is recorded"]
-
-
-def test_a_second_press_in_the_countdown_ends_nothing() -> None:
-    played = Played()
-    played.ask(NEXT, NEXT)
-    played.wait(3.0)
-    assert (played.doing, played.log) == ("recording", [])
-
-
-@pytest.mark.parametrize("request_", [DISCARD, REDO])
-def test_one_press_discards_nothing(request_: EpisodeRequest) -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(request_)
-    assert played.episodes.state(played.now_ns).armed == request_.value
-    assert (played.doing, played.log) == ("recording", [])
+RECORD, SHORT, LONG = "record", ARMED_NS / NS_PER_S - 0.01, ARMED_NS / NS_PER_S  # what is done
 
 
 @pytest.mark.parametrize(
-    ("seconds", "discarded"), [(ARMED_NS / NS_PER_S - 0.01, 1), (ARMED_NS / NS_PER_S, 0)]
+    ("done", "doing", "log"),
+    [
+        ([NEXT, NEXT, 3.0], "recording", []),  # a second press in the countdown ends nothing
+        ([RECORD, DISCARD], "recording", []),  # one press discards nothing
+        ([RECORD, REDO], "recording", []),
+        ([RECORD, DISCARD, SHORT, DISCARD], "idle", ["discarded"]),
+        ([RECORD, DISCARD, LONG, DISCARD], "recording", []),  # too late for a second press
+        ([RECORD, NEXT, DISCARD, NEXT, DISCARD], "idle", ["kept"]),  # another between them
+        ([RECORD, NEXT, DISCARD, REDO, DISCARD], "idle", ["kept"]),
+        ([RECORD, NEXT, DISCARD, SUCCESS, DISCARD], "idle", ["kept", "kept, success"]),
+        ([RECORD, DISCARD, NEXT, DISCARD], "idle", ["kept"]),  # the first was for a running one
+        ([RECORD, NEXT, 60.0, DISCARD, DISCARD], "idle", ["kept", "discarded"]),
+        ([RECORD, REDO, REDO], "countdown", ["discarded"]),
+        ([RECORD, REDO, REDO, 3.0], "recording", ["discarded"]),
+        ([RECORD, DISCARD, DISCARD, REDO], "countdown", ["discarded"]),  # is discarded already
+        ([NEXT, DISCARD, 10.0], "idle", []),  # a countdown is called off at the first press
+        ([NEXT, REDO, 3.0], "recording", []),
+        ([RECORD, SUCCESS], "idle", ["kept, success"]),  # a label ends a running one
+        ([RECORD, FAILURE], "idle", ["kept, failure"]),
+        (
+            [RECORD, NEXT, SUCCESS, FAILURE, DISCARD, DISCARD],
+            "idle",
+            ["kept", "kept, success", "kept, failure", "discarded"],
+        ),
+        ([RECORD, DISCARD, DISCARD, SUCCESS], "idle", ["discarded"]),  # and is not labelled
+        ([SUCCESS], "idle", []),
+        ([FAILURE], "idle", []),
+        ([DISCARD], "idle", []),
+        ([REDO], "countdown", []),
+    ],
 )
-def test_a_second_press_discards_only_within_its_time(seconds: float, discarded: int) -> None:
+def test_what_is_asked_ends_labels_and_discards_as_the_guide_says(
+    done: list[EpisodeRequest | str | float], doing: str, log: list[str]
+) -> None:
+    played = Played()
+    for one in done:
+        if isinstance(one, float):
+            played.wait(one)
+        elif one == RECORD:
+            played.record(5.0)
+        else:
+            played.ask(one)
+    assert played.doing == doing
+    assert [verdict(one) for one in played.log] == log
+
+
+def test_a_first_press_is_told_and_a_discarded_episode_keeps_time_and_label() -> None:
     played = Played()
     played.record(5.0)
     played.ask(DISCARD)
-    played.wait(seconds)
-    played.ask(DISCARD)
-    assert played.episodes.state(played.now_ns).discarded == discarded
+    assert played.episodes.state(played.now_ns).armed == DISCARD.value
+    played.ask(SUCCESS, DISCARD, DISCARD)
+    labelled, discarded = played.log
+    assert replace(discarded, t_ns=labelled.t_ns, kept=True) == labelled
+    assert played.episodes.ended == (discarded,)
 
 
-@pytest.mark.parametrize("between", [NEXT, REDO, SUCCESS])
-def test_two_presses_with_another_between_them_discard_nothing(between: EpisodeRequest) -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(NEXT)
-    played.ask(DISCARD, between, DISCARD)
-    assert all(one.kept for one in played.episodes.ended)
-
-
-def test_a_press_for_a_running_episode_is_no_first_one_for_the_kept_one() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(DISCARD, NEXT, DISCARD)
-    assert [one.kept for one in played.episodes.ended] == [True]
-
-
-def test_an_episode_that_is_discarded_while_it_runs_ends_there() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(DISCARD, DISCARD)
-    assert [(one.number, one.kept) for one in played.log] == [(1, False)]
-    assert played.doing == "idle"
-
-
-def test_the_last_kept_episode_can_still_be_discarded() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(NEXT)
-    played.wait(60.0)
-    played.ask(DISCARD, DISCARD)
-    first, second = played.log
-    assert (first.kept, second.kept) == (True, False)
-    assert (first.start_ns, first.end_ns) == (second.start_ns, second.end_ns)
-
-
-def test_redo_discards_and_begins_the_next() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(REDO, REDO)
-    assert [one.kept for one in played.log] == [False]
-    assert played.doing == "countdown"
-    played.wait(3.0)
-    assert (played.doing, played.episodes.number) == ("recording", 2)
-
-
-def test_redo_of_what_is_discarded_already_begins_the_next_at_the_first_press() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(DISCARD, DISCARD, REDO)
-    assert (played.doing, len(played.log)) == ("countdown", 1)
-
-
-def test_a_countdown_is_called_off_at_the_first_press() -> None:
-    played = Played()
-    played.ask(NEXT, DISCARD)
-    played.wait(10.0)
-    assert (played.doing, played.log) == ("idle", [])
-
-
-@pytest.mark.parametrize(("request_", "success"), [(SUCCESS, True), (FAILURE, False)])
-def test_a_label_ends_a_running_episode_and_keeps_it(
-    request_: EpisodeRequest, success: bool
-) -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(request_)
-    assert [(one.kept, one.success) for one in played.log] == [(True, success)]
-
-
-def test_the_last_episode_can_be_labelled_anew_and_keeps_its_label_when_it_is_discarded() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(NEXT, SUCCESS, FAILURE, DISCARD, DISCARD)
-    labels = [(one.kept, one.success) for one in played.log]
-    assert labels == [(True, None), (True, True), (True, False), (False, False)]
-    assert len(played.episodes.ended) == 1
-
-
-@pytest.mark.parametrize("request_", [SUCCESS, FAILURE, DISCARD])
-def test_without_an_episode_there_is_nothing_to_label_or_discard(
-    request_: EpisodeRequest,
-) -> None:
-    played = Played()
-    played.ask(request_)
-    assert played.sentences[0].startswith("there is no episode to")
-    assert (played.doing, played.log) == ("idle", [])
-
-
-def test_a_discarded_episode_is_not_labelled() -> None:
-    played = Played()
-    played.record(5.0)
-    played.ask(DISCARD, DISCARD, SUCCESS)
-    assert len(played.log) == 1
+def test_without_a_countdown_an_episode_begins_at_once() -> None:
+    played = Played(countdown_s=0.0)
+    played.ask(DISCARD, NEXT)
+    assert played.doing == "recording"
+    assert played.sentences == ["there is no episode to discard", "episode 1 is recorded"]
 
 
 def test_an_episode_that_had_not_ended_when_the_session_did_is_named() -> None:
