@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -114,7 +113,7 @@ def test_what_is_written_on_a_banner_can_be_read(arming: str) -> None:
     assert contrast(look.colour, look.ink) >= 3.0  # WCAG 2.1 for large text
 
 
-def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
+def test_a_fault_or_hold_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
     facts = changed(
         FACTS, arming="fault", reason="arm silent", advice="Check its power, then confirm."
     )
@@ -122,12 +121,9 @@ def test_a_fault_names_its_reason_what_to_do_and_the_key_that_helps() -> None:
     assert banner.look.word == "FAULT"
     assert banner.sentence == "Arm silent. Check its power, then confirm."
     assert banner.key.startswith("Enter")
-
-
-def test_a_hold_ends_with_the_trigger_and_says_so() -> None:
-    banner = banner_of(changed(FACTS, arming="holding", reason="stale video"))
-    assert banner.sentence == "Stale video."
-    assert banner.key.startswith("Release the trigger")
+    held = banner_of(changed(FACTS, arming="holding", reason="stale video"))
+    assert held.sentence == "Stale video."
+    assert held.key.startswith("Release the trigger")
 
 
 @pytest.mark.parametrize("arming", ["ready", "engaged", "disarmed"])
@@ -152,16 +148,6 @@ def test_a_deadman_that_is_up_need_not_be_released_to_arm() -> None:
     assert held.key == "Release Shift, then press Enter to arm"
     up = banner_of(changed(FACTS, arming="disarmed", deadman=False), "keyboard")
     assert up.key == "Press Enter to arm"
-
-
-def test_what_had_to_be_waited_for_is_not_once_it_is_back() -> None:
-    state = replace(STATE, arming="holding", reason="stale video", hand="keyboard")
-
-    def sentence(lasting: str) -> str:
-        return banner_of(facts_of(replace(state, lasting=lasting), ()), "keyboard").sentence
-
-    assert "wait until it is back, then release Shift" in sentence("stale video")
-    assert sentence("") == "Stale video. The video is back: release Shift."
 
 
 @pytest.mark.parametrize("arming", LOOKS)
@@ -309,20 +295,23 @@ def test_the_colours_of_the_uplink_are_greys_seen_on_white_and_on_the_window_s_g
 # --- numbers --------------------------------------------------------------------------------------
 
 
-def test_a_row_tells_sent_and_target_given_and_asked_latency_and_age() -> None:
-    view = ViewState(3000, 2950.4, 14.9, 74.2, 95.0)
-    assert view_row("eih", view, 30) == ("EIH", "2950 / 3000", "15 / 30", "74 ms", "95 ms", "")
-
-
-def test_a_row_tells_how_similar_the_screen_is_to_the_scene_where_that_is_measured() -> None:
-    view = ViewState(live_ssim=0.874, task_live_ssim=0.702)
-    assert view_row("gt", view, 30)[-1] == "0.87 / 0.70"
-    assert view_row("gt", ViewState(live_ssim=0.874), 30)[-1] == "0.87 / –"
-
-
-def test_what_is_not_known_is_a_dash() -> None:
-    nothing = ViewState(None, None, None, None, None)
-    assert view_row("gt", nothing, None) == ("GT", "– / –", "– / –", "– ms", "– ms", "")
+@pytest.mark.parametrize(
+    ("view", "asked_fps", "row"),
+    [
+        (ViewState(3000, 2950.4, 14.9, 74.2, 95.0), 30, "2950 / 3000|15 / 30|74 ms|95 ms|"),
+        (
+            ViewState(live_ssim=0.874, task_live_ssim=0.702),
+            30,
+            "– / –|– / 30|– ms|– ms|0.87 / 0.70",
+        ),
+        (ViewState(live_ssim=0.874), None, "– / –|– / –|– ms|– ms|0.87 / –"),
+        (ViewState(), None, "– / –|– / –|– ms|– ms|"),  # what is not known is a dash
+    ],
+)
+def test_a_row_tells_sent_and_target_given_and_asked_latency_age_and_similarity(
+    view: ViewState, asked_fps: float | None, row: str
+) -> None:
+    assert view_row("eih", view, asked_fps) == ("EIH", *row.split("|"))
 
 
 def test_the_uplink_s_line_has_budget_capacity_queue_and_loss() -> None:
@@ -347,29 +336,17 @@ def seen(own: LatencyState | None, **changes: Any) -> SessionState:
     return changed(FACTS, views=views, primary_view="eih").state
 
 
-def test_what_makes_the_primary_view_late_is_named_once_it_is_notable() -> None:
+def test_what_makes_the_primary_view_late_is_named_once_it_is_notable_and_known() -> None:
     told = "EIH 31 ms besides the network (display 9): use fewer frames or a GPU"
     assert slowest_text(seen(LatencyState(31, "display", 9))) == told
     assert slowest_text(seen(LatencyState(NOTABLE_MS - 1, "encoder", 9))) == ""
-
-
-def test_where_a_stage_is_not_known_none_is_called_the_slowest() -> None:
     assert slowest_text(seen(None)) == ""
     assert slowest_text(changed(FACTS, views={}).state) == ""
-
-
-def test_the_robot_s_side_says_how_far_it_knows_a_frame_s_way() -> None:
-    there = seen(LatencyState(31, "camera", 20))
+    there = seen(LatencyState(31, "camera", 20))  # the robot's side says how far it knows the way
     there = replace(there, views={"eih": replace(there.views["eih"], shown_fps=None)})
     assert slowest_text(there) == (
         "EIH 31 ms besides the network to the uplink (camera 20): use less exposure or fewer frames"
     )
-
-
-def test_a_gripper_that_is_driven_nowhere_and_motors_that_report_nothing_are_not_known() -> None:
-    rows = dict(hand_rows(changed(FACTS, gripper_closed=None, hottest_motor_c=None).state))
-    assert (rows["gripper"], rows["motors"]) == ("not known", "not known")
-    assert dict(hand_rows(changed(FACTS, hottest_motor_c=41).state))["motors"] == "to 41 °C"
 
 
 def test_the_last_line_has_time_strategy_network_and_what_is_recorded() -> None:
@@ -451,26 +428,13 @@ def test_the_key_list_says_which_of_r_and_f_turns_which_way() -> None:
 
 
 def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
-    rows = dict(hand_rows(FACTS.state))
-    assert rows == {
-        "deadman": "HELD",
-        "mode": "translation",
-        "gripper": "closed",
-        "buttons": "A",
-        "TCP": "350, -80, 180 mm",
-        "motors": "not known",
-    }
-    other = changed(
-        FACTS, deadman=False, orientation_mode=True, gripper_closed=None, pressed=(), tcp_mm=None
-    )
-    assert [word for _, word in hand_rows(other.state)] == [
-        "released",
-        "orientation",
-        "not known",
-        "none",
-        "not known",
-        "not known",
-    ]
+    names = ("deadman", "mode", "gripper", "buttons", "TCP", "motors")
+    words = ("HELD", "translation", "closed", "A", "350, -80, 180 mm", "not known")
+    assert hand_rows(FACTS.state) == tuple(zip(names, words, strict=True))
+    nothing = {"gripper_closed": None, "pressed": (), "tcp_mm": None, "hottest_motor_c": 41}
+    other = changed(FACTS, deadman=False, orientation_mode=True, **nothing)
+    words = ("released", "orientation", "not known", "none", "not known", "to 41 °C")
+    assert hand_rows(other.state) == tuple(zip(names, words, strict=True))
 
 
 def test_a_trial_s_card_counts_its_time() -> None:
@@ -493,17 +457,13 @@ def test_a_replay_tells_where_it_is_in_how_long_a_log_and_how_it_goes() -> None:
 # --- places ---------------------------------------------------------------------------------------
 
 
-def test_the_primary_view_and_the_one_in_the_large_place_exchange() -> None:
+def test_the_primary_view_and_the_large_one_exchange_but_not_twice_within_a_moment() -> None:
     places = Places(("eih", "gt", "gs"))
+    assert not places.step("", 0), "no primary view is known"
     assert places.step("gs", 0)
     assert places.views == ("gs", "gt", "eih")
-
-
-def test_views_that_have_just_exchanged_stay_for_a_moment() -> None:
-    places = Places(("eih", "gt", "gs"))
-    places.step("gt", 0)
     assert not places.step("eih", STAYS_NS - 1)
-    assert places.views == ("gt", "eih", "gs")
+    assert places.views == ("gs", "gt", "eih")
     assert places.step("eih", STAYS_NS)
     assert places.views == ("eih", "gt", "gs")
 
@@ -511,27 +471,14 @@ def test_views_that_have_just_exchanged_stay_for_a_moment() -> None:
 def test_a_pinned_view_stays_large_until_it_is_let_go() -> None:
     places = Places(("eih", "gt", "gs"))
     places.pin("gs")
-    assert places.views == ("gs", "gt", "eih")
     assert not places.step("eih", 10 * STAYS_NS)
-    assert places.views[0] == "gs"
+    assert places.views == ("gs", "gt", "eih")
     places.pin("gs")
     assert places.pinned == ""
     assert places.step("eih", 10 * STAYS_NS)
-    assert places.views == ("eih", "gt", "gs")
-
-
-def test_swapping_takes_the_large_view_and_the_one_beside_it_to_and_fro() -> None:
-    places = Places(("eih", "gt", "gs"))
-    places.swap()
-    assert (places.views, places.pinned) == (("gt", "eih", "gs"), "gt")
-    places.swap()
-    assert (places.views, places.pinned) == (("eih", "gt", "gs"), "eih")
-
-
-def test_without_a_known_primary_view_all_stay() -> None:
-    places = Places(("eih", "gt"))
-    assert not places.step("", 0)
-    assert places.views == ("eih", "gt")
+    for large, other in (("gt", "eih"), ("eih", "gt")):  # a swap takes the one beside it
+        places.swap()
+        assert (places.views, places.pinned) == ((large, other, "gs"), large)
 
 
 # --- keys -----------------------------------------------------------------------------------------
@@ -550,19 +497,17 @@ def focused() -> Keyboard:
 LATER = 10 * REPEAT_NS
 
 
-def test_a_held_key_is_one_press_however_long_it_repeats() -> None:
+def test_a_key_counts_once_until_its_release_under_the_name_that_it_had_when_pressed() -> None:
     keyboard = focused()
     presses = [keyboard.press(RETURN, "Return", LATER + n * REPEAT_NS) for n in range(50)]
     assert presses == [True] + [False] * 49
     assert keyboard.held == ("Return",)
-
-
-def test_a_key_pressed_again_after_its_release_is_a_new_press_at_once() -> None:
-    keyboard = focused()
-    keyboard.press(RETURN, "Return", LATER)
+    assert not keyboard.press(RETURN, "other", LATER + 51 * REPEAT_NS)
+    assert keyboard.held == ("Return",)
     keyboard.release(RETURN)
     assert keyboard.held == ()
-    assert keyboard.press(RETURN, "Return", LATER + 1)
+    assert keyboard.press(RETURN, "Return", LATER + 1)  # anew, at once
+    assert keyboard.presses == {"Return": 2}
 
 
 def test_a_key_that_was_down_before_the_focus_came_is_no_press() -> None:
@@ -575,26 +520,15 @@ def test_a_key_that_was_down_before_the_focus_came_is_no_press() -> None:
     assert keyboard.press(RETURN, "Return", times[-1] + 1)
 
 
-def test_a_key_whose_release_was_out_of_sight_is_held_no_more() -> None:
-    keyboard = focused()
-    keyboard.press(W, "w", LATER)
-    keyboard.focus(False, LATER + 1)
-    assert keyboard.held == ()
-    assert not keyboard.focused
-
-
-def test_several_keys_are_held_in_the_order_of_pressing() -> None:
+def test_keys_are_held_in_the_order_of_pressing_and_none_without_the_focus() -> None:
     keyboard = focused()
     keyboard.press(W, "w", LATER)
     keyboard.press(A, "a", LATER)
     assert keyboard.held == ("w", "a")
-
-
-def test_a_key_keeps_the_name_that_it_had_when_it_was_pressed() -> None:
-    keyboard = focused()
-    keyboard.press(W, "w", LATER)
-    assert not keyboard.press(W, "z", LATER + 1)
-    assert keyboard.held == ("w",)
+    keyboard.focus(False, LATER + 1)
+    assert keyboard.held == ()
+    assert not keyboard.focused
+    assert not keyboard.press(A, "a", 3 * LATER)
 
 
 def with_shift(*codes: int) -> Keyboard:
@@ -718,7 +652,7 @@ def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> Facts:
     return changed(FACTS, t_s=t_s, phase=phase, arming=arming)
 
 
-def test_phases_are_stretches_one_after_the_other() -> None:
+def test_phases_are_stretches_one_after_the_other_without_a_gap() -> None:
     history = History()
     for t_s, phase in enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP")):
         history.add(at(t_s, phase))
@@ -735,23 +669,15 @@ def test_what_is_older_than_a_minute_is_forgotten() -> None:
     for t_s in range(200):
         history.add(at(float(t_s)))
     assert history.states[0].t_s == 199 - SPAN_S
-    assert history.curve(lambda state: state.link_kbps)[0] == (
-        199 - SPAN_S,
-        FACTS.state.link_kbps,
-    )
+    first = history.curve(lambda state: state.link_kbps)[0]
+    assert first == (199 - SPAN_S, FACTS.state.link_kbps)
 
 
-def test_facts_of_the_same_moment_count_once() -> None:
+def test_one_moment_counts_once_and_an_earlier_one_makes_what_came_later_forgotten() -> None:
     history = History()
-    history.add(at(1.0))
-    history.add(at(1.0, "ALIGN"))
-    assert [state.phase for state in history.states] == ["REACH"]
-
-
-def test_facts_of_an_earlier_moment_make_what_came_later_forgotten() -> None:
-    history = History()
-    for t_s in range(20):
-        history.add(at(float(t_s)))
+    for t_s in (*range(20), 19):
+        history.add(at(float(t_s), "GRASP" if len(history.states) == 20 else "REACH"))
+    assert [state.phase for state in history.states] == ["REACH"] * 20
     history.add(at(5.0, "ALIGN"))
     assert [state.t_s for state in history.states] == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     assert history.states[-1].phase == "ALIGN"
@@ -787,23 +713,3 @@ def test_after_a_jump_the_minute_before_is_what_the_log_has() -> None:
     assert go_to(30.4, 1) == [*range(20, 31), 30.4]
     assert go_to(31.0, 1)[-2:] == [30.4, 31.0]
     assert go_to(24.5, 2) == [*range(20, 25), 24.5]  # a jump back has it, too
-
-
-def test_stretches_leave_no_gap_between_them() -> None:
-    history = History()
-    for t_s in range(40):
-        history.add(at(float(t_s), arming=("ready", "engaged", "holding")[t_s % 7 % 3]))
-    stretches = history.armings()
-    assert len(stretches) > 5
-    assert all(one.end_s == other.begin_s for one, other in pairwise(stretches))
-    assert all(one.what != other.what for one, other in pairwise(stretches))
-
-
-def test_before_the_window_has_the_focus_no_key_counts_and_then_each_press_counts_once() -> None:
-    keyboard = Keyboard()
-    assert not keyboard.press(38, "a", 10_000_000_000)
-    keyboard.focus(True, 11_000_000_000)
-    for number in (1, 2):
-        assert keyboard.press(38, "a", 11_000_000_000 + 3_000_000_000 * number)
-        assert keyboard.presses["a"] == number
-        keyboard.release(38)
