@@ -86,17 +86,17 @@ def test_at_the_end_no_face_waits_for_anything_but_the_arm(monkeypatch):
     assert ended == ["arm", "face", "keys"]
 
 
-def test_at_the_hardware_the_operator_is_told_how_to_arm_the_arm(told):
-    (level, text), _ = told("lite6.yaml", active=True)
+def test_at_the_hardware_the_operator_is_told_how_to_arm_and_what_is_missing(told):
+    (level, text), (video, no_video) = told("lite6.yaml", active=True)
     assert level == "info"
     assert text.startswith("release the trigger and press Enter (or hold the menu button")
-
-
-def test_without_a_terminal_the_operator_is_warned_that_space_cannot_stop(told):
+    assert video == "warning"
+    assert "shows no video" in no_video
     (level, text), _ = told("lite6.yaml", active=False)
     assert level == "warning"
     assert "only the menu button" in text
     assert "Space cannot stop" in text
+    assert told("tams.yaml", active=False) == [], "the rig needs no instructions"
 
 
 def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told, monkeypatch):
@@ -106,16 +106,6 @@ def test_what_arms_the_arm_is_told_in_the_words_of_what_the_operator_holds(told,
     (level, text), _ = told("tams.yaml", active=False, hand="pedal")
     assert level == "warning"
     assert "cannot be armed" in text
-
-
-def test_at_the_hardware_a_computer_without_frames_is_told_of(told):
-    _, (level, text) = told("lite6.yaml", active=True)
-    assert level == "warning"
-    assert "shows no video" in text
-
-
-def test_the_rig_needs_no_instructions(told):
-    assert told("tams.yaml", active=False) == []
 
 
 def test_without_a_terminal_no_keys_are_read(monkeypatch):
@@ -253,57 +243,44 @@ class NotedSession:
         self.failure = sentence
 
 
-def test_in_a_trial_the_terminal_counts_drops_too(monkeypatch):
+@pytest.fixture
+def typed(monkeypatch):
+    """Reads the keys of a terminal for a session until it has ended; what is typed there first."""
     operator, program = pty.openpty()
     monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
-    session, drops = NotedSession(), []
-    trial = SimpleNamespace(actions={Command.DROP: lambda: drops.append(True)})
-    try:
+
+    def read(session, *typed, trial=None):
         with ExitStack() as stack:
             assert app._read_keys(session, stack, trial)
-            os.write(operator, b"xxxpq")
+            for keys in typed:
+                os.write(operator, keys)
+                time.sleep(0.5 if len(typed) > 1 else 0)
             assert session.ended.wait(20)
-    finally:
-        os.close(operator)
-        os.close(program)
+        assert session.failure == ""
+
+    yield read
+    os.close(operator)
+    os.close(program)
+
+
+def test_in_a_trial_the_terminal_counts_drops_too(typed):
+    drops = []
+    trial = SimpleNamespace(actions={Command.DROP: lambda: drops.append(True)})
+    typed(NotedSession(), b"xxxpq", trial=trial)
     assert drops == [True], "a held key counts one"
-    assert session.failure == ""
 
 
-def test_a_held_enter_confirms_once(monkeypatch):
-    operator, program = pty.openpty()
-    monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
+def test_a_held_enter_confirms_once(typed):
     session = NotedSession()
-    try:
-        with ExitStack() as stack:
-            assert app._read_keys(session, stack, None)
-            os.write(operator, b"\r" * 20 + b"\n\nq")
-            assert session.ended.wait(20)
-    finally:
-        os.close(operator)
-        os.close(program)
+    typed(session, b"\r" * 20 + b"\n\nq")
     assert len(session.confirmed_ago_ns) == 1
-    assert session.failure == ""
 
 
-def test_an_enter_that_was_typed_while_the_session_stood_still_has_its_age(
-    monkeypatch,
-):
-    operator, program = pty.openpty()
-    monkeypatch.setattr(app, "TerminalKeys", lambda: TerminalKeys(program))
+def test_an_enter_that_was_typed_while_the_session_stood_still_has_its_age(typed):
     session = NotedSession()
     late_s = 0.5 + CONFIRMED_AGO_NS / NS_PER_S
     session.signals.estop = lambda: time.sleep(late_s)
-    try:
-        with ExitStack() as stack:
-            assert app._read_keys(session, stack, None)
-            os.write(operator, b" ")
-            time.sleep(0.5)  # now the keys are not looked at
-            os.write(operator, b"\rq")
-            assert session.ended.wait(20)
-    finally:
-        os.close(operator)
-        os.close(program)
+    typed(session, b" ", b"\rq")  # by the second the keys are not looked at
     (ago_ns,) = session.confirmed_ago_ns
     assert ago_ns > CONFIRMED_AGO_NS
 
@@ -313,7 +290,7 @@ class FailedSession(EndedSession):
 
     failure = ""
 
-    def __init__(self, started, sentence="no arm"):
+    def __init__(self, started, sentence):
         super().__init__("tams.yaml")
         self.started, self.sentence = started, sentence
 
@@ -324,32 +301,29 @@ class FailedSession(EndedSession):
         """Nothing was started."""
 
 
-@pytest.mark.parametrize("is_made", [True, False])
-def test_a_session_that_did_not_start_leaves_no_folder(tmp_path, is_made):
+@pytest.mark.parametrize(
+    ("is_made", "started", "sentence", "stays"),
+    [
+        (True, False, "no arm", False),
+        (False, False, "no arm", False),
+        (True, True, "ended", True),
+        (True, False, "ended; see {folder}/helpers/x.log", True),  # what a sentence points at
+    ],
+)
+def test_a_session_that_did_not_start_leaves_no_folder_but_what_it_recorded_or_points_at(
+    tmp_path, is_made, started, sentence, stays
+):
     config = load_config(None, {"recording.directory": str(tmp_path), "headless": True})
 
     def make(folder):
         assert (folder / "config.yaml").exists()
         if not is_made:
-            raise TamsError("no arm")
-        return FailedSession(started=False)
+            raise TamsError(sentence)
+        return FailedSession(started, sentence.format(folder=folder))
 
-    with pytest.raises(TamsError, match="no arm"):
+    with pytest.raises(TamsError, match=sentence.partition(";")[0]):
         app.run_and_report(config, make)
-    assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize("started", [True, False])
-def test_what_a_sentence_points_at_or_a_session_recorded_stays(tmp_path, started):
-    config = load_config(None, {"recording.directory": str(tmp_path), "headless": True})
-
-    def make(folder):
-        return FailedSession(started, "ended" if started else f"ended; see {folder}/helpers/x.log")
-
-    with pytest.raises(TamsError, match="ended"):
-        app.run_and_report(config, make)
-    (folder,) = tmp_path.iterdir()
-    assert (folder / "config.yaml").exists()
+    assert [(folder / "config.yaml").exists() for folder in tmp_path.iterdir()] == [True] * stays
 
 
 @pytest.mark.parametrize(("name", "repeats"), [("tams.yaml", True), ("lite6.yaml", False)])
@@ -366,43 +340,39 @@ def test_only_a_session_of_the_rig_may_be_started_anew_from_its_window(name, rep
     assert asked == [repeats]
 
 
+@pytest.fixture
+def ran(monkeypatch):
+    """Runs sessions that are over at once; the answers at their ends, and the folders of all."""
+
+    def run(answers, signals=(), may_repeat=True, **overrides):
+        left, folders = list(answers), []
+        monkeypatch.setattr(app, "create_session_folder", lambda config: f"folder {len(folders)}")
+        monkeypatch.setattr(app, "report_session", lambda folder, console: {})
+        monkeypatch.setattr(app, "ask_at_end", lambda *given: left.pop(0))
+
+        def make(folder):
+            folders.append(folder)
+            return SimpleNamespace(failure="", started=True)
+
+        def show_session(session, console, interrupted, conclude):
+            for signal_name in signals:
+                interrupted(signal_name)
+            conclude(())
+
+        monkeypatch.setattr(app, "show_session", show_session)
+        config = load_config(CONFIG_DIRECTORY / "tams.yaml", overrides)
+        assert app.run_and_report(config, make, may_repeat=may_repeat) == 0
+        return folders
+
+    return run
+
+
 @pytest.mark.parametrize("answers", [(False,), (True, False)])
-def test_a_session_is_run_for_as_long_as_the_operator_asks_for_another(answers, monkeypatch):
-    left, folders = list(answers), []
-    monkeypatch.setattr(app, "create_session_folder", lambda config: f"folder {len(folders)}")
-    monkeypatch.setattr(app, "report_session", lambda folder, console: {})
-    monkeypatch.setattr(app, "ask_at_end", lambda *given: left.pop(0))
-
-    def make(folder):
-        folders.append(folder)
-        return SimpleNamespace(failure="", started=True)
-
-    def show_session(session, console, interrupted, conclude):
-        conclude(())
-
-    monkeypatch.setattr(app, "show_session", show_session)
-    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    assert app.run_and_report(config, make, may_repeat=True) == 0
-    assert folders == [f"folder {number}" for number in range(len(answers))]
+def test_a_session_is_run_for_as_long_as_the_operator_asks_for_another(answers, ran):
+    assert ran(answers) == [f"folder {number}" for number in range(len(answers))]
 
 
-def test_a_session_that_is_limited_or_was_interrupted_asks_nobody_at_its_end(monkeypatch):
-    monkeypatch.setattr(app, "create_session_folder", lambda config: "folder")
-    monkeypatch.setattr(app, "report_session", lambda folder, console: {})
-    monkeypatch.setattr(app, "ask_at_end", lambda *given: pytest.fail("asked"))
-    signals = []
-
-    def show_session(session, console, interrupted, conclude):
-        for signal_name in signals:
-            interrupted(signal_name)
-        conclude(())
-
-    def make(folder):
-        return SimpleNamespace(failure="", started=True)
-
-    monkeypatch.setattr(app, "show_session", show_session)
-    limited = load_config(CONFIG_DIRECTORY / "tams.yaml", {"seconds": 30})
-    assert app.run_and_report(limited, make) == 0
-    signals.append("ended by SIGINT")
+def test_a_session_that_is_limited_or_was_interrupted_asks_nobody_at_its_end(ran):
+    assert ran((), seconds=30) == ["folder 0"]
     with pytest.raises(SignalledError):
-        app.run_and_report(load_config(CONFIG_DIRECTORY / "tams.yaml", {}), make)
+        ran((), signals=["ended by SIGINT"])

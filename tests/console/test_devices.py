@@ -28,6 +28,9 @@ pytestmark = pytest.mark.untimed
 MODE = CameraMode("MJPG", True, 640, 480, (Fraction(30),))
 LEFT = CameraInfo("Cam", "A1", "/dev/video0", ("/dev/v4l/by-path/left",), (MODE,))
 RIGHT = CameraInfo("Cam", "B2", "/dev/video2", (), (MODE,))
+TRACKED = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
+AWAY = ControllerInfo("", "knuckles", "Index", "", None, False, False)
+NO_ARM = {"arm__host": "127.0.0.1", "arm__control_port": 1, "arm__report_port": 2}
 
 
 def hardware(**overrides: object) -> Config:
@@ -47,67 +50,47 @@ def test_each_camera_is_listed_with_its_view_stable_path_and_modes() -> None:
     ]
 
 
-def test_no_camera_and_no_controller_are_sentences() -> None:
-    assert list(camera_lines([], {})) == ["no camera is plugged in"]
-    assert list(controller_lines([])) == ["SteamVR knows no controller: switch one on."]
-
-
-def test_a_controller_is_listed_with_hand_battery_and_tracking() -> None:
-    tracked = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
-    away = ControllerInfo("", "knuckles", "Index", "", None, False, False)
-    assert list(controller_lines([tracked, away])) == [
+def test_controllers_are_listed_with_hand_battery_and_tracking_and_none_is_a_sentence() -> None:
+    assert list(controller_lines([TRACKED, AWAY])) == [
         "right: vive_focus3_controller S1, battery 50%, tracked",
         "no hand: knuckles, switched off",
     ]
+    assert list(controller_lines([])) == ["SteamVR knows no controller: switch one on."]
+    assert list(camera_lines([], {})) == ["no camera is plugged in"]
 
 
 def test_the_list_is_printed_whatever_is_missing() -> None:
     output = io.StringIO()
-    settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
-    assert show_devices(settings, console=Console(file=output, width=200)) == 0
+    assert show_devices(hardware(**NO_ARM), console=Console(file=output, width=200)) == 0
     lines = output.getvalue().splitlines()
     titles = [line for line in lines if not line.startswith(" ")]
     assert titles == ["Arm", "Controllers", "Cameras"]
     assert lines[1].startswith("  127.0.0.1: No arm answers")
 
 
+@pytest.mark.parametrize("problem", ["", "SteamVR does not run"])
 def test_a_program_reads_what_was_found_and_what_is_missing(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, problem: str
 ) -> None:
+    def controllers() -> list[ControllerInfo]:
+        if problem:
+            raise DeviceError(problem)
+        return [TRACKED]
+
     monkeypatch.setattr(devices, "list_cameras", lambda: [LEFT, RIGHT])
-    tracked = ControllerInfo("right", "vive_focus3_controller", "Focus", "S1", 0.5, True, True)
-    monkeypatch.setattr(devices, "list_controllers", lambda: [tracked])
+    monkeypatch.setattr(devices, "list_controllers", controllers)
     output, views = io.StringIO(), ("eih", "gt", "gs")
-    settings = hardware(
-        arm__host="127.0.0.1",
-        arm__control_port=1,
-        arm__report_port=2,
-        cameras={view: {"serial": "B2" if view == "eih" else "none"} for view in views},
-    )
+    cameras = {view: {"serial": "B2" if view == "eih" else "none"} for view in views}
+    settings = hardware(**NO_ARM, cameras=cameras)
     assert show_devices(settings, True, Console(file=output, width=80)) == 0
     tree = json.loads(output.getvalue())
     assert tree["arm"]["host"] == "127.0.0.1"
     assert "No arm answers" in tree["arm"]["problem"]
-    assert [one["serial"] for one in tree["controllers"]["found"]] == ["S1"]
-    assert [(one["serial"], one["view"]) for one in tree["cameras"]] == [
-        ("A1", None),
-        ("B2", "eih"),
-    ]
+    assert tree["controllers"]["problem"] == problem
+    assert [one["serial"] for one in tree["controllers"]["found"]] == ["S1"] * (not problem)
+    found = [(one["serial"], one["view"]) for one in tree["cameras"]]
+    assert found == [("A1", None), ("B2", "eih")]
     assert tree["cameras"][0]["modes"][0]["rates"] == [30.0]
-
-
-def test_without_steamvr_a_program_reads_why_there_is_no_controller(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def refuse() -> list[ControllerInfo]:
-        raise DeviceError("SteamVR does not run")
-
-    monkeypatch.setattr(devices, "list_controllers", refuse)
-    output = io.StringIO()
-    settings = hardware(arm__host="127.0.0.1", arm__control_port=1, arm__report_port=2)
-    assert show_devices(settings, True, Console(file=output)) == 0
-    found = json.loads(output.getvalue())["controllers"]
-    assert found == {"found": [], "problem": "SteamVR does not run"}
 
 
 def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:
