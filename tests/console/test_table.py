@@ -26,6 +26,13 @@ from tests.synthetic_session import START_NS, Synthetic, header
 pytestmark = pytest.mark.untimed
 
 
+def frozen() -> SessionLog:
+    """Of a session in which each view stood still every other second."""
+    log = Synthetic(40.0).log()
+    log.shown = [one for one in log.shown if one.index % 60 < 30]
+    return log
+
+
 def printed(log: SessionLog, width: int = 110) -> str:
     output = io.StringIO()
     Console(file=output, width=width).print(summary_tables(summarise(log)))
@@ -76,17 +83,13 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
 
 
 def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns() -> None:
-    log = Synthetic(40.0).log()
-    log.shown = [one for one in log.shown if one.index % 60 < 30]
-    lines = printed(log, 80).splitlines()
+    lines = printed(frozen(), 80).splitlines()
     assert [line.split()[0] for line in lines[-4:]] == ["View", "EIH", "GT", "GS"]
 
 
 @pytest.mark.parametrize("width", [30, 42, 60])
 def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(width: int) -> None:
-    log = Synthetic(40.0).log()
-    log.shown = [one for one in log.shown if one.index % 60 < 30]
-    lines = [line.rstrip() for line in printed(log, width).splitlines()]
+    lines = [line.rstrip() for line in printed(frozen(), width).splitlines()]
     assert max(len(line) for line in lines) <= width
     assert not any("…" in line for line in lines), "nothing is cut off"
     assert not any(line.startswith("View") for line in lines)
@@ -98,26 +101,18 @@ def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(w
     )
 
 
-def test_a_number_and_its_unit_are_never_on_two_lines() -> None:
-    log = Synthetic(40.0).log()
-    log.shown = [one for one in log.shown if one.index % 60 < 30]
-    units = ("%", "Hz", "kbit/s", "MB", "ms", "s")
+def test_no_figure_is_cut_or_parted_from_its_unit_on_terminals_from_narrow_to_wide() -> None:
+    tables = summary_tables(summarise(frozen()))
+    units = {"%", "Hz", "kbit/s", "MB", "ms", "s"}
     for width in range(42, 110):
-        lines = printed(log, width).splitlines()[1:]  # without the headline
-        told = [line for line in lines if not line.lstrip().startswith(("View", "kbit/s"))]
-        begun = [line.split()[0].strip(",;:()") for line in told if line.startswith(" ")]
-        assert not set(units) & set(begun), (width, told)
-
-
-def test_no_figure_of_a_view_is_cut_on_terminals_from_narrow_to_wide() -> None:
-    log = Synthetic(40.0).log()
-    log.shown = [one for one in log.shown if one.index % 60 < 30]
-    tables = summary_tables(summarise(log))
-    for width in range(42, 100):
         output = io.StringIO()
         Console(file=output, width=width).print(tables)
-        words = [word.rstrip(",") for word in output.getvalue().split()]
+        lines = output.getvalue().splitlines()
+        words = [word.rstrip(",") for line in lines for word in line.split()]
         assert [words.count(figure) for figure in ("30.0/30", "600/1200", "s)")] == [3, 3, 3], width
+        told = [line for line in lines[1:] if not line.lstrip().startswith(("View", "kbit/s"))]
+        begun = {line.split()[0].strip(",;:()") for line in told if line.startswith(" ")}
+        assert not units & begun, (width, told)
 
 
 def stop(reason: str, at_s: float, rest_ms: int | None) -> StopRecord:
@@ -136,13 +131,14 @@ def test_stops_are_named_with_their_time_reason_and_how_long_the_arm_took_to_res
     assert second == ("31.5 s arm error: C31 (servo [x]), not at rest at the end")
 
 
-def test_of_many_stops_five_are_named_and_the_others_counted() -> None:
-    log = Synthetic(40.0).log()
-    log.stops = [stop("tracking lost", 5.0 * number, 60) for number in range(7)]
+def test_of_many_stops_five_are_named_and_no_line_is_longer_than_eighty_columns() -> None:
+    log = frozen()
+    log.stops = [stop("guard stopped the arm", 1000.0 + number, 100) for number in range(7)]
     lines = printed(log, 80).splitlines()
-    assert sum("tracking lost" in line for line in lines) == 5
+    assert sum("guard stopped the arm" in line for line in lines) == 5
     assert [line.split() for line in lines if "…" in line] == [["…", "and", "2", "more"]]
-    assert "stops: 7, longest 60 ms" in " ".join(" ".join(lines).split())
+    assert "stops: 7, longest 100 ms" in " ".join(" ".join(lines).split())
+    assert max(len(line.rstrip()) for line in lines) <= 80
 
 
 def test_episodes_are_listed_with_what_has_become_of_them() -> None:
@@ -187,15 +183,6 @@ def test_a_view_that_froze_is_named_with_how_often_and_the_longest() -> None:
     ]
     (line,) = (line for line in printed(log, 80).splitlines() if line.startswith("Freezes"))
     assert line.split(maxsplit=1)[1].strip() == "GT 2, longest 2.5 s"
-
-
-def test_no_line_is_longer_than_a_terminal_of_eighty_columns() -> None:
-    log = Synthetic(40.0).log()
-    log.stops = [stop("guard stopped the arm", 1000.0 + number, 100) for number in range(9)]
-    log.shown = [one for one in log.shown if one.index % 60 < 30]
-    lines = printed(log, 80).splitlines()
-    assert max(len(line.rstrip()) for line in lines) <= 80
-    assert not any("…" in line for line in lines if "more" not in line), "nothing is cut off"
 
 
 def test_a_failed_trial_says_so() -> None:

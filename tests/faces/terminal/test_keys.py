@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import pty
+import queue
 import select
 import subprocess
 import sys
@@ -17,8 +18,9 @@ import pytest
 
 from tams_app.errors import DeviceError
 from tams_app.faces.commands import Command
-from tams_app.faces.terminal.keys import TerminalKeys, decode_keys
+from tams_app.faces.terminal.keys import Presses, TerminalKeys, decode_keys
 from tams_app.runtime.worker import Worker
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.waiting
 
@@ -63,16 +65,19 @@ def test_keys_mean_what_the_guide_says(data: bytes, keys: list[Command]) -> None
     assert decode_keys(data) == keys
 
 
-def test_a_key_counts_at_once_without_enter(terminal: tuple[int, int]) -> None:
-    operator, program = terminal
-    keys = TerminalKeys(program)
+@pytest.fixture
+def keys(terminal: tuple[int, int]) -> Iterator[TerminalKeys]:
+    """Those of the terminal, read one by one."""
+    keys = TerminalKeys(terminal[1])
     keys.open()
-    try:
-        os.write(operator, b" ")
-        assert keys.read(10.0) == [Command.EMERGENCY_STOP]
-        assert keys.read(0.0) == []
-    finally:
-        keys.close()
+    yield keys
+    keys.close()
+
+
+def test_a_key_counts_at_once_without_enter(terminal: tuple[int, int], keys: TerminalKeys) -> None:
+    os.write(terminal[0], b" ")
+    assert keys.read(10.0) == [Command.EMERGENCY_STOP]
+    assert keys.read(0.0) == []
 
 
 def test_the_terminal_is_put_back_as_it_was(terminal: tuple[int, int]) -> None:
@@ -87,30 +92,23 @@ def test_the_terminal_is_put_back_as_it_was(terminal: tuple[int, int]) -> None:
     assert termios.tcgetattr(program) == before
 
 
-def test_ctrl_s_is_a_key_and_stops_no_output(terminal: tuple[int, int]) -> None:
+def test_ctrl_s_is_a_key_and_stops_no_output(terminal: tuple[int, int], keys: TerminalKeys) -> None:
     operator, program = terminal
-    keys = TerminalKeys(program)
-    keys.open()
-    try:
-        os.write(operator, b"\x13")
-        assert keys.read_bytes(20.0) == b"\x13"
-        os.write(program, b"still here")
-        assert select.select([operator], [], [], 20)[0]
-    finally:
-        keys.close()
+    os.write(operator, b"\x13")
+    assert keys.read_bytes(20.0) == b"\x13"
+    os.write(program, b"still here")
+    assert select.select([operator], [], [], 20)[0]
 
 
-def test_what_is_discarded_is_not_read(terminal: tuple[int, int]) -> None:
+def test_what_is_discarded_or_was_typed_before_does_not_count(terminal: tuple[int, int]) -> None:
     operator, program = terminal
     keys = TerminalKeys(program)
-    keys.open()
-    try:
-        os.write(operator, b"\r\r\r")
-        assert select.select([program], [], [], 20)[0]
-        keys.discard()
+    for forget in (keys.open, keys.discard):
+        os.write(operator, b"\r\r\r\n")
+        assert select.select([program], [], [], 20)[0]  # it has arrived
+        forget()
         assert keys.read_bytes(0.0) == b""
-    finally:
-        keys.close()
+    keys.close()
 
 
 def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) -> None:
@@ -133,25 +131,17 @@ def test_a_handler_that_fails_leaves_a_sane_terminal(terminal: tuple[int, int]) 
     assert termios.tcgetattr(program) == before
 
 
-def test_a_worker_hands_over_keys_until_it_is_stopped(terminal: tuple[int, int]) -> None:
-    operator, program = terminal
-    seen: list[Command] = []
-    all_seen = threading.Event()
-
-    def on_key(key: Command, _asked_ns: int) -> None:
-        seen.append(key)
-        if len(seen) == 2:
-            all_seen.set()
-
-    keys = TerminalKeys(program)
-    keys.open()
-    worker = Worker("keys", keys.body(on_key))
+def test_a_worker_hands_over_keys_until_it_is_stopped(
+    terminal: tuple[int, int], keys: TerminalKeys
+) -> None:
+    seen: queue.Queue[Command] = queue.Queue()
+    worker = Worker("keys", keys.body(lambda key, _asked_ns: seen.put(key)))
     worker.start()
-    os.write(operator, b"\x1b")
-    os.write(operator, b"q")
-    assert all_seen.wait(20)
+    for typed, key in ((b"\x1b", Command.EMERGENCY_STOP), (b"q", Command.QUIT)):
+        os.write(terminal[0], typed)
+        assert seen.get(timeout=20) is key
     worker.stop(10)
-    assert seen == [Command.EMERGENCY_STOP, Command.QUIT]
+    assert seen.empty()
 
 
 def in_terminal(script: str) -> str:
@@ -219,18 +209,6 @@ def test_in_the_background_the_terminal_is_left_alone() -> None:
     assert "keys are left" in in_terminal(outer)
 
 
-def test_what_was_typed_before_does_not_count(terminal: tuple[int, int]) -> None:
-    operator, program = terminal
-    os.write(operator, b"\n")
-    assert select.select([program], [], [], 20)[0]  # it has arrived
-    keys = TerminalKeys(program)
-    keys.open()
-    try:
-        assert keys.read(0.0) == []
-    finally:
-        keys.close()
-
-
 def test_the_module_needs_no_terminal_to_be_imported() -> None:
     subprocess.run(
         [sys.executable, "-c", "import tams_app.faces.terminal.keys"],
@@ -239,3 +217,29 @@ def test_the_module_needs_no_terminal_to_be_imported() -> None:
         check=True,
         timeout=60,
     )
+
+
+# --- presses --------------------------------------------------------------------------------------
+
+
+def counted(*times_ms: float) -> list[float]:
+    presses = Presses()
+    return [at for at in times_ms if presses.counts(round(at * NS_PER_MS))]
+
+
+@pytest.mark.parametrize("first_repeat_ms", [250, 500, 660])
+def test_a_held_key_is_one_press(first_repeat_ms: int) -> None:
+    repeats = range(5000 + first_repeat_ms, 60_000, 33)
+    assert counted(5000, *repeats) == [5000]
+
+
+def test_presses_apart_confirm_each() -> None:
+    assert counted(0, 700, 1500, 9000) == [0, 700, 1500, 9000]
+
+
+def test_what_is_too_soon_puts_the_next_one_off() -> None:
+    assert counted(0, 500, 1000, 1700) == [0, 1700]
+
+
+def test_a_read_with_many_is_one() -> None:
+    assert counted(100, 100, 100) == [100]

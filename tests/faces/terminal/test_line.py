@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -36,6 +37,9 @@ STATE = SessionState(
 )
 
 
+ARM = "1:12.3 ENGAGED ALIGN held"
+
+
 def test_the_line_says_all_an_operator_looks_for() -> None:
     text = status_words(STATE).plain
     for part in (
@@ -51,19 +55,28 @@ def test_the_line_says_all_an_operator_looks_for() -> None:
     assert "last stop" not in text
 
 
-def test_on_a_terminal_there_is_one_line_with_the_primary_view() -> None:
-    live = status_words(replace(STATE, primary_view="gt")).live
-    assert live == "1:12.3 ENGAGED ALIGN held gt –/–k –ms –/30fps link 5210/5520k q12ms"
-    assert " eih 2950/3000k 82ms 15/30fps " in status_words(STATE).live
-
-
-def test_the_live_line_fits_80_columns_whatever_it_says() -> None:
-    longest = replace(
-        STATE, t_s=7272.3, arming="link lost", phase="PRE_RELEASE", budget_kbps=100_000.0
-    )
-    live = status_words(longest).live
+@pytest.mark.parametrize(
+    ("changes", "live"),
+    [
+        ({"primary_view": "gt"}, f"{ARM} gt –/–k –ms –/30fps link 5210/5520k q12ms"),
+        ({}, f"{ARM} eih 2950/3000k 82ms 15/30fps link 5210/5520k q12ms"),
+        ({"views": {}}, f"{ARM} link 5210/5520k q12ms"),
+        (
+            {
+                "t_s": 7272.3,
+                "arming": "link lost",
+                "phase": "PRE_RELEASE",
+                "budget_kbps": 100_000.0,
+            },
+            "121:12.3 LINK LOST PRE_RELEASE held eih 2950/3000k 82ms 15/30fps",
+        ),
+    ],
+)
+def test_the_live_line_has_the_primary_view_and_fits_80_columns(
+    changes: dict[str, Any], live: str
+) -> None:
+    assert status_words(replace(STATE, **changes)).live == live
     assert len(live) <= COLUMNS
-    assert live.startswith("121:12.3 LINK LOST PRE_RELEASE held eih 2950/3000k 82ms")
 
 
 def test_what_makes_the_primary_view_late_is_named() -> None:
@@ -73,10 +86,6 @@ def test_what_makes_the_primary_view_late_is_named() -> None:
     assert told in status_words(late).plain
     assert status_words(late).why == told
     assert "besides" not in status_words(STATE).plain
-
-
-def test_without_views_the_live_line_tells_the_arm() -> None:
-    assert status_words(replace(STATE, views={})).live.startswith("1:12.3 ENGAGED ALIGN held link")
 
 
 def test_the_primary_view_s_quality_is_shown_once_it_was_measured() -> None:
@@ -135,6 +144,7 @@ def test_without_a_terminal_there_is_one_plain_line_every_few_seconds() -> None:
     output = io.StringIO()
     with StatusLine(Console(file=output, width=80)) as line:
         for tenth in range(121):
+            assert line.is_due(tenth / 10) == (tenth % round(10 * PLAIN_EVERY_S) == 0)
             line.update(replace(STATE, t_s=tenth / 10))
         line.notify("the arm is ready: press Enter", 12.1)
     lines = output.getvalue().splitlines()
@@ -152,14 +162,6 @@ def test_on_a_terminal_the_line_is_renewed_at_five_hertz_and_taken_away() -> Non
         shown = output.getvalue().count("ENGAGED")
     assert 5 <= shown <= 6
     assert output.getvalue().endswith("\x1b[2K") or "\x1b[?25h" in output.getvalue()
-
-
-def test_a_state_need_not_be_taken_before_it_is_due() -> None:
-    with StatusLine(Console(file=io.StringIO(), width=80)) as line:
-        assert line.is_due(0.0)
-        line.update(replace(STATE, t_s=0.0))
-        assert not line.is_due(PLAIN_EVERY_S - 0.1)
-        assert line.is_due(PLAIN_EVERY_S)
 
 
 def test_a_narrow_terminal_cuts_lines_instead_of_wrapping_them() -> None:
