@@ -109,18 +109,17 @@ def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None
         gateway.close()
 
 
-def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:
-    clock, displays, config = VirtualClock(), Displays(), simulated()
-    receivers = Receivers(
-        config.video,
-        RepairRule(True, 60, 300.0),
-        True,
-        clock,
-        dict.fromkeys(config.video.views, lambda _timestamp: None),
-        lambda _shown: None,
-        AVDEC,
-        displays,
+def receivers_of(config: Config, clock: VirtualClock, displays: Displays) -> Receivers:
+    identify = dict.fromkeys(config.video.views, lambda _timestamp: None)
+    rule = RepairRule(True, 60, 300.0)
+    return Receivers(
+        config.video, rule, True, clock, identify, lambda _shown: None, AVDEC, displays
     )
+
+
+def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:
+    clock, displays = VirtualClock(), Displays()
+    receivers = receivers_of(simulated(), clock, displays)
     heard_ns = clock.now_ns()
     displays.add(lambda _view: heard_ns)
     image = np.zeros((2, 2, 3), np.uint8)
@@ -303,44 +302,29 @@ def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tm
     assert "install the same" in start(endpoint, tmp_path)
 
 
-def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(robot, endpoint, tmp_path):
-    robot(welcome())
-    new_key(tmp_path / "other")
-    other = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
-    said: list[str] = []
-
-    def notify(session: Session, text: str) -> None:
-        said.append(text)
-        session.request_end("ended by SIGINT")
-
-    start(other, tmp_path, notify=notify)
-    assert "refused (another key or version of TAMS)" in said[0]
-
-
 def test_a_recorded_hand_which_sees_nothing_is_refused(endpoint, tmp_path):
     config = simulated(**{"rig.hand_trajectory": str(tmp_path / "session.mcap")})
     assert "a recorded hand sees nothing" in start(endpoint, tmp_path, config)
 
 
 def test_where_one_receiver_cannot_bind_the_others_let_go_of_their_ports() -> None:
-    config = simulated(**{"video.first_port": 46_400}).video
-    last = requested_ports(config, config.views[-1])
-
-    def receivers() -> Receivers:
-        identify = dict.fromkeys(config.views, lambda _timestamp: None)
-        rule = RepairRule(True, 60, 300.0)
-        return Receivers(
-            config, rule, True, VirtualClock(), identify, lambda _shown: None, AVDEC, Displays()
-        )
-
+    config = simulated(**{"video.first_port": 46_400})
+    last = requested_ports(config.video, config.video.views[-1])
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
         other.bind((last.host, last.rtp))
         with pytest.raises(ConfigError, match="cannot use UDP port"):
-            receivers()
-    receivers().close()
+            receivers_of(config, VirtualClock(), Displays())
+    receivers_of(config, VirtualClock(), Displays()).close()
 
 
-def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
+@pytest.mark.parametrize("is_there", [False, True])
+def test_while_nothing_answers_or_refuses_the_key_it_says_so_and_can_be_ended(
+    robot, endpoint, tmp_path, is_there
+):
+    if is_there:  # with a key of its own
+        robot(welcome())
+        new_key(tmp_path / "other")
+        endpoint = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
     said: list[str] = []
 
     def notify(session: Session, text: str) -> None:
@@ -348,7 +332,7 @@ def test_while_nothing_answers_it_says_so_and_can_be_ended(endpoint, tmp_path):
         session.request_end("ended by SIGINT")
 
     assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, notify=notify)
-    assert "no answer: the call does not arrive there, or it is refused" in said[0]
+    assert "no answer: the call does not arrive there, or it is refused (another key or " in said[0]
 
 
 def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
