@@ -25,7 +25,6 @@ from tams_app.recording import Recorder, read_log
 from tams_app.records import Note
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
-from tams_app.telemetry import Address
 from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
 from tests.free_port import free_port
@@ -47,6 +46,15 @@ def recorder(path: Path, port: int) -> Recorder:
     made = Recorder(path, header(), MonotonicClock(), 0, fails, True, viewers_of(config))
     made.start()
     return made
+
+
+@pytest.fixture
+def port(tmp_path: Path) -> Iterator[int]:
+    """Where a log is served that is written meanwhile."""
+    port = free_port()
+    log = recorder(tmp_path / "session.mcap", port)
+    yield port
+    log.close()
 
 
 def channels(viewer: ClientConnection) -> dict[str, dict[str, Any]]:
@@ -147,14 +155,9 @@ def status_for(port: int, origin: str | None) -> int:
     ],
 )
 def test_web_pages_of_other_origins_do_not_see_the_session(
-    tmp_path: Path, origin: str | None, status: int
+    port: int, origin: str | None, status: int
 ) -> None:
-    port = free_port()
-    log = recorder(tmp_path / "session.mcap", port)
-    try:
-        assert status_for(port, origin) == status
-    finally:
-        log.close()
+    assert status_for(port, origin) == status
 
 
 def test_a_web_page_finds_no_second_way_in(tmp_path: Path) -> None:
@@ -175,9 +178,7 @@ def test_a_web_page_finds_no_second_way_in(tmp_path: Path) -> None:
     assert all(ipaddress.ip_address(hidden_host()).is_loopback for _ in range(100))
 
 
-def test_only_so_many_viewers_are_served_and_each_that_leaves_makes_room(tmp_path: Path) -> None:
-    port = free_port()
-    log = recorder(tmp_path / "session.mcap", port)
+def test_only_so_many_viewers_are_served_and_each_that_leaves_makes_room(port: int) -> None:
     with ExitStack() as viewers:
         for _ in range(MOST_VIEWERS):
             viewer = connect(f"ws://127.0.0.1:{port}", subprotocols=[PROTOCOL])
@@ -186,12 +187,9 @@ def test_only_so_many_viewers_are_served_and_each_that_leaves_makes_room(tmp_pat
     begun_s = time.monotonic()
     while status_for(port, None) != 101:  # the last ones have left some time after they closed
         assert time.monotonic() - begun_s < DEADLINE_S
-    log.close()
 
 
-def test_who_asks_for_nothing_is_let_go_and_keeps_no_viewer_out(tmp_path: Path) -> None:
-    port = free_port()
-    log = recorder(tmp_path / "session.mcap", port)
+def test_who_asks_for_nothing_is_let_go_and_keeps_no_viewer_out(port: int) -> None:
     silent = [socket.create_connection(("127.0.0.1", port)) for _ in range(20)]
     long = socket.create_connection(("127.0.0.1", port))
     long.sendall(b"GET / HTTP/1.1\r\n" + b"X: " + b"x" * 20_000)
@@ -201,7 +199,6 @@ def test_who_asks_for_nothing_is_let_go_and_keeps_no_viewer_out(tmp_path: Path) 
         assert caller.recv(1) == b""
         caller.close()
     long.close()
-    log.close()
 
 
 def test_two_origins_in_one_request_are_one_too_many() -> None:
@@ -239,32 +236,22 @@ def test_an_address_of_another_computer_is_told() -> None:
         check_viewers(config)
 
 
-def test_an_address_of_version_6_is_in_brackets() -> None:
-    assert Address.of("[::1]:8765") == Address("::1", 8765)
-
-
 @pytest.mark.parametrize(
-    ("address", "said"),
+    ("address", "level", "sentence"),
     [
-        ("127.0.0.1:8765", ("info", "Foxglove may connect to ws://127.0.0.1:8765")),
-        ("localhost:8765", ("info", "Foxglove may connect to ws://localhost:8765")),
-        ("[::1]:8765", ("info", "Foxglove may connect to ws://[::1]:8765")),
-        (
-            "0.0.0.0:8765",
-            (
-                "warning",
-                "all who reach ws://0.0.0.0:8765 see this session: no password is asked",
-            ),
-        ),
+        ("127.0.0.1:8765", "info", "Foxglove may connect to {url}"),
+        ("localhost:8765", "info", "Foxglove may connect to {url}"),
+        ("[::1]:8765", "info", "Foxglove may connect to {url}"),
+        ("0.0.0.0:8765", "warning", "all who reach {url} see this session: no password is asked"),
     ],
 )
 def test_it_is_said_where_viewers_connect_and_who_else_could(
-    address: str, said: tuple[str, str]
+    address: str, level: str, sentence: str
 ) -> None:
     notes: list[tuple[str, str]] = []
     config = load_config(None, {"recording.foxglove": address})
     invite_viewers(config, lambda level, text: notes.append((level, text)))
-    assert notes == [said]
+    assert notes == [(level, sentence.format(url=f"ws://{address}"))]
 
 
 def test_without_an_address_nothing_is_served() -> None:
