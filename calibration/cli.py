@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
+import pkgutil
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import typer
 
@@ -19,72 +19,41 @@ from calibration.options import (
     WeightOptions,
 )
 
-Options = TypeVar("Options", bound=CalibrationOptions)
 app = typer.Typer(
     help="Calibrate this setup. Each wizard measures, and writes a dated file that every "
     "command then uses. All but `phases` say what to do and ask first.",
 )
 
 
-def _command(
-    declared: type[Options],
-) -> Callable[[Callable[[Options], int]], Callable[..., None]]:
-    """Turn a function of an options dataclass into a command with one option for each field."""
+def _add(wizard: str, declared: type[CalibrationOptions]) -> None:
+    """A command with one option for each field of `declared`, explained by its docstring."""
 
-    def register(wizard: Callable[[Options], int]) -> Callable[..., None]:
-        def command(**given: Any) -> None:
-            raise typer.Exit(wizard(declared(**given)))
+    def command(**given: Any) -> None:
+        from calibration.ui import WizardUI
 
-        hints = get_type_hints(declared, include_extras=True)
-        parameters = [
-            inspect.Parameter(
-                one.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=one.default if one.default is not MISSING else [],
-                annotation=hints[one.name],
-            )
-            for one in fields(declared)
-        ]
-        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        return app.command(wizard.__name__, help=wizard.__doc__)(command)
+        raise typer.Exit(pkgutil.resolve_name(wizard)(WizardUI(), declared(**given)).run())
 
-    return register
+    hints = get_type_hints(declared, include_extras=True)
+    parameters = [
+        inspect.Parameter(
+            one.name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=one.default if one.default is not MISSING else [],
+            annotation=hints[one.name],
+        )
+        for one in fields(declared)
+    ]
+    command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+    app.command(wizard.split(".")[1], help=declared.__doc__)(command)
 
 
-@_command(CameraOptions)
-def cameras(options: CameraOptions) -> int:
-    """Assign cameras to views; measure latency, lens and mount."""
-    from calibration.cameras.wizard import CameraWizard
-    from calibration.ui import WizardUI
-
-    return CameraWizard(WizardUI(), options).run()
-
-
-@_command(FrameOptions)
-def frame(options: FrameOptions) -> int:
-    """Measure how the controller's axes lie; check its buttons."""
-    from calibration.frame.wizard import FrameWizard
-    from calibration.ui import WizardUI
-
-    return FrameWizard(WizardUI(), options).run()
-
-
-@_command(PhaseOptions)
-def phases(options: PhaseOptions) -> int:
-    """Fit the thresholds of Algorithm 1 to marked trials."""
-    from calibration.phases.command import calibrate_phases
-    from calibration.ui import WizardUI
-
-    return calibrate_phases(WizardUI(), options)
-
-
-@_command(WeightOptions)
-def weights(options: WeightOptions) -> int:
-    """Derive the view weights W from people's ratings of clips."""
-    from calibration.ui import WizardUI
-    from calibration.weights.wizard import WeightWizard
-
-    return WeightWizard(WizardUI(), options).run()
+for _wizard, _declared in {
+    "calibration.cameras.wizard:CameraWizard": CameraOptions,
+    "calibration.frame.wizard:FrameWizard": FrameOptions,
+    "calibration.phases.command:PhaseWizard": PhaseOptions,
+    "calibration.weights.wizard:WeightWizard": WeightOptions,
+}.items():
+    _add(_wizard, _declared)
 
 
 @app.command()

@@ -1,4 +1,7 @@
-"""The options of the wizards: declared here once, for the command line and for the wizards."""
+"""The options of the wizards: declared here once, for the command line and for the wizards.
+
+The docstring of a command's options is what its --help says of it.
+"""
 
 from __future__ import annotations
 
@@ -57,7 +60,7 @@ class FitOptions(LogOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class CameraOptions(WizardOptions):
-    """Options of `calibrate cameras`."""
+    """Assign cameras to views; measure latency, lens and mount."""
 
     only: Annotated[
         str,
@@ -74,7 +77,7 @@ class CameraOptions(WizardOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class FrameOptions(WizardOptions, LogOptions):
-    """Options of `calibrate frame`."""
+    """Measure how the controller's axes lie; check its buttons."""
 
     touch: Annotated[
         Path | None,
@@ -89,7 +92,7 @@ class FrameOptions(WizardOptions, LogOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class PhaseOptions(FitOptions):
-    """Options of `calibrate phases`."""
+    """Fit the thresholds of Algorithm 1 to marked trials."""
 
     trials: Annotated[
         int | None, typer.Option(help="--sim: trials to fit on; default 10.", show_default=False)
@@ -104,7 +107,7 @@ class PhaseOptions(FitOptions):
 
 @dataclass(frozen=True, kw_only=True)
 class WeightOptions(WizardOptions, FitOptions):
-    """Options of `calibrate weights`."""
+    """Derive the view weights W from people's ratings of clips."""
 
     ratings: Annotated[
         Path | None, typer.Option(help="Use the rating files in this folder, without asking.")

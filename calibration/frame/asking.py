@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -17,7 +18,7 @@ from rich.text import Text
 
 from calibration.frame.capture import MIN_TRAVEL_M, Capture, Held, touch_of, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
-from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Reach
+from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Prompt, Reach
 from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,
@@ -29,7 +30,7 @@ from calibration.frame.stroke import (
     fit_line,
 )
 from calibration.frame.touches import Touch, TouchFit, fit_touches
-from calibration.ui import WizardUI, as_text, bar
+from calibration.ui import WizardUI, as_text, bar, rows_table
 from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 from tams_app.teleop.motion import HandMotion
@@ -40,7 +41,6 @@ _BEGINNINGS = 3  # of everything, when what was measured makes no frame together
 
 Result = TypeVar("Result")
 Fit = TypeVar("Fit", FrameFit, TouchFit)
-Show = Callable[[Held | None, ControllerSample], None]
 
 
 def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> Stroke:
@@ -48,12 +48,21 @@ def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> S
     move = Move(axis)
     ui.print(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
 
-    def show(held: Held | None, sample: ControllerSample) -> None:
-        ui.show(_stroke_table(axis, held, sample))
+    def so_far(held: Held | None) -> list[tuple[str, str]]:
+        if held is None:
+            return [("trigger", "up: squeeze it to begin")]
+        try:
+            line = fit_line(Stroke(axis, held.positions))
+        except RefusedError:  # too few samples to say anything yet
+            return [("trigger", "held: move")]
+        return [
+            ("travel", f"{bar(line.length_m / ASKED_LENGTH_M)} {1000 * line.length_m:.0f} mm"),
+            ("straightness", f"{bar(line.straightness)} {line.straightness:.0%}"),
+            ("samples", f"{bar(line.samples / MIN_SAMPLES)} {line.samples}"),
+        ]
 
     def once() -> Stroke:
-        source.ask(move)
-        stroke = Stroke(axis, _hold(source, config, show).positions)
+        stroke = Stroke(axis, _held(ui, source, config, move, so_far).positions)
         check_line(fit_line(stroke))
         return stroke
 
@@ -64,28 +73,32 @@ def ask_touches(
     ui: WizardUI, source: HandSource, config: Config, points: Sequence[Vector]
 ) -> list[Touch]:
     """One good touch of each point [m]."""
-    return [
-        _ask_touch(ui, source, config, Reach(point, number))
-        for number, point in enumerate(points, start=1)
-    ]
+
+    def so_far(number: int, held: Held | None) -> list[tuple[str, str]]:
+        samples = 0 if held is None else len(held.poses)
+        return [(f"point {number}", f"{samples} samples" if samples else "squeeze to begin")]
+
+    def once(point: Reach) -> Touch:
+        held = _held(ui, source, config, point, partial(so_far, point.number))
+        return touch_of(held, point.robot, point.number)
+
+    touches = []
+    for number, robot in enumerate(points, start=1):
+        place = ", ".join(f"{1000 * value:.0f}" for value in robot)
+        ui.print(f"Touch point {number} ({place} mm), squeeze the trigger, wait, let go.")
+        touches.append(ask_again(ui, partial(once, Reach(robot, number))))
+    return touches
 
 
-def _ask_touch(ui: WizardUI, source: HandSource, config: Config, point: Reach) -> Touch:
-    place = ", ".join(f"{1000 * value:.0f}" for value in point.robot)
-    ui.print(f"Touch point {point.number} ({place} mm), squeeze the trigger, wait, let go.")
-
-    def show(held: Held | None, sample: ControllerSample) -> None:
-        ui.show(_touch_table(point.number, held, sample))
-
-    def once() -> Touch:
-        source.ask(point)
-        return touch_of(_hold(source, config, show), point.robot, point.number)
-
-    return ask_again(ui, once)
-
-
-def _hold(source: HandSource, config: Config, show: Show) -> Held:
-    """Wait until the trigger has been held and let go."""
+def _held(
+    ui: WizardUI,
+    source: HandSource,
+    config: Config,
+    prompt: Prompt,
+    so_far: Callable[[Held | None], list[tuple[str, str]]],
+) -> Held:
+    """Ask for it, and wait until the trigger has been held and let go; shows what is `so_far`."""
+    source.ask(prompt)
     capture, count = Capture(config), 0
     while True:
         now_ns, sample = source.next()
@@ -94,7 +107,8 @@ def _hold(source: HandSource, config: Config, show: Show) -> Held:
             return held
         count += 1
         if count % SHOW_EVERY == 0:
-            show(capture.so_far, sample)
+            rows = so_far(capture.so_far)
+            ui.show(rows_table(("controller", sample.status.value), *rows))
 
 
 def repeated(
@@ -161,33 +175,6 @@ def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -
             return fit
         ui.print(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")
     raise AssertionError("the last round returns or raises")
-
-
-def _stroke_table(axis: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Travel, straightness and number of samples of the stroke under way."""
-    table = Table(box=None, show_header=False)
-    table.add_row("controller", sample.status.value)
-    if held is None:
-        table.add_row("trigger", "up: squeeze it to begin")
-        return table
-    try:
-        line = fit_line(Stroke(axis, held.positions))
-    except RefusedError:  # too few samples to say anything yet
-        table.add_row("trigger", "held: move")
-        return table
-    table.add_row("travel", f"{bar(line.length_m / ASKED_LENGTH_M)} {1000 * line.length_m:.0f} mm")
-    table.add_row("straightness", f"{bar(line.straightness)} {line.straightness:.0%}")
-    table.add_row("samples", f"{bar(line.samples / MIN_SAMPLES)} {line.samples}")
-    return table
-
-
-def _touch_table(number: int, held: Held | None, sample: ControllerSample) -> Table:
-    """Whether the touch is under way."""
-    table = Table(box=None, show_header=False)
-    table.add_row("controller", sample.status.value)
-    samples = 0 if held is None else len(held.poses)
-    table.add_row(f"point {number}", f"{samples} samples" if samples else "squeeze to begin")
-    return table
 
 
 _ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}
@@ -273,8 +260,8 @@ class Compass:
         self.lit: Move | None = None
         self._seen: Counter[Move] = Counter()
 
-    def update(self, sample: ControllerSample, now_ns: int, held: bool) -> Move | None:
-        """The direction that is lit now; those lit while the trigger is `held` are counted."""
+    def update(self, sample: ControllerSample, now_ns: int, held: bool) -> None:
+        """Light the direction of now; those lit while the trigger is `held` are counted."""
         if self._last_ns is None:
             self._motion.anchor(sample)
             self._last_ns = now_ns
@@ -284,7 +271,6 @@ class Compass:
         self.lit = direction_of(np.array(twist.linear) / self._scale)
         if held and self.lit is not None:
             self._seen[self.lit] += 1
-        return self.lit
 
     def mostly(self) -> Move | None:
         """The direction that was lit longest since this was last asked."""

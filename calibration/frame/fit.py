@@ -62,12 +62,6 @@ def bound_rad(information: Matrix, variance: float, freedom: int) -> float:
     return math.sqrt(spread * variance / weakest)
 
 
-def condition(directions: Matrix) -> float:
-    """Largest over smallest singular value of unit rows: 1 when they span space evenly."""
-    values = np.linalg.svd(directions, compute_uv=False)
-    return float(values[0] / values[2]) if values[2] > 1e-9 else math.inf
-
-
 OUTLIER_DEG = 10.0
 GOOD_DEG = 2.0  # an error bound up to here needs no second thought
 BAD_DEG = 3.0  # ... and from here on the result is no use
@@ -92,7 +86,7 @@ class FrameFit:
     rotation: Matrix
     error_bound_deg: float  # 95 %, from how the strokes disagree with each other
     residual_mm: float  # RMS distance of the samples from the lines that the frame predicts
-    condition: float  # 1: the strokes span space evenly
+    condition: float  # of the strokes' unit directions; 1: they span space evenly
     strokes: tuple[StrokeResult, ...]
 
     @property
@@ -130,7 +124,7 @@ def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> Fra
         rotation,
         _error_bound_deg(angles[used], wanted[used], [lines[n] for n in np.flatnonzero(used)]),
         _residual_mm(rotation, strokes, lines, used),
-        condition(measured[used]),
+        float(np.linalg.cond(measured[used])),
         tuple(
             StrokeResult(line, float(angle), bool(use), "" if use else _remark(line, angle))
             for line, angle, use in zip(lines, angles, used, strict=True)

@@ -53,17 +53,9 @@ class PromptedPerson:
         self._routine: Routine = iter(())
         self._first_point: Vector | None = None
 
-    def stroke(self, direction: Vector) -> None:
-        """Move the hand along it (unit, in the arm's base frame), the trigger held."""
-        self._routine = self._stroke(self._to_hand @ direction)
-
-    def touch(self, point: Vector) -> None:
-        """Go to a point of the arm's base frame [m], and squeeze the trigger there."""
-        self._routine = self._touch(point)
-
-    def press(self, role: str) -> None:
-        """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
-        self._routine = self._press(role)
+    def begin(self, routine: Routine) -> None:
+        """Do one of `stroke`, `touch` and `press` next, in place of what was begun before."""
+        self._routine = routine
 
     def step(self, now_ns: int) -> None:
         if self._last_ns is None:
@@ -77,8 +69,12 @@ class PromptedPerson:
 
     # --- what the person does --------------------------------------------------------------------
 
-    def _stroke(self, direction: Vector) -> Routine:
-        """From one side to the other with the trigger held, a little wrong and a little bent."""
+    def stroke(self, direction: Vector) -> Routine:
+        """Move the hand along it (unit, in the arm's base frame), the trigger held.
+
+        From one side to the other, a little wrong and a little bent.
+        """
+        direction = self._to_hand @ direction
         wrong = self._random.normal(0.0, math.radians(DIRECTION_ERROR_DEG), 3)
         along = Rotation.from_rotvec(wrong).apply(direction)
         aside = np.cross(along, self._random.standard_normal(3))
@@ -97,8 +93,11 @@ class PromptedPerson:
         yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
-    def _touch(self, robot: Vector) -> Routine:
-        """The first point is where the hand rests; the others are as far from it as they are."""
+    def touch(self, robot: Vector) -> Routine:
+        """Go to a point of the arm's base frame [m], and squeeze the trigger there.
+
+        The first point is where the hand rests; the others are as far from it as they are.
+        """
         if self._first_point is None:
             self._first_point = robot
         error = self._random.normal(0.0, TOUCH_ERROR_M, 3)
@@ -107,7 +106,8 @@ class PromptedPerson:
         yield from self._wait(_HOLD_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
-    def _press(self, role: str) -> Routine:
+    def press(self, role: str) -> Routine:
+        """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
         button = None if role in ("trigger", "grip") else Button(role)
         pressed = HandCommand.still(trigger=role == "trigger", grip=role == "grip", button=button)
         yield from self._wait(_PAUSE_NS)

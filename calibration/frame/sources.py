@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeAlias, TypeVar
+from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -34,7 +34,7 @@ _MEANING = {
     "+z": "up",
     "−z": "down",
 }
-Reading = TypeVar("Reading", covariant=True)
+Reading = TypeVar("Reading")
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,14 +78,16 @@ Prompt: TypeAlias = Move | Reach | Press
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 
-class Source(Protocol[Reading]):
-    """What is read of the controller while a person does what they are asked."""
+@dataclass(frozen=True, slots=True)
+class Source(Generic[Reading]):
+    """What is read of the controller while a person does what they are asked.
 
-    def ask(self, prompt: Prompt) -> None:
-        """What the person has just been asked to do."""
+    `ask`: what the person has just been asked to do. `next`: the time [ns] and the newest reading,
+    at `SAMPLE_RATE_HZ`.
+    """
 
-    def next(self) -> tuple[int, Reading]:
-        """The time [ns] and the newest reading, at `SAMPLE_RATE_HZ`."""
+    ask: Callable[[Prompt], None]
+    next: Callable[[], tuple[int, Reading]]
 
 
 HandSource: TypeAlias = Source[ControllerSample]  # pose and trigger
@@ -106,7 +108,7 @@ class LiveSetup:
         """The components; closed before `hand` is opened."""
         components = ComponentReader(self._config.controller)
         try:
-            yield _Live(self._clock, lambda _: components.read())
+            yield self._source(lambda _: components.read())
         finally:
             components.close()
 
@@ -122,23 +124,19 @@ class LiveSetup:
             return device.sample(now_ns)
 
         try:
-            yield _Live(self._clock, sample)
+            yield self._source(sample)
         finally:
             device.close()
 
+    def _source(self, read: Callable[[int], Reading]) -> Source[Reading]:
+        rate = FixedRate(self._clock, SAMPLE_RATE_HZ)
 
-class _Live(Generic[Reading]):
-    def __init__(self, clock: Clock, read: Callable[[int], Reading]) -> None:
-        self._clock, self._read = clock, read
-        self._rate = FixedRate(clock, SAMPLE_RATE_HZ)
+        def following() -> tuple[int, Reading]:
+            rate.wait()
+            now_ns = self._clock.now_ns()
+            return now_ns, read(now_ns)
 
-    def ask(self, prompt: Prompt) -> None:
-        """The person reads it at the terminal."""
-
-    def next(self) -> tuple[int, Reading]:
-        self._rate.wait()
-        now_ns = self._clock.now_ns()
-        return now_ns, self._read(now_ns)
+        return Source(lambda _prompt: None, following)  # the person reads it at the terminal
 
 
 class SimulatedSetup:
@@ -158,13 +156,13 @@ class SimulatedSetup:
             controller.sample(now_ns)
             return controller.components()
 
-        yield _Simulated(self._clock, person, read)
+        yield self._source(person, read)
 
     @contextmanager
     def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
         config = self._config.model_copy(update={"controller": controller})
         person, device = self._make(config)
-        yield _Simulated(self._clock, person, device.sample)
+        yield self._source(person, device.sample)
 
     def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
         operator = config.rig.operator
@@ -174,29 +172,27 @@ class SimulatedSetup:
         controller.start()
         return person, controller
 
+    def _source(self, person: PromptedPerson, read: Callable[[int], Reading]) -> Source[Reading]:
+        asked_ns = self._clock.now_ns()
 
-class _Simulated(Generic[Reading]):
-    def __init__(
-        self, clock: VirtualClock, person: PromptedPerson, read: Callable[[int], Reading]
-    ) -> None:
-        self._clock, self._person, self._read = clock, person, read
-        self._asked_ns = clock.now_ns()
+        def ask(prompt: Prompt) -> None:
+            nonlocal asked_ns
+            asked_ns = self._clock.now_ns()
+            if isinstance(prompt, Move):
+                person.begin(person.stroke(prompt.direction))
+            elif isinstance(prompt, Reach):
+                person.begin(person.touch(prompt.robot))
+            else:
+                person.begin(person.press(prompt.role))
 
-    def ask(self, prompt: Prompt) -> None:
-        if isinstance(prompt, Move):
-            self._person.stroke(prompt.direction)
-        elif isinstance(prompt, Reach):
-            self._person.touch(prompt.robot)
-        else:
-            self._person.press(prompt.role)
-        self._asked_ns = self._clock.now_ns()
+        def following() -> tuple[int, Reading]:
+            self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
+            now_ns = self._clock.now_ns()
+            if now_ns - asked_ns > _GIVE_UP_NS:
+                raise DeviceError(
+                    "Nothing came of what the simulated person did: look at rig.wiring and at "
+                    "rig.operator in the configuration."
+                )
+            return now_ns, read(now_ns)
 
-    def next(self) -> tuple[int, Reading]:
-        self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
-        now_ns = self._clock.now_ns()
-        if now_ns - self._asked_ns > _GIVE_UP_NS:
-            raise DeviceError(
-                "Nothing came of what the simulated person did: look at rig.wiring and at "
-                "rig.operator in the configuration."
-            )
-        return now_ns, self._read(now_ns)
+        return Source(ask, following)

@@ -7,10 +7,9 @@ from typing import Any
 from rich.table import Table
 
 from calibration.phases.fit import SEARCHED, PhaseFit
-from calibration.phases.trials import PHASES, Scores
+from calibration.phases.trials import PHASES, Scores, Switches
 from calibration.ui import plain_table
 from tams_app.config import PhasesConfig
-from tams_app.records import Phase
 
 POOR_RECALL = 0.5
 
@@ -76,32 +75,34 @@ def remarks(found: PhaseFit) -> list[str]:
 
 def quality(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> dict[str, Any]:
     """The figures to keep with the thresholds; those of phases are of the trials left out."""
+    left_out, defaults = found.left_out, found.defaults
     figures: dict[str, Any] = {
         "trials": len(found.folds),
         "ticks": found.in_sample.ticks,
         "accuracy_in_sample": round(found.in_sample.accuracy, 4),
-        "accuracy_leave_one_trial_out": round(found.left_out.accuracy, 4),
-        "accuracy_defaults": round(found.defaults.accuracy, 4),
-        "mean_recall_leave_one_trial_out": round(found.left_out.mean_recall, 4),
-        "mean_recall_defaults": round(found.defaults.mean_recall, 4),
+        "accuracy_leave_one_trial_out": round(left_out.accuracy, 4),
+        "accuracy_defaults": round(defaults.accuracy, 4),
+        "mean_recall_leave_one_trial_out": round(left_out.mean_recall, 4),
+        "mean_recall_defaults": round(defaults.mean_recall, 4),
     }
     if held_out is not None:
-        figures["held_out_ticks"] = held_out[0].ticks
-        figures["accuracy_held_out"] = round(held_out[0].accuracy, 4)
-        figures["accuracy_held_out_defaults"] = round(held_out[1].accuracy, 4)
-        figures["mean_recall_held_out"] = round(held_out[0].mean_recall, 4)
-        figures["mean_recall_held_out_defaults"] = round(held_out[1].mean_recall, 4)
-    figures["confusion_true_by_inferred"] = {
-        phase.value: [int(count) for count in row]
-        for phase, row in zip(PHASES, found.left_out.confusion, strict=True)
+        chosen, defaults = held_out
+        figures |= {
+            "held_out_ticks": chosen.ticks,
+            "accuracy_held_out": round(chosen.accuracy, 4),
+            "accuracy_held_out_defaults": round(defaults.accuracy, 4),
+            "mean_recall_held_out": round(chosen.mean_recall, 4),
+            "mean_recall_held_out_defaults": round(defaults.mean_recall, 4),
+        }
+    confusion = zip(PHASES, left_out.confusion.tolist(), strict=True)
+    return figures | {
+        "confusion_true_by_inferred": {phase.value: row for phase, row in confusion},
+        "recall": {phase.value: _rounded(left_out.recall(phase)) for phase in PHASES},
+        "switches": {phase.value: _switches(left_out.switches[phase]) for phase in PHASES},
     }
-    figures["recall"] = {p.value: _rounded(found.left_out.recall(p)) for p in PHASES}
-    figures["switches"] = {phase.value: _switches(found.left_out, phase) for phase in PHASES}
-    return figures
 
 
-def _switches(scores: Scores, phase: Phase) -> dict[str, float | int | None]:
-    switches = scores.switches[phase]
+def _switches(switches: Switches) -> dict[str, float | int | None]:
     return {
         "found": len(switches.delays_s),
         "missed": switches.missed,

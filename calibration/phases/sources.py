@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from itertools import combinations
 from pathlib import Path
-from typing import TypeAlias
 
+from calibration.phases.fit import Progress
 from calibration.phases.labels import marked_labels, true_labels
 from calibration.phases.trials import Trial, motion_of
 from tams_app.config import Config
@@ -18,7 +18,6 @@ from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.robot.build import task_geometry
 
-Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
 _MARKED = " (marked)"
 _USUAL_S = 30.0  # of a trial; for the progress only
 
@@ -38,7 +37,10 @@ def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progre
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
     """
-    folders = [session_log(folder).parent for folder in _each_once(folders)]
+    for number, folder in enumerate(folders):
+        if folder.resolve() in [other.resolve() for other in folders[:number]]:
+            raise ConfigError(f"{folder}: is given twice: a trial left out must be unseen")
+    folders = [session_log(folder).parent for folder in folders]
     trials, names, simulated = [], [], False
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
@@ -77,16 +79,6 @@ def virtual_trials(
     known = len(seeds) - unseen
     source = f"simulated trials, seed {seeds[0]} to seed {seeds[known - 1]}"
     return Material(trials[:known], trials[known:], source, True)
-
-
-def _each_once(folders: Sequence[Path]) -> Sequence[Path]:
-    """ConfigError if one is given twice: it would be left out and learned from at once."""
-    seen: set[Path] = set()
-    for folder in folders:
-        if folder.resolve() in seen:
-            raise ConfigError(f"{folder}: is given twice: a trial left out must be unseen")
-        seen.add(folder.resolve())
-    return folders
 
 
 def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:

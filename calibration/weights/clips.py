@@ -88,28 +88,21 @@ class ClipFolder:
 
     def there(self) -> dict[str, CutSession]:
         """The same, without the clips that were not finished or are gone."""
-        return {
-            name: session.model_copy(
-                update={
-                    "clips": {
-                        phase: times
-                        for phase, times in session.clips.items()
-                        if self.file(phase, name).is_file()
-                    }
-                }
-            )
-            for name, session in self.sessions().items()
-        }
+        found = {}
+        for name, session in self.sessions().items():
+            clips = {p: times for p, times in session.clips.items() if self.file(p, name).is_file()}
+            found[name] = session.model_copy(update={"clips": clips})
+        return found
 
     def clips(self) -> list[Clip]:
         """Every clip that is there, by phase and session."""
-        found = [
-            Clip(self.file(phase, name), phase, name, times.seconds)
-            for name, session in self.there().items()
-            for phase, times in session.clips.items()
+        there = sorted(self.there().items())
+        return [
+            Clip(self.file(phase, name), phase, name, session.clips[phase].seconds)
+            for phase in Phase
+            for name, session in there
+            if phase in session.clips
         ]
-        order = list(Phase)
-        return sorted(found, key=lambda clip: (order.index(clip.phase), clip.session))
 
     def file(self, phase: Phase, session: str) -> Path:
         """Where the clip of a phase of a session is, or will be."""
@@ -121,20 +114,17 @@ class ClipFolder:
         ConfigError if another session has its name.
         """
         known = self.sessions()
-        if name in known:
-            self._remove_outdated(name, known[name], session)
+        if before := known.get(name):
+            if before.recorded != session.recorded:
+                raise ConfigError(
+                    f"{self.path / _INDEX}: knows another session named {name}: rename one folder"
+                )
+            for phase, times in before.clips.items():
+                if session.clips.get(phase) != times or before.shows != session.shows:
+                    self.file(phase, name).unlink(missing_ok=True)
         content = _Index(sessions=known | {name: session}).model_dump(mode="json", by_alias=True)
         text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None)
         write_text(self.path / _INDEX, _HEADER + text)
-
-    def _remove_outdated(self, name: str, before: CutSession, now: CutSession) -> None:
-        if before.recorded != now.recorded:
-            raise ConfigError(
-                f"{self.path / _INDEX}: knows another session named {name}: rename one folder"
-            )
-        for phase, times in before.clips.items():
-            if now.clips.get(phase) != times or before.shows != now.shows:
-                self.file(phase, name).unlink(missing_ok=True)
 
 
 _QUANTISER = 18  # of x264: hardly distinguishable from the original

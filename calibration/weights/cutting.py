@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
@@ -124,62 +125,36 @@ def cut_session(
         raise UnreadableLogError(f"{session.folder}: no phase lasts long enough for a clip")
     entry = _entry(session, selection, context_s)
     folder.add(session.name, entry)
-    missing = [
-        segment
+    video, writers, added = session.video, dict[Segment, ClipWriter](), Counter[Segment]()
+    wanted = {
+        segment: instants(segment, video.fps)
         for segment in selection.chosen
         if not folder.file(segment.phase, session.name).is_file()
-    ]
+    }
+    # with context the clips overlap: their frames are wanted in turns
+    turns = sorted(
+        ((t_ns, segment) for segment, times in wanted.items() for t_ns in times),
+        key=lambda one: one[0],
+    )
     with ExitStack() as stack:
-        cuts = [_Cut(session, segment, folder) for segment in missing]
-        for cut in cuts:
-            stack.callback(cut.close)
-        # with context the clips overlap: their frames are wanted in turns
-        turns = sorted(
-            ((t_ns, cut) for cut in cuts for t_ns in cut.wanted_ns), key=lambda one: one[0]
-        )
         frames = stack.enter_context(closing(session.frames()))
         moments = newest_at(frames, [t_ns for t_ns, _ in turns])
-        for (_, cut), (_, images) in zip(turns, moments, strict=True):
-            cut.add(images)
-            progress(cut.segment, cut.done)
+        for (_, segment), (_, images) in zip(turns, moments, strict=True):
+            if len(images) < len(video.views):
+                raise UnreadableLogError(
+                    f"{session.folder}: a view's frames begin too late to be cut"
+                )
+            if segment not in writers:
+                width, height = len(video.views) * video.width, video.height + STRIP_HEIGHT
+                path = folder.file(segment.phase, session.name)
+                writers[segment] = ClipWriter(path, width, height, video.fps)
+                stack.callback(writers[segment].close)  # gives up what is not finished
+            writers[segment].add(side_by_side(images, video.views, segment.phase.value))
+            added[segment] += 1
+            if added[segment] == len(wanted[segment]):
+                writers[segment].finish()
+            progress(segment, added[segment] / len(wanted[segment]))
     return entry
-
-
-class _Cut:
-    """One clip in the making."""
-
-    def __init__(self, session: RecordedSession, segment: Segment, folder: ClipFolder) -> None:
-        self.segment = segment
-        self.wanted_ns = instants(segment, session.video.fps)
-        self._session, self._video = session, session.video
-        self._path = folder.file(segment.phase, session.name)
-        self._writer: ClipWriter | None = None
-        self._added = 0
-
-    @property
-    def done(self) -> float:
-        """How much of it is there [0..1]."""
-        return self._added / len(self.wanted_ns)
-
-    def add(self, images: Mapping[str, Image]) -> None:
-        """The next image; after the last one the clip is finished."""
-        video = self._video
-        if len(images) < len(video.views):
-            raise UnreadableLogError(
-                f"{self._session.folder}: a view's frames begin too late to be cut"
-            )
-        if self._writer is None:
-            width, height = len(video.views) * video.width, video.height + STRIP_HEIGHT
-            self._writer = ClipWriter(self._path, width, height, video.fps)
-        self._writer.add(side_by_side(images, video.views, self.segment.phase.value))
-        self._added += 1
-        if self._added == len(self.wanted_ns):
-            self._writer.finish()
-
-    def close(self) -> None:
-        """Give it up if it is not finished."""
-        if self._writer is not None:
-            self._writer.close()
 
 
 def _entry(session: RecordedSession, selection: Selection, context_s: float) -> CutSession:

@@ -23,11 +23,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import floor
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata
+from scipy.stats import rankdata, tiecorrect
 
 from calibration.weights.ratings import (
     LEAST,
@@ -45,6 +45,10 @@ GUARANTEED = Fraction(6, 10)  # of a row, in equal parts
 LEAST_LEAD, WHOLE = Fraction(5, 8), Fraction(1)  # of the rest, for the dominant view
 
 
+Votes: TypeAlias = Mapping[str, int]  # by view
+Means: TypeAlias = Mapping[str, Fraction]  # necessity by view
+
+
 @dataclass(frozen=True, slots=True)
 class PhaseWeights:
     """One row of W and how it came about; `necessity` is the mean, None where no rater rated it.
@@ -58,14 +62,6 @@ class PhaseWeights:
     votes: dict[str, int]
     necessity: dict[str, float | None]
     remarks: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Ballot:
-    """The ratings of one phase in exact numbers."""
-
-    votes: dict[str, int]
-    necessity: dict[str, Fraction]  # mean
 
 
 def fit_weights(
@@ -87,10 +83,9 @@ def _row(
     if not any(votes.values()) or len(rated) < len(views):
         remark = f"keeps its present row: {_what_lacks(answers, votes, means)}"
         return PhaseWeights(phase, dict(present), None, votes, shown, (remark,))
-    ballot = _Ballot(votes, rated)
-    dominant, remarks = _dominant(ballot, present)
-    shares = _shares(ballot, dominant)
-    remarks += _disagreement(ballot, dominant)
+    dominant, remarks = _dominant(votes, rated, present)
+    shares = _shares(votes, rated, dominant)
+    remarks += _disagreement(votes, rated, dominant)
     return PhaseWeights(phase, shares, dominant, votes, shown, tuple(remarks))
 
 
@@ -110,15 +105,17 @@ def _what_lacks(
     return f"no rater rated the necessity of {' and '.join(unrated)}"
 
 
-def _dominant(ballot: _Ballot, present: Mapping[str, float]) -> tuple[str, list[str]]:
+def _dominant(
+    votes: Votes, necessity: Means, present: Mapping[str, float]
+) -> tuple[str, list[str]]:
     """The dominant view, and what had to be decided beyond the votes."""
-    most = max(ballot.votes.values())
-    leaders = [view for view, count in ballot.votes.items() if count == most]
+    most = max(votes.values())
+    leaders = [view for view, count in votes.items() if count == most]
     if len(leaders) == 1:
         return leaders[0], []
     tie = f"tie: {' and '.join(leaders)} were named most critical equally often ({most} times)"
-    highest = max(ballot.necessity[view] for view in leaders)
-    needed = [view for view in leaders if ballot.necessity[view] == highest]
+    highest = max(necessity[view] for view in leaders)
+    needed = [view for view in leaders if necessity[view] == highest]
     if len(needed) == 1:
         return needed[0], [f"{tie}; {needed[0]} is the more necessary and taken"]
     led = max(present.get(view, 0.0) for view in needed)
@@ -129,16 +126,16 @@ def _dominant(ballot: _Ballot, present: Mapping[str, float]) -> tuple[str, list[
     ]
 
 
-def _shares(ballot: _Ballot, dominant: str) -> dict[str, float]:
+def _shares(votes: Votes, necessity: Means, dominant: str) -> dict[str, float]:
     """The rule's shares; exact fractions until the cut to hundredths."""
-    views = list(ballot.votes)
+    views = list(votes)
     if len(views) == 1:
         return {dominant: 1.0}
     guaranteed, rest = GUARANTEED / len(views), 1 - GUARANTEED
     even = Fraction(1, len(views))
-    share_of_votes = Fraction(ballot.votes[dominant], sum(ballot.votes.values()))
+    share_of_votes = Fraction(votes[dominant], sum(votes.values()))
     lead = LEAST_LEAD + (WHOLE - LEAST_LEAD) * (share_of_votes - even) / (1 - even)
-    others = {view: mean - LEAST for view, mean in ballot.necessity.items() if view != dominant}
+    others = {view: mean - LEAST for view, mean in necessity.items() if view != dominant}
     total = sum(others.values())
     left = rest * (1 - lead)
     hundredths = {}
@@ -149,12 +146,12 @@ def _shares(ballot: _Ballot, dominant: str) -> dict[str, float]:
     return {view: hundredths[view] / HUNDREDTHS for view in views}
 
 
-def _disagreement(ballot: _Ballot, dominant: str) -> list[str]:
+def _disagreement(votes: Votes, necessity: Means, dominant: str) -> list[str]:
     remarks = []
-    named, voters = ballot.votes[dominant], sum(ballot.votes.values())
+    named, voters = votes[dominant], sum(votes.values())
     if voters > 1 and 2 * named <= voters:
         remarks.append(f"no majority: {named} of {voters} named {dominant} most critical")
-    more = [view for view, mean in ballot.necessity.items() if mean > ballot.necessity[dominant]]
+    more = [view for view, mean in necessity.items() if mean > necessity[dominant]]
     if more:
         remarks.append(
             f"{dominant} is most often named most critical, but {' and '.join(more)} "
@@ -209,17 +206,14 @@ def kendall_w(values: Floats) -> float | None:
     raters, things = complete.shape
     if raters < 2 or things < 2:
         return None
-    ranks = np.apply_along_axis(rankdata, 1, complete)
+    ranks = rankdata(complete, axis=1)
     sums = ranks.sum(axis=0)
     deviation = float(np.sum((sums - sums.mean()) ** 2))
-    largest = (raters**2 * (things**3 - things) - raters * sum(map(_ties, ranks))) / 12
+    distinct = float(
+        sum(map(tiecorrect, ranks))
+    )  # of each rater: 1 without ties, 0 of all the same
+    largest = raters * (things**3 - things) * distinct / 12
     return deviation / largest if largest > 0 else None
-
-
-def _ties(ranks: Floats) -> int:
-    """The sum of t³ − t over one rater's groups of t equal ranks."""
-    _, sizes = np.unique(ranks, return_counts=True)
-    return int(np.sum(sizes**3 - sizes))
 
 
 PAPER_RATERS = 8  # the paper's calibration sample

@@ -9,7 +9,7 @@ the dominant view of the paper's Table I in each phase and is indifferent betwee
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from pathlib import Path
 
 import numpy as np
@@ -30,27 +30,21 @@ PAPER_DOMINANT = {
 }
 PANELS: Mapping[str, Mapping[Phase, str]] = {"paper": PAPER_DOMINANT, "indifferent": {}}
 _PREFERRED, _OTHER = 4.5, 3.0  # mean necessity
+RATERS = 8  # as many as the paper asked
 _GENEROSITY, _NOISE = 0.4, 0.7  # standard deviations, in points of the scale
 
 
 def simulate_panel(
-    panel: str, views: Sequence[str], phases: Iterable[Phase], raters: int, seed: int
+    panel: str, views: Sequence[str], seed: int, raters: int = RATERS
 ) -> list[Sheet]:
-    """`raters` simulated sheets on `phases`; `panel`: of `PANELS`."""
-    rated = tuple(phases)
-    return [_sheet(PANELS[panel], views, rated, number, seed) for number in range(1, raters + 1)]
+    """Simulated sheets on every phase, whichever have clips; `panel`: of `PANELS`."""
+    return [_sheet(PANELS[panel], views, number, seed) for number in range(1, raters + 1)]
 
 
-def _sheet(
-    preferred: Mapping[Phase, str],
-    views: Sequence[str],
-    phases: Sequence[Phase],
-    number: int,
-    seed: int,
-) -> Sheet:
+def _sheet(preferred: Mapping[Phase, str], views: Sequence[str], number: int, seed: int) -> Sheet:
     random, answers = np.random.default_rng([seed, number]), list[Answer]()
     generosity = random.normal(0.0, _GENEROSITY)
-    for phase in phases:
+    for phase in Phase:
         means = np.array([_PREFERRED if preferred.get(phase) == one else _OTHER for one in views])
         felt = means + generosity + random.normal(0.0, _NOISE, len(views))
         points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
@@ -60,7 +54,6 @@ def _sheet(
     return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 
-RATERS = 8  # as many as the paper asked
 SESSIONS = 3  # at most: a grasp or a release may be too short for a clip
 _NAME = "weights"
 
@@ -84,21 +77,17 @@ def record_session(config_path: Path | None, directory: Path, seed: int) -> Path
             "recording.directory": str(directory),
         },
     )
-    before = set(_sessions(directory))
+    before = set(directory.glob(f"*/{LOG_NAME}"))
     run_session(settings, arm_at_once=True)
-    (folder,) = set(_sessions(directory)) - before
-    outcome = read_log(folder / LOG_NAME).outcome
+    (log,) = set(directory.glob(f"*/{LOG_NAME}")) - before
+    outcome = read_log(log).outcome
     if outcome is None or not outcome.completed:
         reason = outcome.reason if outcome else "it was ended early"
         raise TamsError(
-            f"{folder}: the simulated session was not completed ({reason}): run it again, or with "
-            "another --seed"
+            f"{log.parent}: the simulated session was not completed ({reason}): run it "
+            "again, or with another --seed"
         )
-    return folder
-
-
-def _sessions(directory: Path) -> list[Path]:
-    return [log.parent for log in directory.glob(f"*/{LOG_NAME}")]
+    return log.parent
 
 
 def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: int) -> None:
@@ -109,7 +98,7 @@ def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: in
         raise ConfigError(f"--panel: {not_one_of(panel, PANELS)}")
     if unknown := set(PANELS[panel].values()) - set(views):
         raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
-    expected = {sheet.rater: sheet for sheet in _sheets(panel, views, seed)}
+    expected = {sheet.rater: sheet for sheet in simulate_panel(panel, views, seed)}
     for known in folder.sheets():
         if not known.simulated:
             raise ConfigError(
@@ -123,21 +112,15 @@ def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: in
 
 
 def rate_by_panel(
-    folder: RatingFolder, panel: str, views: Sequence[str], phases: Iterable[Phase], seed: int
+    folder: RatingFolder, panel: str, views: Sequence[str], phases: Set[Phase], seed: int
 ) -> str:
     """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
-    seen = set(phases)
-    for sheet in _sheets(panel, views, seed):
+    for sheet in simulate_panel(panel, views, seed):
         known = folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers:
-            if answer.phase in seen and known.on(answer.phase) is None:
+            if answer.phase in phases and known.on(answer.phase) is None:
                 folder.add(sheet.rater, answer)
     taste = (
         "prefers the dominant views of the paper's Table I" if PANELS[panel] else "prefers no view"
     )
     return f"{panel}: {taste}; seed {seed}"
-
-
-def _sheets(panel: str, views: Sequence[str], seed: int) -> list[Sheet]:
-    """On every phase, so that an answer does not depend on which others have clips."""
-    return simulate_panel(panel, views, Phase, RATERS, seed)

@@ -31,15 +31,7 @@ from tams_app.records import Phase
 # The paper names neither scale nor wording: five points, the usual choice.
 LEAST: Final = 1
 MOST: Final = 5
-SCALE_WORDS = {
-    1: "not needed",
-    2: "hardly needed",
-    3: "useful",
-    4: "needed",
-    5: "indispensable",
-}
-
-
+SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable")
 PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
@@ -81,24 +73,28 @@ def answers_on(sheets: Sequence[Sheet], phase: Phase) -> list[Answer]:
 
 def necessity_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.float64]:
     """Necessity, shape (raters, phases, views), NaN where nothing was answered."""
-    table = np.full((len(sheets), len(Phase), len(views)), np.nan)
-    for row, sheet in enumerate(sheets):
-        for answer in sheet.answers:
-            for column, view in enumerate(views):
-                value = answer.necessity.get(view)
-                if value is not None:
-                    table[row, list(Phase).index(answer.phase), column] = value
-    return table
+    return np.array(
+        [
+            [
+                [answer and answer.necessity.get(view) for view in views]
+                for answer in map(sheet.on, Phase)
+            ]
+            for sheet in sheets
+        ],
+        float,  # of None: NaN
+    )
 
 
 def critical_table(sheets: Sequence[Sheet], views: Sequence[str]) -> NDArray[np.float64]:
     """The number of the most critical view, shape (raters, phases), NaN where none was named."""
-    table = np.full((len(sheets), len(Phase)), np.nan)
-    for row, sheet in enumerate(sheets):
-        for answer in sheet.answers:
-            if answer.most_critical is not None:
-                table[row, list(Phase).index(answer.phase)] = views.index(answer.most_critical)
-    return table
+    numbers: dict[str | None, int] = {view: number for number, view in enumerate(views)}
+    return np.array(
+        [
+            [answer and numbers.get(answer.most_critical) for answer in map(sheet.on, Phase)]
+            for sheet in sheets
+        ],
+        float,
+    )
 
 
 _SUFFIX = ".yaml"
@@ -128,9 +124,7 @@ class RatingFolder:
             )
         file = self._file(rater)
         if not file.exists():
-            sheet = Sheet(rater=rater, simulated=simulated)
-            self._write(file, sheet)
-            return sheet
+            self._write(file, Sheet(rater=rater, simulated=simulated))
         sheet = self._read(file)
         if sheet.simulated != simulated:
             raise ConfigError(f"{file}: belongs to another kind of rater; take another name")
@@ -160,13 +154,8 @@ class RatingFolder:
             raise ConfigError(f"{file}: {describe_validation_error(error, Sheet)}") from error
         if sheet.rater != file.stem:
             raise ConfigError(f"{file}: rater: is {sheet.rater}; the file must bear that name")
-        self._check(file, sheet.answers)
-        return sheet
-
-    def _check(self, file: Path, answers: Sequence[Answer]) -> None:
-        """Each phase once, and all and only the configuration's views."""
-        phases = [answer.phase for answer in answers]
-        for answer in answers:
+        phases = [answer.phase for answer in sheet.answers]
+        for answer in sheet.answers:
             where = f"{file}: {answer.phase.value}"
             if phases.count(answer.phase) > 1:
                 raise ConfigError(f"{where}: is answered twice; keep the first answer")
@@ -174,6 +163,7 @@ class RatingFolder:
                 raise ConfigError(f"{where}: necessity must name {', '.join(self._views)}")
             if answer.most_critical not in (*self._views, None):
                 raise ConfigError(f"{where}: most_critical must be one of {', '.join(self._views)}")
+        return sheet
 
 
 Show = Callable[[Path], None]
@@ -238,14 +228,13 @@ def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
         for number, clip in enumerate(clips, 1):
             ui.print(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
             show(clip.path)
-        options = {"r": "rate it", "w": "watch again"}
-        if ui.choice("Seen?", options) == "r":
+        if ui.choice("Seen?", {"r": "rate it", "w": "watch again"}) == "r":
             return
 
 
 def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
     """Ask until the rater stands by the answer."""
-    scale = {str(point): SCALE_WORDS[point] for point in range(LEAST, MOST + 1)}
+    scale = {str(point): words for point, words in enumerate(SCALE_WORDS, LEAST)}
     scale[_NO_ANSWER] = "cannot say"
     names = {view.lower(): view for view in views}
     while True:

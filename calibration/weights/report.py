@@ -39,11 +39,13 @@ def describe(assessment: Assessment, views: Sequence[str]) -> str:
             f"{phase.value:13}{shares}   {votes:7} {known(assessment.concordance[phase], '{:.2f}')}"
         )
     lines.append("* the dominant view, the one most often named most critical")
-    lines += [
-        f"Agreement over all phases: necessity alpha {known(assessment.necessity_alpha, '{:.2f}')} "
-        f"({verdict(assessment.necessity_alpha)}), most critical view alpha "
-        f"{known(assessment.critical_alpha, '{:.2f}')} ({verdict(assessment.critical_alpha)}).",
-    ]
+    necessity, critical = (
+        f"alpha {known(alpha, '{:.2f}')} ({verdict(alpha)})"
+        for alpha in (assessment.necessity_alpha, assessment.critical_alpha)
+    )
+    lines.append(
+        f"Agreement over all phases: necessity {necessity}, most critical view {critical}."
+    )
     if assessment.all_remarks:
         lines += ["Be wary:", *(f"- {remark}" for remark in assessment.all_remarks)]
     return "\n".join(lines)
@@ -74,22 +76,23 @@ def evidence_remarks(
     `for_rig`: the weights are for the simulated rig, and so may its frames be.
     """
     rated = {answer.phase for sheet in sheets for answer in sheet.answers}
-    incomplete = [
-        f"{sheet.rater} has rated {len(sheet.answers)} of {len(rated)} phases"
-        for sheet in sheets
-        if len(sheet.answers) < len(rated)
+    return [
+        *(
+            f"{sheet.rater} has rated {len(sheet.answers)} of {len(rated)} phases"
+            for sheet in sheets
+            if len(sheet.answers) < len(rated)
+        ),
+        *(
+            f"the clips of {name} are {cut.shows}, not at full quality"
+            for name, cut in sessions.items()
+            if cut.constrained
+        ),
+        *(
+            f"the clips of {name} show the simulated rig, not a real arm"
+            for name, cut in sessions.items()
+            if cut.rig and not for_rig
+        ),
     ]
-    constrained = [
-        f"the clips of {name} are {cut.shows}, not at full quality"
-        for name, cut in sessions.items()
-        if cut.constrained
-    ]
-    drawn = [
-        f"the clips of {name} show the simulated rig, not a real arm"
-        for name, cut in sessions.items()
-        if cut.rig and not for_rig
-    ]
-    return incomplete + constrained + drawn
 
 
 def calibration_of(

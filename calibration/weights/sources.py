@@ -6,7 +6,7 @@ Lossless captures are taken where the session kept some; else the bitstream of t
 from __future__ import annotations
 
 import heapq
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from itertools import pairwise
@@ -20,7 +20,7 @@ from tams_app.config.whole import without_removed
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, read_video
-from tams_app.records import EncodedFrame, Frame, Phase, PhaseChange
+from tams_app.records import Frame, Phase, PhaseChange
 from tams_app.session.recorders import REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.colour import bgr_of
@@ -57,14 +57,6 @@ def phase_segments(
             around = max(start_ns - context_ns, first_ns), min(end_ns + context_ns, last_ns)
             found.append(Segment(change.phase, *around))
     return found
-
-
-def decode(view: str, units: Iterator[EncodedFrame], config: VideoConfig) -> Generator[Frame]:
-    """The frames of one view's access units; LogError if the decoder gives up."""
-    with closing(decoded(units)) as frames:
-        for capture_ns, planes in frames:
-            image = bgr_of(planes, config.height, config.width)
-            yield Frame(view, 0, capture_ns, image)  # known by its time alone
 
 
 _GAP_NS = 500 * NS_PER_MS  # what a busy recorder may leave out
@@ -155,7 +147,10 @@ class RecordedSession:
                 if frame.view == view:
                     yield frame
             return
-        yield from decode(view, read_video(self.folder / LOG_NAME, view), self.video)
+        with closing(decoded(read_video(self.folder / LOG_NAME, view))) as frames:
+            for capture_ns, planes in frames:
+                image = bgr_of(planes, self.video.height, self.video.width)
+                yield Frame(view, 0, capture_ns, image)  # known by its time alone
 
 
 def open_session(given: Path, views: Sequence[str]) -> RecordedSession:

@@ -81,7 +81,7 @@ class WeightWizard(Wizard[WeightOptions]):
         for log in options.logs:
             self._cut(open_session(log, self.config.video.views))
         if options.sim:
-            phases = sorted({clip.phase for clip in self._clips.clips()}, key=list(Phase).index)
+            phases = {clip.phase for clip in self._clips.clips()}
             self._panel = rate_by_panel(
                 self._ratings, options.panel, self.config.video.views, phases, options.seed
             )

@@ -1,14 +1,12 @@
 """The wizard from a recorded session to a file that the configuration then uses."""
 
 import shutil
-from dataclasses import replace
 
 import pytest
 import yaml
 from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
-from calibration.ui import WizardUI
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session
 from calibration.weights.fit import assess
@@ -47,6 +45,33 @@ def session(tmp_path_factory):
     return record_session(tmp_path_factory.mktemp("logs") / "trial-1", phases, 3.05)
 
 
+@pytest.fixture
+def calibrate(config, tmp_path):
+    """Runs the wizard in the folder `work`: its exit code and what it said."""
+
+    def run(answers=(), **options):
+        ui = ScriptedUI([*answers])
+        options = {"config": config, "folder": tmp_path / "work"} | options
+        return WeightWizard(ui, WeightOptions(**options)).run(), "\n".join(ui.said)
+
+    return run
+
+
+@pytest.fixture
+def rated(tmp_path):
+    """Makes the files of so many raters: p1 rated so many phases, each other one fewer."""
+
+    def make(raters, phases=6):
+        folder = RatingFolder(tmp_path / "ratings", VIEWS)
+        for number, sheet in enumerate(simulate_panel("paper", VIEWS, 0, raters)):
+            folder.open(f"p{number + 1}")
+            for answer in sheet.answers[: phases - number]:
+                folder.add(f"p{number + 1}", answer)
+        return folder.path
+
+    return make
+
+
 def written(config):
     index = yaml.safe_load((config.parent / "calibration/rig/in-force.yaml").read_text())
     return config.parent / "calibration/rig" / index["weights"]
@@ -55,12 +80,11 @@ def written(config):
 def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_so(
     config, session, tmp_path
 ):
-    options = WeightOptions(
-        config=config, sim=True, logs=[session], folder=tmp_path / "work", seed=1, yes=True
-    )
-    ui = ScriptedUI()
     before = load_config(config).policy.weights.matrix
-    assert WeightWizard(ui, options).run() == 0
+    arguments = ["calibrate", "weights", "--config", str(config), "--sim", "--from", str(session)]
+    arguments += ["--folder", str(tmp_path / "work"), "--seed", "1", "--panel", "paper", "--yes"]
+    result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
     matrix = load_config(config).policy.weights.matrix
     for phase in list(Phase)[:-1]:
         assert max(matrix[phase], key=lambda view: matrix[phase][view]) == PAPER_DOMINANT[phase]
@@ -74,26 +98,20 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
     assert "RELEASE: keeps its present row: no rater rated it" in quality["remarks"]
     assert list(quality["clips"]) == ["trial-1"]
     assert written(config).with_suffix(".png").read_bytes().startswith(PNG)
-    assert any("5 clips" in text and "No clip of RELEASE" in text for text in ui.said)
+    assert "5 clips" in result.output
+    assert "No clip of RELEASE" in result.output
 
 
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
-    config, session, tmp_path
+    config, session, calibrate
 ):
-    options = WeightOptions(
-        config=config,
-        sim=True,
-        logs=[session],
-        folder=tmp_path / "work",
-        panel="indifferent",
-        yes=True,
-    )
-    ui = ScriptedUI()
+    options = {"sim": True, "logs": [session], "panel": "indifferent", "yes": True}
     with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
-        WeightWizard(ui, options).run()
+        calibrate(**options)
     assert not (config.parent / "calibration/rig/in-force.yaml").exists()
-    assert WeightWizard(ui, replace(options, accept_unfounded=True)).run() == 0
-    assert "too little to rely on" in "".join(ui.said)
+    code, said = calibrate(**options, accept_unfounded=True)
+    assert code == 0
+    assert "too little to rely on" in said
     content = yaml.safe_load(written(config).read_text())
     assert "agree too little" in content["calibration"]["unfounded"]
     remarks = content["calibration"]["quality"]["remarks"]
@@ -101,35 +119,31 @@ def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the
     assert content["calibration"]["quality"]["most_critical_alpha_nominal"] < 0.667
 
 
-def test_ratings_in_files_make_the_weights_without_asking_anybody(config, tmp_path):
-    folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    for sheet in simulate_panel("paper", VIEWS, Phase, 3, 0):
-        folder.open(sheet.rater.replace("simulated", "p"))
-        for answer in sheet.answers:
-            folder.add(sheet.rater.replace("simulated", "p"), answer)
-    options = WeightOptions(config=config, ratings=folder.path, yes=True, accept_unfounded=True)
-    assert WeightWizard(ScriptedUI(), options).run() == 0
+def test_ratings_in_files_make_the_weights_without_asking_anybody_once_yes_is_said(
+    config, calibrate, rated
+):
+    ratings = rated(3)
+    assert calibrate(ratings=ratings, folder=None)[0] == 1
+    assert not (config.parent / "calibration").exists()
+    assert calibrate(ratings=ratings, folder=None, yes=True, accept_unfounded=True)[0] == 0
     calibration = yaml.safe_load(written(config).read_text())["calibration"]
     assert calibration["source"] == "ratings of 3 people, on unknown clips"
     assert "few raters: 3, where the paper asked 8" in calibration["quality"]["remarks"]
+    assert "p3 has rated 4 of 6 phases" in calibration["quality"]["remarks"]
 
 
-def test_without_anybody_to_ask_and_without_yes_nothing_is_written(config, tmp_path):
-    folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    folder.open("p01")
-    folder.add("p01", simulate_panel("paper", VIEWS, Phase, 1, 0)[0].answers[0])
-    assert WeightWizard(ScriptedUI(), WeightOptions(config=config, ratings=folder.path)).run() == 1
-    assert not (config.parent / "calibration").exists()
-
-
-def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_path, monkeypatch):
+@pytest.fixture
+def no_display(monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    rated = ["r", "5", "3", "2", "eih", "y"] * 5
-    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
-    ui = ScriptedUI(["r", "Jane Doe", "r", "p01", *rated, "b", "n", "unused"])
-    assert WeightWizard(ui, options).run() == 0
-    said = "\n".join(ui.said)
+
+
+@pytest.mark.usefixtures("no_display")
+def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_path, calibrate):
+    five = ["r", "5", "3", "2", "eih", "y"] * 5
+    answers = ["r", "Jane Doe", "r", "p01", *five, "b", "n", "unused"]
+    code, said = calibrate(answers, logs=[session])
+    assert code == 0
     assert "'Jane Doe' cannot be a rater's name" in said
     assert "There is no display here" in said
     assert str(tmp_path / "work/clips/REACH-trial-1.mp4") in said
@@ -137,13 +151,12 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
     assert "RELEASE: keeps its present row" in said
     assert not (config.parent / "calibration").exists()
     # what was rated is kept: the next time it is built at once
-    assert WeightWizard(ScriptedUI(["b", "y", "unused"]), options).run() == 0
+    assert calibrate(["b", "y", "unused"], logs=[session])[0] == 0
     assert load_config(config).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
 
 
-def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path, monkeypatch):
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+@pytest.mark.usefixtures("no_display")
+def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path):
     ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4", CTRL_C, "unused"])
     with pytest.raises(KeyboardInterrupt):
         WeightWizard(
@@ -154,20 +167,18 @@ def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path, m
     assert len(sheet.answers) == 1
 
 
-def test_building_is_not_offered_before_anybody_has_answered(config, session, tmp_path):
-    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
-    ui = ScriptedUI(["b", "s", "unused"])
+def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_has_answered(
+    config, session, tmp_path, calibrate
+):
     RatingFolder(tmp_path / "work/ratings", VIEWS).open("p01")  # and left again
-    assert WeightWizard(ui, options).run() == 0
-    assert any("select one of the available options" in text for text in ui.said)
-    assert "There is no clip of RELEASE: W keeps its present row there." in ui.said
-
-
-def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path):
-    options = WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
-    assert WeightWizard(ScriptedUI(["s"]), options).run() == 0
+    code, said = calibrate(["b", "s", "unused"], logs=[session])
+    assert code == 0
+    assert "select one of the available options" in said
+    assert "There is no clip of RELEASE: W keeps its present row there." in said
     assert len(list((tmp_path / "work/clips").glob("*.mp4"))) == 5
     assert not (config.parent / "calibration").exists()
+    with pytest.raises(ConfigError, match="holds ratings of people: give another --folder"):
+        calibrate(sim=True, logs=[session], yes=True)
 
 
 @pytest.mark.parametrize(
@@ -180,43 +191,33 @@ def test_stopping_keeps_everything_and_writes_nothing(config, session, tmp_path)
         ({"panel": "nice", "sim": True}, "'nice' is not one of paper, indifferent"),
     ],
 )
-def test_what_cannot_be_done_is_refused_with_what_to_do(config, tmp_path, changes, reason):
+def test_what_cannot_be_done_is_refused_with_what_to_do(tmp_path, calibrate, changes, reason):
     (tmp_path / "empty").mkdir()
     if "ratings" in changes:
         changes = changes | {"ratings": tmp_path / changes["ratings"]}
     with pytest.raises(ConfigError, match=reason):
-        WeightWizard(
-            ScriptedUI(), WeightOptions(config=config, folder=tmp_path / "work", **changes)
-        ).run()
+        calibrate(**changes)
 
 
-def test_simulated_ratings_are_not_put_beside_those_of_people(config, session, tmp_path):
-    folder = RatingFolder(tmp_path / "work/ratings", VIEWS)
-    folder.open("p01")
-    options = WeightOptions(
-        config=config, sim=True, logs=[session], folder=tmp_path / "work", yes=True
-    )
-    with pytest.raises(ConfigError, match="holds ratings of people: give another --folder"):
-        WeightWizard(ScriptedUI(), options).run()
+def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path, calibrate, rated):
+    (tmp_path / "work").write_text("in the way")
+    with pytest.raises(TamsError, match=r"work: cannot be written"):
+        calibrate(ratings=rated(1, phases=1), yes=True)
 
 
 @pytest.mark.verify
 @pytest.mark.parametrize("changes", [{"panel": "indifferent"}, {"seed": 2}])
 def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
-    config, session, tmp_path, changes
+    session, calibrate, changes
 ):
-    options = WeightOptions(
-        config=config, sim=True, logs=[session], folder=tmp_path / "work", seed=1, yes=True
-    )
-    assert WeightWizard(ScriptedUI(), options).run() == 0
-    assert WeightWizard(ScriptedUI(), options).run() == 0  # the same one goes on
+    options = {"sim": True, "logs": [session], "seed": 1, "yes": True}
+    assert calibrate(**options)[0] == 0
+    assert calibrate(**options)[0] == 0  # the same one goes on
     with pytest.raises(ConfigError, match="ratings of another simulated panel"):
-        WeightWizard(ScriptedUI(), replace(options, **changes)).run()
+        calibrate(**options | changes)
 
 
-def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
-    config, session, tmp_path
-):
+def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(session, tmp_path):
     cut_session(open_session(session, VIEWS), ClipFolder(tmp_path / "clips"), lambda *_: None)
     sessions = ClipFolder(tmp_path / "clips").there()
     remark = "the clips of trial-1 show the simulated rig, not a real arm"
@@ -224,44 +225,10 @@ def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
     assert evidence_remarks([], sessions, for_rig=True) == []
 
 
-def test_a_folder_that_cannot_be_written_is_one_sentence(config, tmp_path):
-    folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    folder.open("p01")
-    folder.add("p01", simulate_panel("paper", VIEWS, Phase, 1, 0)[0].answers[0])
-    (tmp_path / "work").write_text("in the way")
-    options = WeightOptions(config=config, ratings=folder.path, folder=tmp_path / "work", yes=True)
-    with pytest.raises(TamsError, match=r"work: cannot be written"):
-        WeightWizard(ScriptedUI(), options).run()
-
-
-def test_a_rater_who_left_phases_out_is_named(config, tmp_path):
-    folder = RatingFolder(tmp_path / "ratings", VIEWS)
-    for sheet in simulate_panel("paper", VIEWS, Phase, 2, 0):
-        folder.open(sheet.rater, simulated=True)
-        for answer in sheet.answers[: 6 if sheet.rater.endswith("1") else 2]:
-            folder.add(sheet.rater, answer)
-    ui = ScriptedUI()
-    WeightWizard(ui, WeightOptions(config=config, ratings=folder.path)).run()
-    assert "simulated-02 has rated 2 of 6 phases" in "".join(ui.said)
-
-
-def test_a_path_is_said_as_it_is_whatever_it_looks_like(capsys):
-    WizardUI().print("Please watch /tmp/[red]a/:smile:.mp4")
-    assert capsys.readouterr().out == "Please watch /tmp/[red]a/:smile:.mp4\n"
-
-
 def test_the_same_ratings_give_the_same_figure(tmp_path):
     present = load_config().policy.weights.matrix
-    sheets = simulate_panel("paper", VIEWS, list(Phase)[:4], 5, 0)
+    sheets = simulate_panel("paper", VIEWS, 0, raters=5)
     for name in ("one.png", "two.png"):
         save_weights(assess(sheets, VIEWS, present), sheets, VIEWS, tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
     assert (tmp_path / "one.png").stat().st_size < 150_000
-
-
-def test_the_command_line_takes_its_options_to_the_wizard(config, session, tmp_path):
-    arguments = ["calibrate", "weights", "--config", str(config), "--sim", "--from", str(session)]
-    arguments += ["--folder", str(tmp_path / "work"), "--seed", "1", "--panel", "paper", "--yes"]
-    result = CliRunner().invoke(app, arguments)
-    assert result.exit_code == 0, result.output
-    assert written(config).is_file()
