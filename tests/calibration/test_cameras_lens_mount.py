@@ -101,9 +101,7 @@ def test_a_view_predicted_through_the_lens_found_is_the_one_predicted_through_th
     now = Pose(np.array([0.32, -0.02, 0.23]), Rotation.from_rotvec((3.0, 0.1, 0.15)))
     places = []
     for lens in (found, true):
-        change = plane_change(
-            border_rays(lens), mounted(then, lens.pose), mounted(now, lens.pose), 0.0
-        )
+        change = plane_change(border_rays(lens), mounted(then, lens.pose), mounted(now, lens.pose))
         assert change is not None
         places.append(RayMap(lens).places(change))
     inside = ((places[1] > 0) & (places[1] < (639, 479))).all(axis=-1)
