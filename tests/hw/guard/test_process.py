@@ -61,6 +61,10 @@ def disarm(arming: int, sequence: int) -> Heartbeat:
     return Heartbeat(GuardMessage.DISARM, arming, sequence)
 
 
+def query(arming: int, sequence: int) -> Heartbeat:
+    return Heartbeat(GuardMessage.QUERY, arming, sequence)
+
+
 # --- the decision -------------------------------------------------------------------------------
 
 
@@ -101,21 +105,24 @@ def test_a_new_arming_ends_the_latch() -> None:
     assert watch.lost(5 * TIMEOUT_NS)
 
 
-def test_disarming_ends_the_watch_without_a_stop_and_late_beats_do_not_arm_again() -> None:
-    watch = HeartbeatWatch(TIMEOUT_NS)
-    watch.hear(0, beat(1, 1))
-    watch.hear(1, disarm(1, 3))
-    watch.hear(2, beat(1, 2))
-    assert watch.watch is Watch.IDLE
-    assert not watch.lost(NS_PER_S)
-
-
-def test_a_late_disarm_of_an_older_arming_does_not_end_the_newer_one() -> None:
-    watch = HeartbeatWatch(TIMEOUT_NS)
-    watch.hear(0, beat(1, 1))
-    watch.hear(1, beat(2, 3))
-    watch.hear(2, disarm(1, 4))
-    assert watch.watch is Watch.ARMED
+@pytest.mark.parametrize(
+    ("heard", "watch"),
+    [
+        ([beat(1, 1), disarm(1, 3), beat(1, 2)], Watch.IDLE),
+        ([beat(1, 1), beat(2, 3), disarm(1, 4)], Watch.ARMED),
+        ([query(0, 3), query(1, 4)], Watch.IDLE),  # the arming itself was not heard
+        ([beat(1, 1), disarm(1, 2), query(1, 3), query(2, 4)], Watch.IDLE),
+    ],
+    ids=["a late beat", "a late disarm of an older arming", "asked", "asked after an arming"],
+)
+def test_nothing_that_comes_late_or_only_asks_arms_or_disarms(
+    heard: list[Heartbeat], watch: Watch
+) -> None:
+    watched = HeartbeatWatch(TIMEOUT_NS)
+    for now_ns, heartbeat in enumerate(heard):
+        watched.hear(now_ns, heartbeat)
+    assert watched.watch is watch
+    assert watched.lost(NS_PER_S) == (watch is Watch.ARMED)
 
 
 def test_a_repeated_or_reordered_beat_does_not_count_as_life() -> None:
@@ -200,17 +207,20 @@ class SilentGuard:
         self.memory.answers.put(answer.encode())
 
 
-class UnusedStop:
-    """The channel of a guard that is not to stop anything."""
+class NotedStop:
+    """The channel of a guard; counts the stops."""
 
     failure = ""
     pending = False
+
+    def __init__(self) -> None:
+        self.stops = 0
 
     def start(self) -> None:
         """Nothing to connect."""
 
     def request_stop(self) -> None:
-        raise AssertionError("the guard stopped the arm")
+        self.stops += 1
 
     def wait_acknowledged(self, timeout_s: float) -> bool:
         return True
@@ -219,23 +229,20 @@ class UnusedStop:
         """Nothing to close."""
 
 
-class NoReports:
-    """An arm that has not reported yet."""
+class ToldReports:
+    """Hands out each report that a test tells it, once."""
+
+    told: ArmReport | None = None
 
     def start(self) -> None:
         """Nothing to connect."""
 
     def newest(self, now_ns: int) -> ArmReport | None:
-        return None
+        report, self.told = self.told, None
+        return report
 
     def close(self) -> None:
         """Nothing to close."""
-
-
-def made_guard(silent_guard: SilentGuard, watch: HeartbeatWatch) -> Guard:
-    motion = MotionWatch(motion_limits(ArmConfig(), LIMITS))
-    clock = VirtualClock()
-    return Guard(silent_guard.memory, watch, motion, UnusedStop(), NoReports(), clock)
 
 
 @pytest.fixture
@@ -251,18 +258,6 @@ def link(silent_guard: SilentGuard) -> Iterator[GuardLink]:
     made = GuardLink(GuardMemory(silent_guard.name), TIMEOUT_NS, lambda: silent_guard.runs)
     yield made
     made.close()
-
-
-@pytest.mark.parametrize("armings", [0, 1])
-def test_what_is_asked_arms_nothing(armings: int) -> None:
-    watch = HeartbeatWatch(TIMEOUT_NS)
-    if armings:
-        watch.hear(0, Heartbeat(GuardMessage.BEAT, 1, 1))
-        watch.hear(0, Heartbeat(GuardMessage.DISARM, 1, 2))
-    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings, 3))
-    watch.hear(0, Heartbeat(GuardMessage.QUERY, armings + 1, 4))  # the arming itself was not heard
-    assert watch.watch is Watch.IDLE
-    assert not watch.lost(TIMEOUT_NS + 1)
 
 
 def test_a_link_that_is_not_armed_hears_whether_the_guard_has_the_arm_but_of_no_stop(
@@ -448,7 +443,6 @@ class GuardedArm:
         self.memory = GuardMemory(self.ready["memory"])
         self.link = GuardLink(self.memory, NS_PER_S, self._runs)
         self._clock = MonotonicClock()
-        self._beating = threading.Event()
 
     def _runs(self) -> bool:
         return self.process.exit_code is None
@@ -623,72 +617,13 @@ def test_a_guard_whose_process_has_ended_is_gone_at_the_next_beat(
     assert not link.alive(2)
 
 
-@pytest.mark.parametrize("beats", [3, 1000])
-def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
-    silent_guard: SilentGuard, link: GuardLink, beats: int
-) -> None:
-    """It must not stop the arm for beats that it did not look at."""
-    watch = HeartbeatWatch(TIMEOUT_NS)
-    guard = made_guard(silent_guard, watch)
-    link.arm()
-    for now_ns in range(beats):
-        link.beat(now_ns)
-    guard.step()
-    assert watch.watch is Watch.ARMED
-    link.disarm()
-    for now_ns in range(beats, beats + 200):
-        link.beat(now_ns)
-    guard.step()
-    assert watch.watch is Watch.IDLE
-
-
-def test_what_was_said_last_is_heard_at_the_end(silent_guard: SilentGuard, link: GuardLink) -> None:
-    watch = HeartbeatWatch(TIMEOUT_NS)
-    guard = made_guard(silent_guard, watch)
-    link.arm()
-    link.beat(0)
-    guard.step()
-    link.close()
-    guard.farewell()
-    assert watch.watch is Watch.IDLE
-
-
 def test_the_memorys_name_is_gone_once_both_have_it(
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     assert not list(Path("/dev/shm").glob(f"{silent_guard.name}*"))
 
 
-class NotedStop(UnusedStop):
-    """Counts the stops."""
-
-    def __init__(self) -> None:
-        self.stops = 0
-
-    def request_stop(self) -> None:
-        self.stops += 1
-
-
-def test_a_guard_whose_computer_slept_stops_an_armed_arm_and_says_why(
-    silent_guard: SilentGuard, link: GuardLink
-) -> None:
-    clock, stop = VirtualClock(), NotedStop()
-    watch, motion = HeartbeatWatch(TIMEOUT_NS), MotionWatch(motion_limits(ArmConfig(), LIMITS))
-    guard = Guard(silent_guard.memory, watch, motion, stop, NoReports(), clock)
-    clock.suspend_ns(NS_PER_S)
-    guard.step()
-    assert stop.stops == 0, "nothing is armed"
-    link.arm()
-    link.beat(0)
-    guard.step()
-    clock.suspend_ns(NS_PER_S)
-    guard.step()
-    guard.step()
-    link.beat(1)
-    assert (stop.stops, link.latched, link.cause) == (1, True, Cause.SLEPT)
-
-
-class BrokenReports(NoReports):
+class BrokenReports(ToldReports):
     """Reading them fails."""
 
     def newest(self, now_ns: int) -> ArmReport | None:
@@ -720,36 +655,7 @@ def test_a_guard_that_fails_while_it_watches_stops_the_arm_as_it_ends(
     assert stop.stops == 1
 
 
-def test_a_guard_that_can_hear_no_more_stops_the_arm_as_it_ends(
-    silent_guard: SilentGuard, link: GuardLink, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    stop = NotedStop()
-    watch, motion = HeartbeatWatch(TIMEOUT_NS), MotionWatch(motion_limits(ArmConfig(), LIMITS))
-    guard = Guard(silent_guard.memory, watch, motion, stop, NoReports(), VirtualClock())
-    link.arm()
-    link.beat(0)
-    guard.step()
-
-    def fails() -> int:
-        raise RuntimeError("a mistake")
-
-    monkeypatch.setattr(silent_guard.memory.beats, "written", fails)
-    with pytest.raises(RuntimeError, match="a mistake"):
-        guard.farewell()
-    assert stop.stops == 1
-
-
 # --- what the guard makes of beats and reports, in virtual time ---------------------------------
-
-
-class ReceivedReports(NoReports):
-    """Hands out each report that a test tells it, once."""
-
-    told: ArmReport | None = None
-
-    def newest(self, now_ns: int) -> ArmReport | None:
-        report, self.told = self.told, None
-        return report
 
 
 class VirtualGuard:
@@ -758,10 +664,10 @@ class VirtualGuard:
     def __init__(self, silent_guard: SilentGuard, link: GuardLink) -> None:
         self.beats = silent_guard.memory.beats
         self.link = link
-        self.clock, self.stop, self.reports = VirtualClock(), NotedStop(), ReceivedReports()
-        motion = MotionWatch(motion_limits(ArmConfig(), LIMITS))
-        watch = HeartbeatWatch(TIMEOUT_NS)
-        self.guard = Guard(silent_guard.memory, watch, motion, self.stop, self.reports, self.clock)
+        self.clock, self.stop, self.reports = VirtualClock(), NotedStop(), ToldReports()
+        self.watch = HeartbeatWatch(TIMEOUT_NS)
+        motion, memory = MotionWatch(motion_limits(ArmConfig(), LIMITS)), silent_guard.memory
+        self.guard = Guard(memory, self.watch, motion, self.stop, self.reports, self.clock)
 
     def tick(self, y: float | None = 0.0, motion: Motion = Motion.REST, speed: float = 0.0) -> None:
         """`y`: of the report [m]; None for no report."""
@@ -775,6 +681,64 @@ class VirtualGuard:
 @pytest.fixture
 def virtual_guard(silent_guard: SilentGuard, link: GuardLink) -> VirtualGuard:
     return VirtualGuard(silent_guard, link)
+
+
+@pytest.mark.parametrize("beats", [3, 1000])
+def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
+    virtual_guard: VirtualGuard, beats: int
+) -> None:
+    """It must not stop the arm for beats that it did not look at."""
+    virtual_guard.link.arm()
+    for now_ns in range(beats):
+        virtual_guard.link.beat(now_ns)
+    virtual_guard.guard.step()
+    assert virtual_guard.watch.watch is Watch.ARMED
+    virtual_guard.link.disarm()
+    for now_ns in range(beats, beats + 200):
+        virtual_guard.link.beat(now_ns)
+    virtual_guard.guard.step()
+    assert virtual_guard.watch.watch is Watch.IDLE
+    assert virtual_guard.stop.stops == 0
+
+
+def test_what_was_said_last_is_heard_at_the_end(virtual_guard: VirtualGuard) -> None:
+    virtual_guard.link.arm()
+    virtual_guard.tick()
+    virtual_guard.link.close()
+    virtual_guard.guard.farewell()
+    assert virtual_guard.watch.watch is Watch.IDLE
+    assert virtual_guard.stop.stops == 0
+
+
+def test_a_guard_whose_computer_slept_stops_an_armed_arm_and_says_why(
+    virtual_guard: VirtualGuard,
+) -> None:
+    link, stop = virtual_guard.link, virtual_guard.stop
+    virtual_guard.clock.suspend_ns(NS_PER_S)
+    virtual_guard.guard.step()
+    assert stop.stops == 0, "nothing is armed"
+    link.arm()
+    virtual_guard.tick()
+    virtual_guard.clock.suspend_ns(NS_PER_S)
+    virtual_guard.guard.step()
+    virtual_guard.guard.step()
+    link.beat(1)
+    assert (stop.stops, link.latched, link.cause) == (1, True, Cause.SLEPT)
+
+
+def test_a_guard_that_can_hear_no_more_stops_the_arm_as_it_ends(
+    virtual_guard: VirtualGuard, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    virtual_guard.link.arm()
+    virtual_guard.tick()
+
+    def fails() -> int:
+        raise RuntimeError("a mistake")
+
+    monkeypatch.setattr(virtual_guard.beats, "written", fails)
+    with pytest.raises(RuntimeError, match="a mistake"):
+        virtual_guard.guard.farewell()
+    assert virtual_guard.stop.stops == 1
 
 
 def test_an_arm_that_follows_as_the_beats_say_is_left_alone(virtual_guard: VirtualGuard) -> None:

@@ -128,11 +128,6 @@ class Exchange:
         assert sample.status is ControllerStatus.OK
         return self
 
-    def forget(self) -> None:
-        """What has been sent, and old stamps: for hours of them."""
-        self.sent.clear()
-        self.taken.clear()
-
     def take(self, message: HandMessage) -> str:
         """A message arrives now."""
         return self.controller.take(message, self.now_ns)
