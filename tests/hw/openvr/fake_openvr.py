@@ -24,6 +24,9 @@ import numpy as np
 import openvr
 from scipy.spatial.transform import Rotation
 
+from hw.controller import Controller
+from tams_app.records import ControllerSample
+from tams_app.units import NS_PER_S
 from tests.hw.openvr.fake_overlays import FakeOverlays
 
 HEADSET, RIGHT, LEFT, SPARE = 0, 3, 4, 7  # device indices
@@ -419,3 +422,12 @@ def _fill_pose(pose: Any, device: FakeDevice | None) -> None:
         device.matrix[:, 3] += (next(_TREMOR_M), 0.0, 0.0)
     flat = np.ascontiguousarray(device.matrix, dtype=np.float32)
     ctypes.memmove(ctypes.addressof(pose), flat.ctypes.data, flat.nbytes)
+
+
+def until(controller: Controller, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
+    """The first sample of which `holds` is true."""
+    deadline_ns = time.monotonic_ns() + round(WAIT_S * NS_PER_S)
+    while not holds(sample := controller.sample(time.monotonic_ns())):
+        assert time.monotonic_ns() < deadline_ns, sample
+        time.sleep(0.002)
+    return sample

@@ -15,7 +15,7 @@ from tams_app.errors import ConfigError, DeviceError, TamsError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime, until
 
 pytestmark = pytest.mark.waiting
 
@@ -40,16 +40,6 @@ def controller(fake, notes):
     yield controller
     fake.flow()
     controller.close()
-
-
-def until(
-    controller: OpenVrController, holds: Callable[[ControllerSample], bool]
-) -> ControllerSample:
-    deadline_ns = CLOCK.now_ns() + round(WITHIN_S * NS_PER_S)
-    while not holds(sample := controller.sample(CLOCK.now_ns())):
-        assert CLOCK.now_ns() < deadline_ns, sample
-        time.sleep(0.002)
-    return sample
 
 
 def is_old(sample: ControllerSample) -> bool:

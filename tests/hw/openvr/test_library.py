@@ -6,7 +6,6 @@ import os
 import platform
 import shutil
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,15 +19,13 @@ from hw.openvr.overlays import Overlays
 from hw.openvr.runtime import OpenVrRuntime
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError
-from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.records import ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.units import NS_PER_S
-from tests.hw.openvr.fake_openvr import HEADSET, RIGHT, FakeRuntime
+from tests.hw.openvr.fake_openvr import HEADSET, RIGHT, FakeRuntime, until
 
 COMPILER = shutil.which("g++")
 SOURCE = Path(__file__).parent / "vrclient.cpp"
 CLOCK = MonotonicClock()
-WITHIN_NS = 20 * NS_PER_S
 
 pytestmark = [
     pytest.mark.waiting,
@@ -144,11 +141,3 @@ def test_the_real_library_says_that_the_runtime_does_not_run(fake):
     fake.running = False
     with pytest.raises(DeviceError, match="not running"):
         list_controllers()
-
-
-def until(controller, holds) -> ControllerSample:
-    deadline_ns = CLOCK.now_ns() + WITHIN_NS
-    while not holds(sample := controller.sample(CLOCK.now_ns())):
-        assert CLOCK.now_ns() < deadline_ns, sample
-        time.sleep(0.005)
-    return sample

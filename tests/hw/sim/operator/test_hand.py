@@ -85,14 +85,6 @@ def test_a_still_hand_trembles_a_little_and_stays():
     assert np.abs(offset.mean(axis=0)).max() < 2e-5
 
 
-def test_a_stretched_arm_goes_no_further_however_fast_it_came():
-    arm = _hand().arm
-    arm.velocity = np.array([3.0, 1.0, 0.0])
-    for _ in range(60):
-        arm.step(np.zeros(3), DT_S)
-        assert np.linalg.norm(arm.offset) <= REACH_M + 1e-12
-
-
 def test_a_hand_at_working_speed_slows_down_before_its_end():
     hand = _hand()
     for _ in range(300):

@@ -110,18 +110,3 @@ def test_frame_being_written_is_never_delivered(name: str, writer: FrameWriter) 
     writer._rings["gt"].put(bytes(32), lambda _pixels: during.append(reader.newest()))
     assert [(frame.index, (frame.image == 10).all()) for frame in during if frame] == [(3, True)]
     reader.close()
-
-
-def test_views_do_not_disturb_each_other(name: str, writer: FrameWriter) -> None:
-    eih, gt = FrameReader(name, "eih", SHAPE), FrameReader(name, "gt", SHAPE)
-    for index in range(SLOTS + 2):
-        writer.publish("eih", index, index, grey(200))
-    writer.publish("gt", 9, 5, grey(7))
-    first, second = eih.newest(), gt.newest()
-    assert first is not None
-    assert second is not None
-    assert (first.index, second.index) == (SLOTS + 1, 9)
-    assert (first.image == 200).all()
-    assert (second.image == 7).all()
-    eih.close()
-    gt.close()

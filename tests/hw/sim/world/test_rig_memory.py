@@ -58,21 +58,6 @@ def test_nothing_is_read_before_the_first_state(name: str) -> None:
     writer.close()
 
 
-def test_a_restarted_writer_is_seen_by_the_old_reader(name: str) -> None:
-    first = WorldWriter(name)
-    for t_ns in (1, 2, 3):
-        first.publish(t_ns, state(t_ns))
-    reader = WorldReader(name)
-    first.close()
-    second = WorldWriter(name)
-    second.publish(4, state(4))
-    newest = reader.read()
-    assert newest is not None
-    assert newest[0] == 4
-    reader.close()
-    second.close()
-
-
 def test_missing_or_foreign_memory_is_one_sentence(name: str) -> None:
     with pytest.raises(DeviceError, match="start its processes"):
         WorldReader(name)
