@@ -238,16 +238,6 @@ def test_nonsense_on_a_stream_is_a_failure(streams: Streams, reader: ReportReade
     assert until(lambda: "reports ended" in reader.failure)
 
 
-def test_a_missing_stream_is_one_sentence_with_its_port() -> None:
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        port = unused.getsockname()[1]
-        reader = ReportReader("127.0.0.1", port - 1, VirtualClock())  # the rich report's is above
-        with pytest.raises(DeviceError, match=f"no reports on port {port}"):
-            reader.start()
-        reader.close()
-
-
 def test_an_arm_whose_rich_report_ends_early_is_one_sentence(streams: Streams) -> None:
     import threading
 

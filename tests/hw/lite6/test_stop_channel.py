@@ -14,7 +14,6 @@ import pytest
 from hw.lite6.codes import Register
 from hw.lite6.stop_channel import StopChannel
 from hw.lite6.uxbus import UxbusClient
-from tams_app.errors import DeviceError
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 from tests.tcp_relay import TcpRelay
 
@@ -169,13 +168,6 @@ def reply(transaction: int, register: int, data: bytes = b"") -> bytes:
     return struct.pack(">HHH", transaction, 2, len(body)) + body
 
 
-def test_a_version_request_reads_the_controllers_version(rig: ControllerRig) -> None:
-    client = UxbusClient("127.0.0.1", rig.config().control_port)
-    client.connect()
-    assert b"v2.6.0" in client.request(Register.GET_VERSION, b"", 5.0)[1]
-    client.close()
-
-
 def test_a_reply_in_pieces_is_put_together() -> None:
     def script(connection: socket.socket) -> None:
         transaction, _ = read_request(connection)
@@ -212,14 +204,6 @@ def test_a_peer_that_is_no_arm_is_a_connection_error(answer: bytes) -> None:
         assert not client.connected
         with pytest.raises(ConnectionError):
             client.request(Register.GET_STATE, b"", 5.0)
-
-
-def test_no_arm_at_the_address_is_one_sentence() -> None:
-    with socket.socket() as unused:
-        unused.bind(("127.0.0.1", 0))
-        client = UxbusClient("127.0.0.1", unused.getsockname()[1])
-        with pytest.raises(DeviceError, match="No arm answers"):
-            client.connect()
 
 
 def test_a_connection_made_anew_asks_no_name_server(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmState, Twist
+from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -30,14 +30,6 @@ def state_of(arm: InProcessArm) -> ArmState:
     state = arm.state()
     assert state is not None
     return state
-
-
-def test_the_arm_follows_the_clock_whoever_moves_it() -> None:
-    clock = VirtualClock()
-    arm = enabled_arm(clock)
-    arm.send_twist(SIDEWAYS)
-    clock.advance_ns(80 * NS_PER_MS)
-    assert 0.003 < state_of(arm).tcp.position[1] < 0.0041
 
 
 def test_reports_are_a_hundredth_of_a_second_apart() -> None:
@@ -82,29 +74,6 @@ def test_the_deadman_time_is_the_configuration_s() -> None:
     arm.send_twist(SIDEWAYS)
     arm.advance(NS_PER_S)
     assert state_of(arm).tcp.position[1] == pytest.approx(0.025, abs=1e-3)
-
-
-def test_moving_to_joints_takes_the_time_it_would_take() -> None:
-    clock = VirtualClock()
-    arm = enabled_arm(clock)
-    began_ns = clock.now_ns()
-    goal = READY + np.array([0.5, 0, 0, 0, 0, 0])
-    arm.begin_move_to_joints(goal.tolist(), 0.25)
-    while arm.model.moving:
-        arm.advance(CYCLE_NS)
-    took_s = (clock.now_ns() - began_ns) / NS_PER_S
-    assert took_s == pytest.approx(0.5 / 0.25 + 0.25, abs=0.05)
-    np.testing.assert_allclose(arm.model.joints, goal, atol=1e-6)
-
-
-def test_a_move_that_the_controller_stops_shows_its_error() -> None:
-    clock = VirtualClock()
-    arm = enabled_arm(clock)
-    arm.begin_move_to_joints([0.0, 0.01, 0.03, 0.0, 1.41, 0.0], 1.0)
-    arm.advance(10 * NS_PER_S)
-    state = state_of(arm)
-    assert state.fault is not None
-    assert (state.fault.code, state.activity) == (22, Activity.STOPPED)
 
 
 def test_what_passed_during_a_standstill_can_be_left_out() -> None:

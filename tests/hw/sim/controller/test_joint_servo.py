@@ -121,14 +121,6 @@ def test_the_deadman_time_ends_the_motion() -> None:
     assert not moving[32:].any()  # 100 ms and 29 ms of braking
 
 
-@pytest.mark.parametrize("duration_s", [0.0, -1.0])
-def test_without_a_deadman_time_the_arm_runs_for_ever(duration_s: float) -> None:
-    servo = TwistServo()
-    servo.command(np.array([0.0, 0.02, 0, 0, 0, 0]), duration_s, 0)
-    path = tcp_positions(run_twist(servo, READY, 0, 1000))
-    assert np.linalg.norm(path[-1] - path[-2]) == pytest.approx(0.02 * CYCLE_S, rel=0.05)
-
-
 def test_a_later_command_renews_the_deadman_time() -> None:
     servo = TwistServo()
     path = [READY]

@@ -278,13 +278,6 @@ def test_nonsense_costs_the_connection_and_nothing_else(
     assert server.failure is None
 
 
-def test_a_request_may_come_in_pieces(server: ControllerServer) -> None:
-    with client(server.ports.control) as connection:
-        for byte in struct.pack(">HHHB", 77, 3, 1, Register.GET_STATE):
-            connection.sendall(bytes([byte]))
-        assert receive(connection, 9) == struct.pack(">HHHBBB", 77, 3, 3, 13, 0x10, 4)
-
-
 def test_a_heartbeat_gets_no_answer(server: ControllerServer) -> None:
     with client(server.ports.control) as connection:
         connection.sendall(bytes([0, 0, 0, 1, 0, 2, 0, 0]))
