@@ -15,7 +15,6 @@ from contextlib import ExitStack
 import numpy as np
 import openvr
 
-from hw.controller import Controller
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
@@ -51,11 +50,6 @@ class ControllerRig(ControllerBench):
 
     def __init__(self, cleaning: ExitStack) -> None:
         """What the rig needs is closed by `cleaning`."""
-        self._cleaning = cleaning
-
-    @abstractmethod
-    def make_controller(self) -> Controller:
-        """Another driver of the same controller, not started."""
 
     @abstractmethod
     def tap(self) -> None:
@@ -93,57 +87,54 @@ class _Holding:
         self.pulses += 1
 
 
-class VirtualControllerRig(ControllerRig):
+class HeldRig(ControllerRig):
+    """A simulated hand that holds the controller `_hand`."""
+
+    def __init__(self, cleaning: ExitStack) -> None:
+        super().__init__(cleaning)
+        self._holding = _Holding()
+        self._hand = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+
+    def inject(self, fault: SensorFault | None) -> None:
+        self._hand.inject(fault)
+
+    def felt(self) -> int:
+        return self._holding.pulses
+
+
+class VirtualControllerRig(HeldRig):
     """Virtual time; passes only when asked."""
 
     def __init__(self, cleaning: ExitStack) -> None:
         super().__init__(cleaning)
         self._clock = VirtualClock()
-        self._holding = _Holding()
-        self.controller = self._virtual = self.make_controller()
-
-    def make_controller(self) -> FaultyController:
-        return FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
+        self.controller = self._hand
 
     def tap(self) -> None:
         self._holding.button = Button.A
         self.controller.sample(self._clock.now_ns())  # as the thread that reads the device
         self._holding.button = None
 
-    def inject(self, fault: SensorFault | None) -> None:
-        self._virtual.inject(fault)
-
     def advance(self) -> int:
         self._clock.advance_ns(TICK_NS)
         return self._clock.now_ns()
 
-    def felt(self) -> int:
-        return self._holding.pulses
 
-
-class RemoteRig(ControllerRig):
+class RemoteRig(HeldRig):
     """The driver of a controller that is published as by the operator's process, in real time."""
 
     def __init__(self, cleaning: ExitStack) -> None:
         super().__init__(cleaning)
         self._clock = MonotonicClock()
-        self._holding = _Holding()
-        self._published: FaultyController | None = None
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> RemoteController:
         name, stop = new_block_name(), threading.Event()
-        made = RemoteController(name, self._clock, runs=lambda: True)
-        self._cleaning.callback(made.let_go)
-        published = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
-        self._published = self._published or published
-        publisher = ControllerPublisher(name, published)
-        self._cleaning.callback(publisher.close)
+        self.controller = RemoteController(name, self._clock, runs=lambda: True)
+        cleaning.callback(self.controller.let_go)
+        publisher = ControllerPublisher(name, self._hand)
+        cleaning.callback(publisher.close)
         thread = threading.Thread(target=publish, args=(publisher, self._clock, stop))
         thread.start()
-        self._cleaning.callback(thread.join)
-        self._cleaning.callback(stop.set)
-        return made
+        cleaning.callback(thread.join)
+        cleaning.callback(stop.set)
 
     def tap(self) -> None:
         self._holding.button = Button.A
@@ -152,19 +143,12 @@ class RemoteRig(ControllerRig):
             time.sleep(TICK_NS / NS_PER_S)
         self._holding.button = None
 
-    def inject(self, fault: SensorFault | None) -> None:
-        assert self._published is not None
-        self._published.inject(fault)
-
     def advance(self) -> int:
         time.sleep(TICK_NS / NS_PER_S)
         return self._clock.now_ns()
 
-    def felt(self) -> int:
-        return self._holding.pulses
 
-
-class LinkRig(ControllerRig):
+class LinkRig(HeldRig):
     """A simulated hand at another computer, whose clock is another; virtual time.
 
     Each tick a message leaves, and the one before arrives.
@@ -175,25 +159,15 @@ class LinkRig(ControllerRig):
     def __init__(self, cleaning: ExitStack) -> None:
         super().__init__(cleaning)
         self._clock = VirtualClock()
-        self._holding = _Holding()
-        self._hand = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
         self._hand.start()
         self._on_its_way: bytes | None = None
         self._arrived: tuple[int, bytes] | None = None
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> LinkController:
-        made = LinkController(LinkConfig(), self._receive, self._hand.pulse)
-        self._made = made
-        return made
+        self.controller = self._link = LinkController(LinkConfig(), self._receive, self._hand.pulse)
 
     def tap(self) -> None:
         self._holding.button = Button.A
         self._hand.sample(self._clock.now_ns() + self._OFFSET_NS)  # its message is lost
         self._holding.button = None
-
-    def inject(self, fault: SensorFault | None) -> None:
-        self._hand.inject(fault)
 
     def advance(self) -> int:
         echo_ns = self._clock.now_ns()
@@ -206,14 +180,11 @@ class LinkRig(ControllerRig):
         self._on_its_way = encode(hand_message(sample, sent_ns, echo_ns))
         return now_ns
 
-    def felt(self) -> int:
-        return self._holding.pulses
-
     def _receive(self, now_ns: int) -> None:
         arrived, self._arrived = self._arrived, None
         if arrived is not None:
             heard_ns, content = arrived
-            self._made.take(decode(content, HandMessage), heard_ns)
+            self._link.take(decode(content, HandMessage), heard_ns)
 
 
 class KeyboardRig(ControllerRig):
@@ -228,11 +199,8 @@ class KeyboardRig(ControllerRig):
         self._clock.advance_ns(NS_PER_S)
         self._focused, self._tells = True, True
         self._presses: dict[str, int] = {}
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> KeyboardController:
         self._keyboard = KeyboardController(DeskConfig(), HandConfig().rotation)
-        return self._keyboard
+        self.controller = self._keyboard
 
     def tap(self) -> None:
         self._presses["c"] = self._presses.get("c", 0) + 1
@@ -265,12 +233,8 @@ class OpenVrRig(ControllerRig):
         self._clock = MonotonicClock()
         self.runtime.devices[RIGHT].trembles = True
         self.runtime.press("trigger")
-        self.controller = self.make_controller()
-
-    def make_controller(self) -> OpenVrController:
-        made = OpenVrController(ControllerConfig(), self._clock, lambda level, text: None)
-        self._cleaning.callback(made.close)
-        return made
+        self.controller = OpenVrController(ControllerConfig(), self._clock, lambda *_: None)
+        cleaning.callback(self.controller.close)
 
     def tap(self) -> None:
         for value in (1.0, 0.0):

@@ -9,7 +9,7 @@ from hw.arm import Arm, TcpBoundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, LinkFault, Pose, Twist
+from tams_app.records import Activity, LinkFault, Twist
 from tests.contract.conftest import BOUNDARY, ArmRig, Lite6Rig, raised
 from tests.contract.promises.arm import ARM_PROMISES, SIDEWAYS, ArmBench, distance_mm
 from tests.contract.promises.promise import Promise
@@ -22,10 +22,6 @@ LITE6_ONLY = pytest.mark.parametrize("rig", ["tcp", "virtual"], indirect=True)
 @pytest.mark.parametrize("promise", ARM_PROMISES, ids=lambda promise: promise.__name__)
 def test_every_arm_keeps_what_is_promised(rig: ArmRig, promise: Promise[ArmBench]) -> None:
     promise(rig)
-
-
-def position_of(rig: ArmRig, arm: Arm) -> Pose:
-    return rig.next_state(arm).tcp
 
 
 # --- connecting ---------------------------------------------------------------------------------
@@ -99,7 +95,7 @@ def test_the_controller_itself_stops_what_leaves_its_boundary(rig: ArmRig, arm: 
 
     assert rig.until(refused)
     assert enabled.link().fault is LinkFault.REFUSED
-    assert position_of(rig, enabled).position[2] * 1000.0 > height_mm - 5.5
+    assert rig.next_state(enabled).tcp.position[2] * 1000.0 > height_mm - 5.5
     enabled.close()
 
 
@@ -135,7 +131,9 @@ def test_connecting_reads_the_gripper_back_and_leaves_it_alone(rig: ArmRig, enab
     assert rig.gripper_driven() is True
 
 
-def test_a_gripper_command_that_is_refused_is_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
+def test_a_gripper_command_that_is_refused_is_a_gripper_fault_until_enabled_anew(
+    rig: ArmRig, enabled: Arm
+) -> None:
     sent = enabled.link().sent
     rig.spoil_gripper("refuses")
     enabled.set_gripper(True)
@@ -143,6 +141,12 @@ def test_a_gripper_command_that_is_refused_is_a_gripper_fault(rig: ArmRig, enabl
     assert enabled.link().failure
     assert enabled.link().sent == sent + rig.gripper_attempts
     assert rig.next_state(enabled).gripper_closed is None
+    rig.mend_gripper()
+    enabled.clear_errors()
+    assert enabled.link().fault is LinkFault.NONE
+    enabled.enable()
+    enabled.set_gripper(True)
+    assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
 
 
 def test_outputs_that_differ_from_the_command_are_a_gripper_fault(
@@ -155,22 +159,12 @@ def test_outputs_that_differ_from_the_command_are_a_gripper_fault(
     assert rig.until(lambda: rig.next_state(enabled).gripper_closed is None)
 
 
-def test_enabling_anew_ends_a_gripper_fault(rig: ArmRig, enabled: Arm) -> None:
-    rig.spoil_gripper("refuses")
-    enabled.set_gripper(True)
-    assert rig.until(lambda: enabled.link().fault is LinkFault.GRIPPER)
-    rig.mend_gripper()
-    enabled.clear_errors()
-    assert enabled.link().fault is LinkFault.NONE
-    enabled.enable()
-    enabled.set_gripper(True)
-    assert rig.until(lambda: rig.next_state(enabled).gripper_closed is True)
-
-
 # --- stopping and errors ------------------------------------------------------------------------
 
 
-def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Arm) -> None:
+def test_an_error_shows_with_its_code_until_it_is_cleared_which_leaves_the_arm_stopped(
+    rig: ArmRig, enabled: Arm
+) -> None:
     rig.stream(enabled, SIDEWAYS, 0.1)
     rig.collide()
     assert rig.until(lambda: rig.next_state(enabled).fault is not None)
@@ -179,13 +173,7 @@ def test_an_error_shows_in_state_and_link_with_its_code(rig: ArmRig, enabled: Ar
     assert enabled.link().fault is LinkFault.REFUSED
     with pytest.raises(DeviceError, match=rig.collision):
         enabled.enable()
-
-
-def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> None:
-    rig.collide()
-    rig.stream(enabled, SIDEWAYS, 0.1)
-    assert rig.until(lambda: rig.next_state(enabled).fault is not None)
-    before = position_of(rig, enabled)
+    before = rig.next_state(enabled).tcp
     enabled.clear_errors()
     state = rig.next_state(enabled)
     assert state.fault is None
@@ -193,10 +181,10 @@ def test_clearing_errors_leaves_the_arm_stopped(rig: ArmRig, enabled: Arm) -> No
     assert enabled.link().failure == ""
     assert enabled.link().fault is LinkFault.NONE
     rig.stream(enabled, SIDEWAYS, 0.2)
-    assert distance_mm(before, position_of(rig, enabled)) < 1e-3
+    assert distance_mm(before, rig.next_state(enabled).tcp) < 1e-3
     enabled.enable()
     rig.stream(enabled, SIDEWAYS, 0.2)
-    assert distance_mm(before, position_of(rig, enabled)) > 1.0
+    assert distance_mm(before, rig.next_state(enabled).tcp) > 1.0
 
 
 def test_a_pressed_emergency_stop_cannot_be_cleared(rig: ArmRig, enabled: Arm) -> None:

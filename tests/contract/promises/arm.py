@@ -43,33 +43,18 @@ class ArmBench(ABC):
 
     @abstractmethod
     def make_arm(self) -> Arm:
-        """Make a driver of the arm.
-
-        Returns:
-            A driver, not connected; the caller closes it.
-        """
+        """A driver of the arm, not connected; the caller closes it."""
 
     @abstractmethod
     def advance(self, seconds: float) -> None:
-        """Let time pass for the arm: sleep, or advance a simulation.
-
-        Args:
-            seconds: how much [s].
-        """
+        """Let time [s] pass for the arm: sleep, or advance a simulation."""
 
     @abstractmethod
     def elapsed_s(self) -> float:
         """The time that `advance` has let pass [s], from any start."""
 
     def until(self, condition: Callable[[], bool]) -> bool:
-        """Let time pass until a condition holds.
-
-        Args:
-            condition: checked every 10 ms.
-
-        Returns:
-            False if it does not hold within 10 s.
-        """
+        """Let time pass until a condition, checked every 10 ms, holds; False if not within 10 s."""
         deadline_s = self.elapsed_s() + _WITHIN_S
         while self.elapsed_s() < deadline_s:
             if condition():
@@ -78,17 +63,9 @@ class ArmBench(ABC):
         return False
 
     def next_state(self, arm: Arm, reports: int = 2) -> ArmState:
-        """Wait for a report that was measured after this call.
+        """The newest report, after so many from now on: the first may have been on its way.
 
-        Args:
-            arm: a connected driver.
-            reports: how many to wait for: the first may have been on its way.
-
-        Returns:
-            The newest report.
-
-        Raises:
-            AssertionError: none comes within 10 s.
+        AssertionError if none comes within 10 s.
         """
         for _ in range(reports):
             before = arm.state()
@@ -100,13 +77,7 @@ class ArmBench(ABC):
         return state
 
     def stream(self, arm: Arm, twist: Twist, seconds: float) -> None:
-        """Send a twist like a control loop, 120 times a second.
-
-        Args:
-            arm: an enabled driver.
-            twist: of the TCP in the base frame [m/s, rad/s].
-            seconds: for how long [s].
-        """
+        """Send a twist to an enabled arm like a control loop, 120 times a second."""
         for _ in range(round(seconds * CONTROL_RATE_HZ)):
             arm.send_twist(twist)
             self.advance(1.0 / CONTROL_RATE_HZ)

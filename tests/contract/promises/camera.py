@@ -33,25 +33,10 @@ class CameraBench(ABC):
 
     @abstractmethod
     def camera(self) -> Camera:
-        """Make a camera whose device is there.
-
-        Returns:
-            A camera, not started; the one before has been closed.
-        """
+        """A camera whose device is there, not started; the one before has been closed."""
 
     def frames(self, camera: Camera, count: int) -> list[Frame]:
-        """Read the next frames.
-
-        Args:
-            camera: a started camera.
-            count: how many.
-
-        Returns:
-            That many frames.
-
-        Raises:
-            AssertionError: one does not come within 5 s.
-        """
+        """The next `count` frames; AssertionError if one does not come within 5 s."""
         found = []
         for _ in range(count):
             frame = camera.next_frame(_WITHIN_S)

@@ -23,28 +23,14 @@ class ControllerBench(ABC):
 
     @abstractmethod
     def advance(self) -> int:
-        """Let one tick of about 8 ms pass.
-
-        Returns:
-            The time after it [ns], by the clock of the samples.
-        """
+        """Let one tick of about 8 ms pass; the time after it [ns], by the clock of the samples."""
 
     def sample(self) -> ControllerSample:
         """The sample of the next tick."""
         return self.controller.sample(self.advance())
 
     def until(self, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
-        """Sample at every tick until a condition holds.
-
-        Args:
-            holds: the condition of a sample.
-
-        Returns:
-            The first sample of which it holds.
-
-        Raises:
-            AssertionError: there is none within 20 s.
-        """
+        """The first sample of which `holds` is true; AssertionError if none is within 20 s."""
         deadline_ns = self.advance() + _WITHIN_NS
         while True:
             now_ns = self.advance()

@@ -12,27 +12,12 @@ Promise: TypeAlias = Callable[[Bench], None]
 
 
 def require(holds: bool, otherwise: str) -> None:
-    """Fail a promise unless a condition holds.
-
-    Args:
-        holds: the condition.
-        otherwise: the sentence of the error.
-
-    Raises:
-        AssertionError: it does not hold.
-    """
+    """AssertionError with the sentence `otherwise` unless a condition holds."""
     assert holds, otherwise
 
 
 def refused(action: Callable[[], object]) -> None:
-    """Fail a promise unless an action is refused.
-
-    Args:
-        action: must raise a `DeviceError` of one line.
-
-    Raises:
-        AssertionError: it does not, or in several lines.
-    """
+    """AssertionError unless an action raises a `DeviceError` of one line."""
     try:
         action()
     except DeviceError as error:
