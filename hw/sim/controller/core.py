@@ -74,6 +74,7 @@ class ControllerCore:
         self.warning_code: int = 0
         self.drive_codes: tuple[int, ...] = (0,) * 6  # errors of the joints' own drives
         self.temperatures_c: tuple[int, ...] = (30,) * 6  # of the joints' motors
+        self.reports_frozen = False  # for its servers: no report leaves the box
         self._drives_refuse = False
         self._state = State.STOPPED
         self._emergency_stop = False

@@ -6,14 +6,13 @@ in virtual time.
 
 from __future__ import annotations
 
-from hw.arm import Plant, PlantState
+from hw.arm import PlantState
 from hw.lite6.codes import Register, ReplyBit
-from hw.lite6.kinematics import HOME_JOINTS
 from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.joint_servo import CYCLE_NS, CommandError, MotionError
 from hw.sim.controller.registers import serve_register
 from hw.sim.controller.reports import ReportKind, pack_report
-from tams_app.vectors import Joints, Numbers
+from tams_app.vectors import Joints
 
 __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
 
@@ -26,18 +25,7 @@ class IdealPlant:
 
 
 class ControllerModel(ControllerCore):
-    """The box with its registers and reports.
-
-    Not safe for threads: its server holds a lock. `reports_frozen` is for its servers: while it is
-    set, no report leaves the box.
-    """
-
-    def __init__(
-        self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
-    ) -> None:
-        """`start_joints` [rad]: where `plant` stands; `firmware`: three numbers."""
-        super().__init__(plant, start_joints, firmware)
-        self.reports_frozen = False
+    """The box with its registers and reports; not safe for threads: its server holds a lock."""
 
     def handle(self, register: int, payload: bytes, now_ns: int) -> bytes:
         """Serve one request; the reply's status byte and data.

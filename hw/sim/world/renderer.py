@@ -113,12 +113,6 @@ def run(
         clock.sleep_until_ns(ended_ns + (ended_ns - began_ns) // 2)
 
 
-def wait_for_world(world: WorldReader, clock: Clock, stop: threading.Event) -> None:
-    """Return once the world has a state, or when `stop` is set."""
-    while not stop.is_set() and world.read() is None:
-        clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
-
-
 def main() -> None:
     side = HelperSide()
     specification: dict[str, Any] = side.specification
@@ -140,7 +134,8 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     writer = FrameWriter(name, FrameShape())
     try:
         side.ready(memory_name=name)
-        wait_for_world(world, clock, side.stop_requested)
+        while not side.stop_requested.is_set() and world.read() is None:
+            clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
         run(frames, world, writer, float(specification["fps"]), clock, side.stop_requested)
     finally:
         frames.close()
