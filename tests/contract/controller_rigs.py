@@ -39,7 +39,6 @@ from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 
 TICK_NS = 8 * NS_PER_MS
-WITHIN_S = 20.0  # generous: the machine may be busy
 
 
 class ControllerRig(ControllerBench):
