@@ -96,21 +96,13 @@ class Screen:
         self.shown: list[Ended] = []
         self._answer = answer
 
-    def end(self) -> None: ...
-
     def show_end(self, end: Ended) -> None:
         self.shown.append(end)
         self.answer = self._answer
 
-    def launch(self) -> None: ...
+    def launch(self, *_: object) -> None: ...
 
-    def open(self) -> None: ...
-
-    def notify(self, note: str) -> None: ...
-
-    def refresh(self) -> None: ...
-
-    def close(self) -> None: ...
+    end = open = notify = refresh = close = launch
 
 
 def asked(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shlex
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,9 @@ def reported(path: Path) -> str:
     return output.getvalue()
 
 
-def test_a_whole_log_is_reported_without_a_warning(folder: Path) -> None:
-    text = reported(folder)
+@pytest.mark.parametrize("given", ["", "session.mcap"])
+def test_a_whole_log_is_reported_without_a_warning(folder: Path, given: str) -> None:
+    text = reported(folder / given)
     assert text.startswith("writing summary and report …\n")
     assert "300 ticks" in text
     assert "The log" not in text
@@ -69,20 +71,6 @@ def test_a_program_reads_the_summary_itself(
     assert told.err == "writing summary and report …\n"
 
 
-def test_the_log_itself_may_be_given_for_its_folder(folder: Path) -> None:
-    assert "300 ticks" in reported(folder / "session.mcap")
-    assert (folder / "summary.json").exists()
-
-
-def test_a_log_that_is_cut_off_says_so_in_one_line_after_the_table(folder: Path) -> None:
-    log = folder / "session.mcap"
-    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
-    lines = reported(folder).splitlines()
-    (at,) = (number for number, line in enumerate(lines) if line.startswith("The log ends early"))
-    assert lines[at].endswith("or the file was cut or damaged).")
-    assert any("ticks" in line for line in lines[:at])
-
-
 def damage(folder: Path) -> None:
     """One bit of the chunk in the middle."""
     log = folder / "session.mcap"
@@ -96,12 +84,27 @@ def damage(folder: Path) -> None:
     log.write_bytes(data)
 
 
-def test_a_damaged_log_says_so_in_one_line_after_the_table(folder: Path) -> None:
-    damage(folder)
+def cut_off(folder: Path) -> None:
+    log = folder / "session.mcap"
+    log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
+
+
+@pytest.mark.parametrize(
+    ("harm", "begin", "end"),
+    [
+        (cut_off, "The log ends early", "or the file was cut or damaged)."),
+        (damage, "The log is damaged", "what was recorded at 0.8 to 1.7 s is missing."),
+    ],
+)
+def test_a_log_that_is_not_whole_says_so_in_one_line_after_the_table(
+    folder: Path, harm: Callable[[Path], None], begin: str, end: str
+) -> None:
+    harm(folder)
     lines = reported(folder).splitlines()
-    (at,) = (number for number, line in enumerate(lines) if line.startswith("The log is damaged"))
-    assert any("200 ticks" in line for line in lines[:at]), "one of three chunks is lost"
-    assert lines[at].endswith("what was recorded at 0.8 to 1.7 s is missing.")
+    (at,) = (number for number, line in enumerate(lines) if line.startswith(begin))
+    assert lines[at].endswith(end)
+    assert any("ticks" in line for line in lines[:at])
+    assert harm is cut_off or any("200 ticks" in line for line in lines[:at]), "of three chunks"
 
 
 def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is_kept(

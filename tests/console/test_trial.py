@@ -84,32 +84,21 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
     return play
 
 
-def test_ctrl_c_ends_the_sitting_and_not_only_the_trial(
-    played: Callable[..., None], tmp_path: Path
+@pytest.mark.parametrize("has_started", [True, False])
+def test_ctrl_c_ends_the_sitting_and_is_no_failed_trial(
+    played: Callable[..., None], tmp_path: Path, has_started: bool
 ) -> None:
     def show(
         session: Session, console: Console, lines: object, interrupted: Any, **_: object
     ) -> None:
         interrupted("ended by SIGINT")
+        if not has_started:
+            raise TamsError("ended by SIGINT before it had started")
 
     played(show)
     with pytest.raises(KeyboardInterrupt):
         LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
-    assert (tmp_path / "summary.json").exists()
-
-
-def test_ctrl_c_while_the_session_starts_is_no_failed_trial(
-    played: Callable[..., None], tmp_path: Path
-) -> None:
-    def show(
-        session: Session, console: Console, lines: object, interrupted: Any, **_: object
-    ) -> None:
-        interrupted("ended by SIGINT")
-        raise TamsError("ended by SIGINT before it had started")
-
-    played(show)
-    with pytest.raises(KeyboardInterrupt):
-        LiveTrialRunner(rig(), Screen()).run(TRIAL, tmp_path)
+    assert (tmp_path / "summary.json").exists() is has_started
 
 
 @pytest.mark.parametrize("has_log", [True, False])

@@ -114,8 +114,12 @@ class Replayed:
             self.session.on_keys(Keys(self.now_ns, True, (), presses=dict(self.presses)))
 
 
-def test_state_notes_and_pictures_are_those_of_the_moment(log_path: Path, tmp_path: Path) -> None:
-    replayed = Replayed(log_path, tmp_path)
+@pytest.fixture
+def replayed(log_path: Path, tmp_path: Path) -> Replayed:
+    return Replayed(log_path, tmp_path)
+
+
+def test_state_notes_and_pictures_are_those_of_the_moment(replayed: Replayed) -> None:
     expected = (("engaged", "REACH"), ("engaged", "ALIGN"), ("holding", "GRASP"))
     for number, (arming, phase) in enumerate(expected):
         replayed.passes(0.9 if number == 0 else 1.0)
@@ -129,8 +133,7 @@ def test_state_notes_and_pictures_are_those_of_the_moment(log_path: Path, tmp_pa
     assert replayed.session.state().reason == "stale video"
 
 
-def test_arrow_keys_go_back_and_the_pictures_with_them(log_path: Path, tmp_path: Path) -> None:
-    replayed = Replayed(log_path, tmp_path)
+def test_arrow_keys_go_back_and_the_pictures_with_them(replayed: Replayed) -> None:
     replayed.passes(3.5)
     replayed.press("Home")
     replayed.passes(0.5)
@@ -153,10 +156,7 @@ def test_pictures_of_a_log_that_was_cut_off_are_those_of_the_moment_too(
         assert all(abs(grey - GREYS[number]) < 3 for grey in replayed.put.values())
 
 
-def test_a_replay_says_which_views_were_predicted_in_the_session(
-    log_path: Path, tmp_path: Path
-) -> None:
-    replayed = Replayed(log_path, tmp_path)
+def test_a_replay_says_which_views_were_predicted_in_the_session(replayed: Replayed) -> None:
     replayed.session._log.facts[PREDICTED_FACT] = "eih,gt"
     replayed.session.start()
     said = "as received, while the session showed them predicted: eih, gt"
@@ -196,9 +196,8 @@ def test_a_confirmation_pauses_and_goes_on_and_an_emergency_stop_pauses(
 
 
 def test_it_goes_where_the_bar_is_clicked_and_says_what_was_said_last_there(
-    log_path: Path, tmp_path: Path
+    replayed: Replayed,
 ) -> None:
-    replayed = Replayed(log_path, tmp_path)
     session = replayed.session
     replayed.passes(0.3)
     session.sentences.take()
@@ -212,9 +211,8 @@ def test_it_goes_where_the_bar_is_clicked_and_says_what_was_said_last_there(
 
 
 def test_after_a_seek_the_rates_of_the_minute_before_are_those_of_the_log(
-    log_path: Path, tmp_path: Path
+    replayed: Replayed, log_path: Path
 ) -> None:
-    replayed = Replayed(log_path, tmp_path)
     replayed.passes(0.3)
     assert replayed.session.facts().past == ()
     replayed.session.seek(3.6)
@@ -237,10 +235,7 @@ def test_the_block_is_placed_from_when_that_was_said(log_path: Path) -> None:
     assert placed == [False, True, True]
 
 
-def test_no_picture_of_another_moment_stays_where_there_was_none(
-    log_path: Path, tmp_path: Path
-) -> None:
-    replayed = Replayed(log_path, tmp_path)
+def test_no_picture_of_another_moment_stays_where_there_was_none(replayed: Replayed) -> None:
     replayed.passes(2.0)
     assert all(replayed.put[view] > 30 for view in VIEWS)
     replayed.press("Home")
@@ -248,8 +243,7 @@ def test_no_picture_of_another_moment_stays_where_there_was_none(
     assert replayed.put == dict.fromkeys(VIEWS, 0.0)
 
 
-def test_a_key_that_is_held_acts_once(log_path: Path, tmp_path: Path) -> None:
-    replayed = Replayed(log_path, tmp_path)
+def test_a_key_that_is_held_acts_once(replayed: Replayed) -> None:
     for _ in range(20):
         replayed.session.on_keys(Keys(0, True, ("Up",), presses={"Up": 1}))
     replayed.passes(0.05)
@@ -416,8 +410,9 @@ def test_who_marks_sees_their_marks_and_nothing_that_tells_the_inferred_phase(
     assert Replayed(log_path, tmp_path, 1.0, marking).session.state().primary_view == ""
 
 
-def test_without_marking_the_keys_of_phases_write_nothing(log_path: Path, tmp_path: Path) -> None:
-    replayed = Replayed(log_path, tmp_path)
+def test_without_marking_the_keys_of_phases_write_nothing(
+    replayed: Replayed, tmp_path: Path
+) -> None:
     replayed.press("1", "BackSpace")
     replayed.passes(0.1)
     assert not (tmp_path / "phases.csv").exists()

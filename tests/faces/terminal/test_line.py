@@ -10,30 +10,23 @@ from msgspec.structs import replace
 from rich.console import Console
 
 from tams_app.faces.terminal.line import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
-from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
+from tams_app.records import EpisodesState, EpisodeState, LatencyState, ViewState
+from tests.faces.window import facts
 
 pytestmark = pytest.mark.untimed
 
-STATE = SessionState(
+STATE = replace(
+    facts.STATE,
     t_s=72.34,
-    arming="engaged",
-    deadman=True,
     pressed=(),
-    orientation_mode=False,
     phase="ALIGN",
-    reason="",
-    lasting="",
-    last_stop="",
-    hand="openvr",
+    primary_view="",
     tcp_mm=(350.2, -1.4, 180.0),
     gripper_closed=None,
     views={"eih": ViewState(3000, 2950.4, 14.9, age_ms=81.6), "gt": ViewState()},
-    link_kbps=5210.0,
-    budget_kbps=5520.0,
     capacity_kbps=6000.0,
     estimate_kbps=5900.0,
     queue_ms=12.2,
-    asked_fps=30,
 )
 
 
