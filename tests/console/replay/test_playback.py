@@ -31,18 +31,14 @@ def test_it_stays_at_the_end_and_goes_on_from_the_start() -> None:
     assert playback.step(101 * NS_PER_S) == START_NS + NS_PER_S
 
 
-def test_what_passes_while_it_is_paused_is_not_made_up_for() -> None:
-    playback = played()
-    playback.toggle()
-    assert playback.step(10 * NS_PER_S) == START_NS
-    playback.toggle()
-    assert playback.step(11 * NS_PER_S) == START_NS + NS_PER_S
-
-
-def test_what_has_passed_before_it_begins_does_not_count() -> None:
+def test_what_passes_before_it_begins_or_while_it_is_paused_is_not_made_up_for() -> None:
     playback = played()
     playback.begin(10 * NS_PER_S)
     assert playback.step(11 * NS_PER_S) == START_NS + NS_PER_S
+    playback.toggle()
+    assert playback.step(20 * NS_PER_S) == START_NS + NS_PER_S
+    playback.toggle()
+    assert playback.step(21 * NS_PER_S) == START_NS + 2 * NS_PER_S
 
 
 def test_going_elsewhere_is_counted_and_going_on_is_not() -> None:

@@ -243,11 +243,14 @@ def test_no_picture_of_another_moment_stays_where_there_was_none(replayed: Repla
     assert replayed.put == dict.fromkeys(VIEWS, 0.0)
 
 
-def test_a_key_that_is_held_acts_once(replayed: Replayed) -> None:
+def test_a_key_that_is_held_acts_once_and_each_press_that_is_told_with_others(
+    replayed: Replayed,
+) -> None:
     for _ in range(20):
-        replayed.session.on_keys(Keys(0, True, ("Up",), presses={"Up": 1}))
+        replayed.session.on_keys(Keys(0, True, (), presses={"Up": 1, "Page_Down": 3}))
     replayed.passes(0.05)
     assert replayed.session.playback.speed == 2.0
+    assert replayed.session.elapsed_s() == pytest.approx(0.3)
 
 
 def test_rates_ages_and_frames_are_those_that_the_log_has() -> None:
@@ -433,10 +436,3 @@ def test_g_goes_to_each_command_of_the_gripper_in_turn(tmp_path: Path) -> None:
         replayed.press("g")
         replayed.passes(0.05)
         assert replayed.session.elapsed_s() == pytest.approx(t_s)
-
-
-def test_a_press_that_is_told_together_with_others_counts(log_path: Path, tmp_path: Path) -> None:
-    replayed = Replayed(log_path, tmp_path, speed=1e-9)
-    replayed.session.on_keys(Keys(0, True, (), presses={"Page_Down": 3}))
-    replayed.passes(0.05)
-    assert replayed.session.elapsed_s() == pytest.approx(0.3)
