@@ -136,24 +136,19 @@ def test_of_the_robots_side_alone_what_was_shown_is_not_known_rather_than_nothin
     assert " –/" not in row
 
 
-def test_at_its_end_the_operators_side_has_its_table_and_the_command_that_joins_the_two_logs(
-    sides: tuple[Path, Path],
+@pytest.mark.parametrize("at", [0, 1], ids=["robot", "operate"])
+def test_at_its_end_each_side_has_its_table_and_the_command_that_joins_the_two_logs(
+    sides: tuple[Path, Path], at: int
 ) -> None:
     robot, operate = sides
-    shown, command = last_line(operate)
-    assert "messages of the robot's side" in " ".join(shown.split())
-    assert "Frames shown" in shown
-    assert "Control loop" not in shown
-    assert "the block is placed (the robot's side: the trial is over)" in " ".join(shown.split())
-    assert command.split() == ["report", str(robot), str(operate)]
-    assert _main(command.split()) == 0
-
-
-def test_at_its_end_the_robots_side_has_the_whole_command_too(sides: tuple[Path, Path]) -> None:
-    robot, operate = sides
-    shown, command = last_line(robot)
-    assert command.split() == ["report", str(robot), str(operate)]
+    shown, command = last_line(sides[at])
+    whole = " ".join(shown.split())
+    for told in ("messages of the robot's side", "Frames shown"):
+        assert (told in whole) == (at == 1)
+    assert ("Control loop" in whole) == (at == 0)
+    assert at == 0 or "the block is placed (the robot's side: the trial is over)" in whole
     assert "(replace " not in shown
+    assert command.split() == ["report", str(robot), str(operate)]
     assert _main(command.split()) == 0
 
 

@@ -12,19 +12,17 @@ pytestmark = pytest.mark.untimed
 _LOOK_NS = 8 * NS_PER_MS
 
 
-def run(
-    cost_ns: int, seconds: float, idle_cost: float = 0.0, fps: float = 30.0
-) -> tuple[float, float]:
+def run(cost_ns: int, seconds: float, idle_cost: float) -> tuple[float, float]:
     """Drawings a second, and the share of a core that they take, once settled.
 
-    `idle_cost`: share of a core that the process needs besides. `fps`: of each view.
+    `idle_cost`: share of a core that the process needs besides.
     """
     pacer = Pacer(0, 0)
     used_ns, drawings, settled_used_ns = 0.0, 0, 0.0
     half = round(seconds * NS_PER_S / 2)
     for now_ns in range(0, 2 * half, _LOOK_NS):
         used_ns += _LOOK_NS * idle_cost
-        if pacer.may_draw(now_ns, int(now_ns * fps / NS_PER_S)):
+        if pacer.may_draw(now_ns, int(now_ns * 30.0 / NS_PER_S)):
             used_ns += cost_ns
             pacer.drawn(now_ns, round(used_ns))
             drawings += now_ns >= half
@@ -33,25 +31,21 @@ def run(
     return drawings / (seconds / 2), (used_ns - settled_used_ns) / half
 
 
-def test_where_drawing_is_cheap_every_frame_of_thirty_a_second_is_drawn() -> None:
-    per_second, _ = run(NS_PER_MS, 10)
-    assert per_second >= 30
-
-
-def test_where_drawing_is_dear_it_draws_less_often_and_keeps_its_share() -> None:
-    per_second, share = run(25 * NS_PER_MS, 20)
-    assert 5 <= per_second < 15
-    assert share == pytest.approx(SHARE, rel=0.25)
-
-
-def test_however_dear_it_is_something_is_drawn() -> None:
-    per_second, _ = run(2 * NS_PER_S, 20)
-    assert per_second >= 0.9 * NS_PER_S / MOST_NS - 1
-
-
-def test_other_work_of_the_process_does_not_stop_the_drawing() -> None:
-    per_second, _ = run(5 * NS_PER_MS, 20, idle_cost=0.4)
-    assert per_second >= 3
+@pytest.mark.parametrize(
+    ("cost_ms", "idle_cost", "least", "most"),
+    [
+        (1, 0.0, 30.0, 60.0),  # every frame of thirty a second
+        (25, 0.0, 5.0, 15.0),  # dear: less often
+        (2000, 0.0, 0.9 * NS_PER_S / MOST_NS - 1, 15.0),  # however dear it is, something
+        (5, 0.4, 3.0, 60.0),  # other work of the process does not stop the drawing
+    ],
+)
+def test_it_draws_as_often_as_its_cost_allows(
+    cost_ms: int, idle_cost: float, least: float, most: float
+) -> None:
+    per_second, share = run(cost_ms * NS_PER_MS, 20, idle_cost)
+    assert least <= per_second < most
+    assert cost_ms != 25 or share == pytest.approx(SHARE, rel=0.25)
 
 
 def test_nothing_is_drawn_before_it_is_time() -> None:

@@ -25,12 +25,9 @@ def counted(index: int, shown_ms: int, is_damaged: bool = False) -> SteeredBy:
     return SteeredBy(index, (shown_ms - 60) * NS_PER_MS, is_damaged)
 
 
-def test_nothing_counts_before_the_first_frame() -> None:
-    assert FreshVideo(("gt",), Displays()).of("gt") == SteeredBy()
-
-
-def test_without_a_face_a_whole_frame_counts_at_once() -> None:
+def test_without_a_face_a_whole_frame_counts_at_once_and_nothing_before_the_first() -> None:
     video = FreshVideo(("gt", "gs"), Displays())
+    assert video.of("gt") == SteeredBy()
     video.shown(frame(7, 100))
     assert video.of("gt") == counted(7, 100)
     assert video.of("gs") == SteeredBy()

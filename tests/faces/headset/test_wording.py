@@ -66,14 +66,11 @@ def test_the_menu_button_is_named_for_hands_that_see_no_keyboard() -> None:
         assert "menu button" in key
 
 
-def test_what_was_said_last_is_below() -> None:
+def test_what_was_said_last_is_below_but_for_an_episode_that_begins() -> None:
     notices = (Notice(1.0, "the first"), Notice(2.0, "the last"))
-    assert panel_words(changed(FACTS, notices=notices), "openvr").note == "the last"
-
-
-def test_a_countdown_is_below_in_place_of_what_was_said() -> None:
-    episodes = EpisodesState(1, "countdown", 2.04)
-    facts = changed(FACTS, notices=(Notice(1.0, "a sentence"),), episodes=episodes)
+    facts = changed(FACTS, notices=notices)
+    assert panel_words(facts, "openvr").note == "the last"
+    facts = changed(facts, episodes=EpisodesState(1, "countdown", 2.04))
     assert panel_words(facts, "openvr").note == "episode 1: in 2.0 s · 0 kept, 0 discarded"
 
 
