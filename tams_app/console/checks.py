@@ -10,14 +10,14 @@ import os
 import platform
 import shutil
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.device_checks import arm, cameras, controller, headset
-from tams_app.console.findings import Check, Finding, tried
+from tams_app.console.findings import Check, Finding, attempted, tried
 from tams_app.console.library_checks import libraries, loading
-from tams_app.errors import SetupError, TamsError
+from tams_app.errors import SetupError
 
 LOG_MB_PER_MINUTE = "25 to 100"  # docs/LOG.md has what it depends on
 _RENDER = (
@@ -49,18 +49,9 @@ def configuration(config: Config) -> Iterator[Finding]:
     from tams_app.faces.registry import check_faces
     from tams_app.robot.build import check_names, check_ready_pose
 
-    names: dict[str, Callable[[], object]] = {
-        "Configured strategy, network and devices": lambda: check_names(config),
-        "Configured displays": lambda: check_faces(config),
-        "Ready pose inside the workspace": lambda: check_ready_pose(config),
-    }
-    for what, look in names.items():
-        try:
-            look()
-        except TamsError as error:
-            yield Finding(what, False, "", str(error))
-        else:
-            yield Finding(what, True)
+    yield attempted("Configured strategy, network and devices", lambda: check_names(config))
+    yield attempted("Configured displays", lambda: check_faces(config))
+    yield attempted("Ready pose inside the workspace", lambda: check_ready_pose(config))
 
 
 def codecs(config: Config) -> Iterator[Finding]:
@@ -71,12 +62,7 @@ def codecs(config: Config) -> Iterator[Finding]:
     if gst.missing_elements():
         return  # named above
     names = f"{config.video.encoder}, {config.video.decoder}"
-    try:
-        installed_codecs(config.video)
-    except TamsError as error:
-        yield Finding("Video encoder and decoder", False, names, str(error))
-    else:
-        yield Finding("Video encoder and decoder", True, names)
+    yield attempted("Video encoder and decoder", lambda: installed_codecs(config.video), names)
 
 
 def rendering(config: Config) -> Iterator[Finding]:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
+from dataclasses import replace
 
 from tams_app.config import CameraConfig, Config
-from tams_app.console.findings import Finding, tried
+from tams_app.console.findings import Finding, attempted, tried
 from tams_app.errors import TamsError
 
 _TEXTURE = "from tams_app.faces.headset.texture import AtlasTexture; AtlasTexture().close()"
@@ -32,7 +34,8 @@ def controller(config: Config) -> Iterator[Finding]:
     if config.operator_is_simulated or device == "keyboard":
         return
     if device not in ("auto", "openvr"):
-        yield _device(config)
+        found_one = attempted("Controller", lambda: _start_controller(config))
+        yield replace(found_one, detail=device if found_one.ok else "")
         return
     from hw.openvr.controller import OpenVrController
     from hw.openvr.devices import list_controllers
@@ -50,21 +53,13 @@ def controller(config: Config) -> Iterator[Finding]:
     yield Finding(what, bool(mine), detail, "switch it on and wake it, or set controller.hand")
 
 
-def _device(config: Config) -> Finding:
+def _start_controller(config: Config) -> None:
     from hw.make_controller import make_controller
     from tams_app.runtime.clock import MonotonicClock
 
-    try:
-        made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
-    except TamsError as error:
-        return Finding("Controller", False, "", str(error))
-    try:
+    made = make_controller(config.controller, config.hand, MonotonicClock(), lambda *_: None)
+    with closing(made):
         made.start()
-    except TamsError as error:
-        return Finding("Controller", False, "", str(error))
-    finally:
-        made.close()
-    return Finding("Controller", True, config.controller.device)
 
 
 def headset(config: Config) -> Iterator[Finding]:
@@ -97,16 +92,10 @@ def _camera(view: str, camera: CameraConfig, config: Config) -> Finding:
         warnings.append(text.removeprefix(f"camera {view} "))
 
     try:
-        device = make_camera(view, camera, config.video, MonotonicClock(), note)
-        try:
+        with closing(make_camera(view, camera, config.video, MonotonicClock(), note)) as device:
             device.start()
-            damaged = sum(
-                frame.damaged
-                for _ in range(_LOOK_FRAMES)
-                if (frame := device.next_frame(_FRAME_S)) is not None
-            )
-        finally:
-            device.close()
+            frames = (device.next_frame(_FRAME_S) for _ in range(_LOOK_FRAMES))
+            damaged = sum(frame is not None and frame.damaged for frame in frames)
     except TamsError as error:
         return Finding(what, False, "", str(error).removeprefix(f"camera {view}: "))
     if damaged:

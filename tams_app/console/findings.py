@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from tams_app.errors import TamsError
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 if TYPE_CHECKING:
@@ -36,6 +37,15 @@ class Finding:
         detail = f" ({self.detail})" if self.detail else ""
         fix = "" if self.ok else f": {self.fix}"
         return f"{word} {self.what}{detail}{fix}"
+
+
+def attempted(what: str, attempt: Callable[[], object], detail: str = "") -> Finding:
+    """Whether it can be done; what a TamsError says is how to fix it."""
+    try:
+        attempt()
+    except TamsError as error:
+        return Finding(what, False, detail, str(error))
+    return Finding(what, True, detail)
 
 
 Check = Callable[["Config"], Iterator[Finding]]

@@ -36,18 +36,16 @@ def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> 
 def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
     """What the operator's log alone tells (`seen` of its summary.json), below the headline."""
     seen, system = summary["seen"], summary["system"]
-    trips = seen["round_trip_ms"]
     shown = ", ".join(
         f"{view.upper()} {one['frames']} ({one['per_s']:.1f} a second)"
         for view, one in seen["shown"].items()
     )
     rows = {
-        "Link": f"round trip p50 {known(trips['p50'], '{:.0f} ms')}, "
-        f"p99 {known(trips['p99'], '{:.0f} ms')}; {seen['messages']} messages of the robot's side, "
+        "Link": f"round trip {_p50_p99(seen['round_trip_ms'])}; "
+        f"{seen['messages']} messages of the robot's side, "
         f"longest gap {known(seen['longest_gap_ms'], '{:.0f} ms')}",
         "Frames shown": shown,
-        "Load": f"application {known(system['cpu_percent']['app'], '{:.0f} %')}, "
-        f"helpers {known(system['cpu_percent']['helpers'], '{:.0f} %')} of a core",
+        "Load": _load(system),
         "Needs both logs": "stops, latency, freezes, quality and what the uplink carried",
     }
     return Group(_headline(summary), _named_rows(rows))
@@ -62,17 +60,14 @@ def _named_rows(rows: Mapping[str, str]) -> Table:
 
 def link_table(link: Mapping[str, Any]) -> Table:
     """The figures of the link between two computers."""
-    ages, commands, trips = link["sample_age_ms"], link["command_latency_ms"], link["round_trip_ms"]
     refused = ", ".join(
         f"{number} {reason}" for reason, number in link["samples"]["refused"].items()
     )
     rows = {
-        "Link": f"round trip p50 {known(trips['p50'], '{:.0f} ms')}, "
-        f"p99 {known(trips['p99'], '{:.0f} ms')}; times between the two computers are right to "
-        f"within {link['uncertainty_ms']:.1f} ms",
-        "Hand": f"age of a sample p50 {known(ages['p50'], '{:.0f} ms')}, "
-        f"p99 {known(ages['p99'], '{:.0f} ms')}; to the command p50 "
-        f"{known(commands['p50'], '{:.0f} ms')}, p99 {known(commands['p99'], '{:.0f} ms')}; "
+        "Link": f"round trip {_p50_p99(link['round_trip_ms'])}; times between the two "
+        f"computers are right to within {link['uncertainty_ms']:.1f} ms",
+        "Hand": f"age of a sample {_p50_p99(link['sample_age_ms'])}; "
+        f"to the command {_p50_p99(link['command_latency_ms'])}; "
         f"{link['samples']['counted']} of {link['samples']['heard']} counted"
         + (f" ({refused})" if refused else ""),
     }
@@ -80,6 +75,15 @@ def link_table(link: Mapping[str, Any]) -> Table:
         listed = ", ".join(f"{reason} {number:g}" for reason, number in stops.items())
         rows["Stopped by it"] = f"{listed} times a minute"
     return _named_rows(rows)
+
+
+def _p50_p99(figures: Mapping[str, Any], form: str = "{:.0f} ms") -> str:
+    return f"p50 {known(figures['p50'], form)}, p99 {known(figures['p99'], form)}"
+
+
+def _load(system: Mapping[str, Any]) -> str:
+    app, helpers = (known(system["cpu_percent"][name], "{:.0f} %") for name in ("app", "helpers"))
+    return f"application {app}, helpers {helpers} of a core"
 
 
 def task_verdict(summary: Mapping[str, Any]) -> str:
@@ -120,9 +124,8 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
         "Control loop": f"{known(control['rate_hz'], '{:g} Hz')}, {control['ticks']} ticks, "
         f"late {_percent(control['late_fraction'], 2)} ({control['skipped']} skipped), "
         f"period error p99 {known(control['period_error_ms']['p99'], '{:.2f} ms')}",
-        "Arm": f"round trip p50 {known(arm['round_trip_ms']['p50'], '{:.1f} ms')}, "
-        f"p99 {known(arm['round_trip_ms']['p99'], '{:.1f} ms')}; stops: {len(arm['stops'])}"
-        + (f", longest {max(stops):.0f} ms" if stops else ""),
+        "Arm": f"round trip {_p50_p99(arm['round_trip_ms'], '{:.1f} ms')}; "
+        f"stops: {len(arm['stops'])}" + (f", longest {max(stops):.0f} ms" if stops else ""),
         "Stops": _stops_table(arm["stops"]) if arm["stops"] else "",
         "Uplink": f"{known(uplink['sent_kbps_mean'], '{:.0f}')} of "
         f"{known(uplink['capacity_kbps'], '{:.0f}')} kbit/s, "
@@ -132,8 +135,7 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
         f"{_percent(uplink['residual_loss_fraction'], 2)} after",
         "Freezes": _freezes(summary["views"]),
         "Primary view": "" if seen_elsewhere else _quality(summary["primary_view"]),
-        "Load": f"application {known(summary['system']['cpu_percent']['app'], '{:.0f} %')}, "
-        f"helpers {known(summary['system']['cpu_percent']['helpers'], '{:.0f} %')} of a core, "
+        "Load": f"{_load(summary['system'])}, "
         f"{known(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
     }
     table = Table.grid(padding=(0, 2))

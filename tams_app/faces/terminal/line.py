@@ -45,28 +45,20 @@ WordsOf: TypeAlias = Callable[[SessionState], Words]
 
 def status_words(state: SessionState) -> Words:
     """The arm, the views, the link, and in full why the arm does not move."""
+    told = [] if state.episodes is None else [episodes.line(state.episodes)]
+    late = [slowest] if (slowest := slowest_text(state)) else []
     full = [
         arm_line(state),
-        *_episodes(state),
+        *told,
         "   ".join(_view(name, view, state.asked_fps) for name, view in state.views.items()),
         f"link {known(state.link_kbps)}/{known(state.budget_kbps)} kbit/s, "
         f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}, "
         f"queue {known(state.queue_ms)} ms{_ssim(state)}",
-        *_slowest(state),
+        *late,
         *reason_parts(state),
     ]
-    why = "\n".join((*_episodes(state), *reason_parts(state), *_slowest(state)))
+    why = "\n".join((*told, *reason_parts(state), *late))
     return Words(fitting(_parts(state)), SEPARATOR.join(full), why)
-
-
-def _slowest(state: SessionState) -> list[str]:
-    """What the primary view's latency is due to, where that is notable."""
-    return [*filter(None, [slowest_text(state)])]
-
-
-def _episodes(state: SessionState) -> list[str]:
-    """The session's episodes; none in a session without."""
-    return [] if state.episodes is None else [episodes.line(state.episodes)]
 
 
 def fitting(parts: Iterable[str]) -> str:
