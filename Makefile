@@ -1,19 +1,20 @@
 # make run | test | verify | newest | trixie | matrix | explore | check | bench | docs | mutate | fuzz |
-# setup | lock
+# setup | extras | lock
 .DEFAULT_GOAL := run
-.PHONY: run test verify newest trixie matrix explore check bench docs lock mutate fuzz setup installed
+.PHONY: run test verify newest trixie matrix explore check bench docs lock mutate fuzz setup extras installed
 .PHONY: untimed short-session
 
 # The virtual environment, and the Python that it is made with: by default the oldest supported one.
 ENV := .venv
 PYTHON :=
 READY := $(ENV)/.ready
+EXTRAS := $(ENV)/.ready-extras
 PY := $(ENV)/bin/python
 
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
 
-check: $(READY)
+check: $(EXTRAS)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
@@ -55,7 +56,7 @@ MATRIX := -m matrix --times $(TIMES)
 # Long matrices (tests marked `verify`), the benchmarks' own tests, an installation of the package
 # elsewhere, and the newest Python.
 # 5 is pytest's exit code for a group in which no test is marked.
-verify: $(READY) installed newest
+verify: $(EXTRAS) installed newest
 	$(ALONE) $(PY) -m pytest $(LAWS) --group untimed -m verify -n logical $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(ALONE) $(PY) -m pytest $(LAWS) --group waiting -m verify -n 3 $(SIDE_BY_SIDE) || [ $$? -eq 5 ]
 	$(PY) -m pytest $(LAWS) --group timed -m "verify and not matrix" || [ $$? -eq 5 ]
@@ -63,7 +64,7 @@ verify: $(READY) installed newest
 	$(ALONE) $(PY) -m pytest $(LAWS) benchmarks/tests
 
 # Processes killed and stopped and links cut, with the product's own limits; every run is counted.
-matrix: $(READY)
+matrix: $(EXTRAS)
 	$(PY) -m pytest $(LAWS) $(MATRIX) $(ARGS)
 
 # `pip install .` into an empty environment, and a simulated session from a folder of its own. Where
@@ -86,7 +87,7 @@ newest: $(READY)
 SAME_PYTHON := import subprocess, sys; \
 	sys.exit(subprocess.check_output([sys.argv[1], '-V'], text=True).split()[1] != sys.version.split()[0])
 
-untimed: $(READY)
+untimed: $(EXTRAS)
 	$(UNTIMED)
 
 short-session: $(READY)
@@ -97,13 +98,13 @@ trixie:
 	tests/clean_root.sh trixie build/trixie
 
 # The laws' tests with examples drawn anew: what fails is a defect, and its case becomes an example.
-explore: $(READY)
+explore: $(EXTRAS)
 	$(ALONE) $(PY) -m pytest -m "hypothesis and (untimed or waiting)" -n logical
 
 # An hour or two for all modules, minutes for one (ARGS=tams_app/link/age.py) or for what the last
 # run did not catch (ARGS=--again); renews tests/mutation/RESULT.txt and fails if a survivor is new or
 # a module was not tried on today's code.
-mutate: $(READY)
+mutate: $(EXTRAS)
 	PATH="$(CURDIR)/.venv/bin:$$PATH" nice -n 10 $(PY) -m tests.mutation $(ARGS)
 
 # Coverage-guided fuzzing of all that reads foreign bytes, so many seconds for each target. The
@@ -116,14 +117,14 @@ fuzz: $(FUZZER)/.ready
 	for target in $(or $(TARGET),$$($(PY) -m tests.fuzzing)); do \
 		nice -n 10 $(FUZZER)/bin/python -m tests.fuzzing $$target $(SECONDS) || exit 1; done
 
-$(FUZZER)/.ready: $(READY)
+$(FUZZER)/.ready: $(EXTRAS)
 	$(PY) -m venv $(FUZZER)
 	$(FUZZER)/bin/python -m pip install --quiet --disable-pip-version-check 'atheris>=3,<4'
 	$(PY) -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > \
 		"$$($(FUZZER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tams.pth"
 	touch $@
 
-bench: $(READY)
+bench: $(EXTRAS)
 	$(PY) -m benchmarks $(ARGS)
 
 # The documents as a site in site/, and in it the reference of the interfaces (docs/API.md), by the
@@ -150,13 +151,23 @@ setup: $(READY)
 $(READY): setup.sh apt-packages.txt requirements.lock requirements-build.lock requirements-girepository-2.lock
 	./setup.sh $(ENV) $(PYTHON)
 
+extras: $(EXTRAS)
+
+$(EXTRAS): $(READY) apt-packages-tests.txt requirements-extras.lock
+	./setup.sh --extras $(ENV)
+
 # The locks name versions and hashes only; where they come from is the machine's business.
 COMPILE := $(PY) -m uv pip compile --universal --fork-strategy fewest --generate-hashes \
 	--no-emit-index-url --quiet
 
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
-	$(COMPILE) --extra study --extra ros2 --extra dask --extra dev -o requirements.lock pyproject.toml
+	cat requirements.lock requirements-extras.lock > build/all.lock
+	$(COMPILE) --extra study --extra ros2 --extra dask --extra export --extra dev \
+		-o build/all.lock pyproject.toml
+	$(COMPILE) --constraints build/all.lock -o requirements.lock pyproject.toml
+	awk 'NR == FNR { core[$$1] } /^[^ #]/ { other = !($$1 in core) } NR != FNR && other' \
+		requirements.lock build/all.lock > requirements-extras.lock
 	for group in build audit girepository-2; do \
 		$(COMPILE) --group pyproject.toml:$$group -o requirements-$$group.lock || exit 1; \
 	done

@@ -1,8 +1,11 @@
 #!/usr/bin/env bash
 # Installs what is missing: Debian packages, a virtual environment, pinned Python packages.
 #   ./setup.sh [ENVIRONMENT [PYTHON]]      .venv, with the oldest supported Python found
+#   ./setup.sh --extras [ENVIRONMENT]      then the optional packages, and what checks and tests need
 set -euo pipefail
 cd "$(dirname "$0")"
+extras=
+if [ "${1:-}" = --extras ]; then extras=yes; shift; fi
 environment=${1:-.venv}
 python=${2:-}
 log=build/setup.log
@@ -39,9 +42,9 @@ is_installed() {
     dpkg-query --show --showformat='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^ii'
 }
 
-# The packages of apt-packages.txt that are missing, a line each: `one | other` where either will do.
+# The packages of a list that are missing, a line each: `one | other` where either will do.
 missing_packages() {
-    grep -vE '^\s*(#|$)' apt-packages.txt | while read -r line; do
+    grep -vE '^\s*(#|$)' "$1" | while read -r line; do
         local found=
         for package in ${line//|/ }; do
             if is_installed "$package"; then found=$package; fi
@@ -61,7 +64,7 @@ available() {
 
 install_debian_packages() {
     local lines=() packages=()
-    mapfile -t lines < <(missing_packages)
+    mapfile -t lines < <(missing_packages "$1")
     [ ${#lines[@]} -eq 0 ] && return
     stage "Debian packages: reading the archive's lists" '^(Get:.*)' as_root apt-get update
     for line in "${lines[@]}"; do packages+=("$(available "$line")"); done
@@ -95,7 +98,7 @@ install_pinned() {
     PATH="$PWD/$environment/bin:$PATH" PYTHONUNBUFFERED=1 \
         stage "$1" '^ *(Collecting [^ ]*|Processing [^ ]*|Installing .*|Building .*)' \
         "$environment/bin/python" -m pip install \
-        --disable-pip-version-check --progress-bar off --require-hashes "${@:2}"
+        --disable-pip-version-check --progress-bar off --no-compile --require-hashes "${@:2}"
 }
 
 pinned() {  # the packages of a lock whose names match, with their hashes
@@ -106,10 +109,19 @@ all_others() {  # those whose names do not match
     awk -v name="^($1)==" '/^[^ #]/ { wanted = $0 !~ name } wanted' "$2"
 }
 
+list=apt-packages${extras:+-tests}.txt
 if command -v apt-get >/dev/null; then
-    install_debian_packages
+    install_debian_packages "$list"
 else
-    echo "Not Debian or Ubuntu: install what apt-packages.txt lists by hand, then run this again." >&2
+    echo "Not Debian or Ubuntu: install what $list lists by hand, then run this again." >&2
+fi
+if [ -n "$extras" ]; then
+    install_pinned "Python packages: extras and what tests need, 0.8 GB in $environment" \
+        --only-binary :all: --no-deps --requirement requirements-extras.lock
+    # Here once and for all; what a session loads is compiled by its first start otherwise.
+    stage "Python packages: compiling" '' "$environment/bin/python" -m compileall -qq -j 0 "$environment/lib"
+    touch "$environment/.ready-extras"
+    exit
 fi
 [ -n "$python" ] || python=$(find_python)
 [ -x "$environment/bin/python" ] || "$python" -m venv "$environment"
@@ -127,6 +139,6 @@ for package in pycairo pygobject; do  # in this order: PyGObject is built with p
     install_pinned "Python packages: building $package" \
         --no-build-isolation --no-deps --requirement <(pinned "$package" "$bindings")
 done
-install_pinned "Python packages: all others, 1.4 GB in $environment" \
-    --only-binary :all: --requirement <(all_others 'pycairo|pygobject' requirements.lock)
+install_pinned "Python packages: all others, 0.7 GB in $environment" \
+    --only-binary :all: --no-deps --requirement <(all_others 'pycairo|pygobject' requirements.lock)
 touch "$environment/.ready"

@@ -14,6 +14,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from difflib import get_close_matches
+from importlib.util import find_spec
+from pathlib import Path
+
+_EXTRAS = {
+    "ros2": ("cyclonedds", "rosbags"),
+    "export": ("av", "pyarrow"),
+    "study": ("pandas", "pyarrow", "statsmodels"),
+    "dask": ("distributed",),
+}
+_IS_CHECKOUT = (Path(__file__).parents[1] / "setup.sh").is_file()
 
 
 def not_one_of(word: str, choices: Iterable[str]) -> str:
@@ -63,3 +73,11 @@ class SignalledError(TamsError):
     """A signal, such as Ctrl-C, ended a command that stops its arm in order before it ends."""
 
     exit_code = 130
+
+
+def require_extra(extra: str, what: str) -> None:
+    """SetupError on what installs the packages of an extra unless they are there; imports none."""
+    missing = [name for name in _EXTRAS[extra] if find_spec(name) is None]
+    if missing:
+        how = "make extras" if _IS_CHECKOUT else f"pip install 'tams[{extra}]'"
+        raise SetupError(f"{what} needs {' and '.join(missing)}: {how}")

@@ -283,10 +283,10 @@ def test_an_option_sets_its_key_and_without_it_the_configuration_counts(
 def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_anything(
     capsys, monkeypatch, tmp_path, command
 ):
-    monkeypatch.setattr("tams_app.ros2.extra.find_spec", lambda name: None)
+    monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
     code, err = refused(capsys, tmp_path, command, "--ros2")
     assert code == 1
-    assert "--ros2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
+    assert "--ros2 needs cyclonedds and rosbags: make extras" in err
 
 
 @pytest.mark.parametrize(

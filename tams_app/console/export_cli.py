@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 import typer
 
-from tams_app.errors import ConfigError
+from tams_app.errors import ConfigError, require_extra
 from tams_app.export.options import ExportOptions
 from tams_app.registry import Registry
 
@@ -70,9 +70,7 @@ def _rosbag2(
     logs: Sequence[Path], out: Path | None, _options: ExportOptions, console: Console
 ) -> None:
     """DIR/<session> for each, or rosbag2/ in its folder."""
-    from tams_app.ros2.extra import require_extra
-
-    require_extra("--format rosbag2")
+    require_extra("ros2", "--format rosbag2")
     from tams_app.export.rosbag2 import write_bag
     from tams_app.recording import damage_of
     from tams_app.session.viewing import scene_of_header

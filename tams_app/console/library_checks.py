@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib.metadata
+import platform
+import re
 import tomllib
 import traceback
 from collections.abc import Iterator
@@ -12,11 +14,10 @@ from tams_app.console.findings import Finding, tried
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 if TYPE_CHECKING:
-    from packaging.requirements import Requirement
-
     from tams_app.config import Config
 
 _PROJECT = PROJECT_DIRECTORY / "pyproject.toml"
+_BOUND = re.compile(r"(>=|<)[ '\"]*([\d.]+)")  # no others are declared
 
 # All that a session loads, in a child; its last line says what failed, and where.
 _LOAD = """
@@ -38,16 +39,13 @@ def described(error: BaseException) -> str:
 
 def libraries(config: Config | None = None) -> Iterator[Finding]:
     """The Python packages that TAMS declares, and those of ROS 2 where a session is published."""
-    published = config is not None and config.recording.ros2 is not None
-    try:
-        wanted = _requirements("ros2" if published else "")
-    except Exception as error:  # noqa: BLE001  whatever a broken library raises
-        yield Finding("Python libraries", False, f"packaging: {error}", "make setup")
-        return
-    missing = [package for requirement in wanted if (package := _missing(requirement))]
+    extra = "ros2" if config is not None and config.recording.ros2 is not None else ""
+    wanted = _requirements(extra)
+    missing = [requirement for requirement in wanted if _is_missing(requirement)]
     detail = f"missing: {', '.join(missing)}" if missing else f"{len(wanted)} found"
     names = " ".join(f"'{requirement}'" for requirement in missing)
-    yield Finding("Python libraries", not missing, detail, f"make setup, or pip install {names}")
+    fix = f"make {'extras' if extra else 'setup'}, or pip install {names}"
+    yield Finding("Python libraries", not missing, detail, fix)
 
 
 def loading(_: Config | None = None) -> Iterator[Finding]:
@@ -57,24 +55,36 @@ def loading(_: Config | None = None) -> Iterator[Finding]:
     yield Finding("Loading TAMS", not reason, reason, fix)
 
 
-def _requirements(extra: str) -> list[Requirement]:
-    """The project's declared packages: from its own file, or from its installed metadata."""
-    from packaging.requirements import Requirement
-
+def _requirements(extra: str) -> list[str]:
+    """What the project declares for this Python: in its own file, or in its installed metadata."""
     if _PROJECT.is_file():
         project = tomllib.loads(_PROJECT.read_text(encoding="utf-8"))["project"]
         lines = [*project["dependencies"], *project["optional-dependencies"].get(extra, [])]
     else:
         lines = importlib.metadata.requires("tams") or []
-    requirements = map(Requirement, lines)
-    return [one for one in requirements if not one.marker or one.marker.evaluate({"extra": extra})]
+    parts = [line.partition(";") for line in lines]
+    return [one.strip() for one, _, marker in parts if _applies(marker, extra)]
 
 
-def _missing(requirement: Requirement) -> str:
-    """The requirement as pip takes it if it is not met, else ""."""
+def _applies(marker: str, extra: str) -> bool:
+    if "extra ==" in marker:
+        return f'"{extra}"' in marker
+    return _within(platform.python_version(), marker)
+
+
+def _is_missing(requirement: str) -> bool:
     try:
-        installed = importlib.metadata.version(requirement.name)
+        installed = importlib.metadata.version(re.split("[<>=]", requirement)[0])
     except importlib.metadata.PackageNotFoundError:
-        installed = None
-    met = installed is not None and requirement.specifier.contains(installed, prereleases=True)
-    return "" if met else f"{requirement.name}{requirement.specifier}"
+        return True
+    return not _within(installed, requirement)
+
+
+def _within(version: str, bounds: str) -> bool:
+    """Whether it is at least what each `>=` names, and below what each `<` names."""
+    found = _BOUND.findall(bounds)
+    return all((_numbers(version) >= _numbers(one)) == (sign == ">=") for sign, one in found)
+
+
+def _numbers(version: str) -> list[int]:
+    return [int(number) for number in re.findall(r"\d+", version)]

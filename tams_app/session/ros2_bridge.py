@@ -13,10 +13,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-from tams_app.errors import HelperError, SetupError
+from tams_app.errors import HelperError, SetupError, require_extra
 from tams_app.recording import Header
 from tams_app.robot.devices import Note
-from tams_app.ros2.extra import require_extra
 from tams_app.ros2.wire import EMERGENCY_STOP, STOP, encode
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -35,7 +34,7 @@ class Ros2Bridge:
 
     def __init__(self, domain: int, header: Header, clock: Clock, log_directory: Path) -> None:
         """Start its process and wait until DDS works; SetupError in one sentence if it does not."""
-        require_extra("--ros2")
+        require_extra("ros2", "--ros2")
         self.dropped = 0
         self._clock = clock
         self._gone = False

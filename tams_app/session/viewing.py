@@ -17,10 +17,10 @@ from hw.sim.layout import (
     CONTAINER_WALL_M,
 )
 from tams_app.config import Config, LimitsConfig
+from tams_app.errors import require_extra
 from tams_app.recording import Header, MakeViewers, Viewers
 from tams_app.records import ArmFigure, Pose, Solid, SolidKind
 from tams_app.robot.build import ready_pose
-from tams_app.ros2.extra import require_extra
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
 from tams_app.telemetry import Address, Scene, Telemetry, ViewerGroup, check_address
@@ -40,7 +40,7 @@ def check_viewers(config: Config) -> None:
     if (address := address_of(config)) is not None:
         check_address(address)
     if config.recording.ros2 is not None:
-        require_extra("--ros2")
+        require_extra("ros2", "--ros2")
 
 
 def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib.util import find_spec
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -14,7 +13,7 @@ from rich.prompt import Confirm
 from rich.table import Table
 
 from tams_app.config import DEFAULT_CONFIG, Config, load_config
-from tams_app.errors import ConfigError, SetupError
+from tams_app.errors import ConfigError, require_extra
 from tams_app.outputs import inner_folder
 from tams_app.printing import Console
 from tams_app.progress import waiting
@@ -34,7 +33,6 @@ _DESIGN = {  # what a plan fixes: the option of each key of the configuration
     "study.practice_trials": "--practice",
     "seed": "--seed",
 }
-_REPORT_NEEDS = ("pandas", "pyarrow", "statsmodels")
 
 
 def plan_study(config: Config, folder: Path, participants: int, console: Console) -> int:
@@ -219,7 +217,7 @@ def report_study(
     `config`: that of a study of which `folder` holds only the tables that an earlier report has
     left. Remarks are taken from remarks.txt in `folder`. SetupError without the extra `study`.
     """
-    _check_extra()
+    require_extra("study", "study report")
     from tams_app.study.report.build import build_report
     from tams_app.study.results import read_results, read_tables, write_tables
 
@@ -238,12 +236,6 @@ def report_study(
     for path in (page, *written):
         console.print(str(path), style="bold", highlight=False)
     return 0
-
-
-def _check_extra() -> None:
-    missing = [name for name in _REPORT_NEEDS if find_spec(name) is None]
-    if missing:
-        raise SetupError(f"{', '.join(missing)} missing: pip install 'tams[study]'")
 
 
 def _confirmed(question: str, console: Console) -> bool:

@@ -12,7 +12,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from tams_app.errors import LogError, SetupError, TamsError
+from tams_app.errors import LogError, SetupError, TamsError, require_extra
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.runner import MACHINE_NAME, TrialRunner
 from tams_app.study.trial_process import Job, TrialProcess
@@ -25,10 +25,8 @@ class DaskPool:
     """Trials as tasks of the scheduler at `address`; SetupError if it cannot be used."""
 
     def __init__(self, runner: TrialRunner, address: str) -> None:
-        try:
-            distributed: Any = import_module("distributed")
-        except ModuleNotFoundError as error:
-            raise SetupError("--dask needs Dask: pip install 'tams[dask]'") from error
+        require_extra("dask", "--dask")
+        distributed: Any = import_module("distributed")
         self._runner = runner
         self._wait: Callable[..., Any] = distributed.wait
         try:

@@ -20,7 +20,6 @@ from tams_app.export.rosbag2 import write_bag
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note
-from tams_app.ros2 import extra
 from tams_app.ros2.conversion import DIAGNOSTICS_HZ
 from tams_app.ros2.topics import published
 from tams_app.runtime.clock import VirtualClock
@@ -228,7 +227,7 @@ def test_a_format_that_there_is_not_is_told_with_those_that_there_are(
 def test_without_the_extra_it_is_said_what_to_install(
     session: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(extra, "find_spec", lambda name: None)
+    monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
     assert _main(["export", str(session), "--format", "rosbag2"]) == 1
     err = capsys.readouterr().err
-    assert "--format rosbag2 needs cyclonedds and rosbags: pip install 'tams[ros2]'" in err
+    assert "--format rosbag2 needs cyclonedds and rosbags: make extras" in err
