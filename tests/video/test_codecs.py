@@ -8,7 +8,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import SetupError
 from tams_app.video.core import codecs
-from tams_app.video.core.codecs import AVDEC, SOFTWARE, X264
+from tams_app.video.core.codecs import SOFTWARE
 from tams_app.video.live.installed_codecs import installed_codecs
 
 pytestmark = pytest.mark.waiting
@@ -16,18 +16,6 @@ pytestmark = pytest.mark.waiting
 
 def test_by_default_software_is_used_with_all_its_settings():
     assert installed_codecs(VideoConfig()) == SOFTWARE
-
-
-def test_x264_and_avdec_are_set_up_as_they_always_were():
-    assert X264.launch(VideoConfig(), 1500) == (
-        "videoconvert name=converter n-threads=1 ! video/x-raw,format=I420 "
-        "! x264enc name=encoder tune=zerolatency threads=1 speed-preset=superfast "
-        "bitrate=1500 vbv-buf-capacity=33 key-int-max=600 aud=false "
-        "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au"
-    )
-    assert AVDEC.launch == (
-        "avdec_h264 name=decoder max-threads=1 ! videoconvert n-threads=1 ! video/x-raw,format=I420"
-    )
 
 
 def test_every_element_of_the_configuration_has_its_codec():

@@ -108,7 +108,7 @@ def test_the_newest_frame_shown_is_there_in_colour() -> None:
     rings.block.close()
 
 
-def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden() -> None:
+def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden_or_closed() -> None:
     block = FrameBlock(COLOUR)
     block.put("gt", 0, 0, image(0))  # before it is there: left out
     block.create()
@@ -125,14 +125,11 @@ def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden() 
     block.close()
     block.close()
     block.put("gt", 3, 3000, image(3))  # after the end: left out
-
-
-def test_a_block_that_is_closed_leaves_no_name() -> None:
-    block = FrameBlock(LAYOUT)
-    block.create()
-    block.close()
+    unhidden = FrameBlock(LAYOUT)
+    unhidden.create()
+    unhidden.close()
     with pytest.raises(FileNotFoundError):
-        open_block(block.name)
+        open_block(unhidden.name)
 
 
 def test_rings_do_not_touch_each_other() -> None:

@@ -1,6 +1,7 @@
 """The emulated uplink: laws of its queue, its delay and its losses."""
 
-from itertools import pairwise
+from itertools import groupby, pairwise
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -10,7 +11,7 @@ from tams_app.capacity import ConstantCapacity, RateTrace, TraceCapacity, Unlimi
 from tams_app.config import Network
 from tams_app.records import PacketFate, PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.link import Link
+from tams_app.video.core.link import GilbertElliottLoss, Link, loss_model
 
 pytestmark = pytest.mark.untimed
 
@@ -72,6 +73,8 @@ def steady(count, view="eih", gap_ns=2 * NS_PER_MS, size_bytes=1000):
 @given(networks, capacities, offers)
 def test_packets_leave_and_arrive_in_the_order_they_came(network, capacity, packets):
     records = send(Link(network, capacity, VIEWS, 1), packets)
+    assert [(one.view, one.kind, one.size_bytes) for one in records] == [one[1:] for one in packets]
+    assert [one.sequence for one in records] == list(range(len(packets)))
     for first, second in pairwise(departed(records)):
         assert first.departed_ns <= second.departed_ns
     for first, second in pairwise(delivered(records)):
@@ -106,9 +109,11 @@ def test_the_way_takes_at_least_latency_less_jitter_and_at_most_latency_and_jitt
     network, packets
 ):
     link = Link(network, ConstantCapacity(5000.0), VIEWS, 1)
-    records = delivered(send(link, packets))
+    every = send(link, packets)
+    records = delivered(every)
     least_ns = max(0, network.latency_ms - network.jitter_ms) * NS_PER_MS
     most_ns = (network.latency_ms + network.jitter_ms) * NS_PER_MS
+    assert all((r.delivered_ns > 0) == (r.fate is PacketFate.DELIVERED) for r in every)
     for record in records:
         assert record.entered_ns < record.departed_ns
         assert least_ns <= record.delivered_ns - record.departed_ns <= most_ns
@@ -148,14 +153,6 @@ def test_an_overflow_does_not_shift_the_fate_of_the_packets_behind_it():
     assert all(first.fate is second.fate for first, second in pairs)
 
 
-def test_the_share_lost_is_the_networks_loss():
-    network = Network(loss=0.05)
-    records = send(Link(network, UnlimitedCapacity(), VIEWS, 2), steady(20_000))
-    lost = sum(record.fate is PacketFate.LOST for record in records)
-    assert lost / 20_000 == pytest.approx(0.05, abs=4 * (0.05 * 0.95 / 20_000) ** 0.5)
-    assert all(r.departed_ns and not r.delivered_ns for r in records if r.fate is PacketFate.LOST)
-
-
 def test_views_and_seeds_lose_different_packets():
     def fates(view, seed):
         link = Link(Network(loss=0.3), UnlimitedCapacity(), VIEWS, seed)
@@ -173,34 +170,10 @@ def test_a_lone_packets_jitter_is_spread_evenly_over_its_range():
         assert delays_ms[1000 * quarter] == pytest.approx(32 + 4 * quarter, abs=0.6)
 
 
-def test_a_full_queue_holds_a_packet_for_the_queues_time():
-    link = Link(Network(queue_ms=150), ConstantCapacity(3000.0), VIEWS, 1)
-    records = send(link, [(0, "gs", PacketKind.MEDIA, 1228)] * 100)
-    assert records[-1].fate is PacketFate.OVERFLOW
-    longest_ns = max(r.departed_ns - r.entered_ns for r in departed(records))
-    assert 145 * NS_PER_MS < longest_ns <= 150 * NS_PER_MS
-
-
-def test_an_outage_leaves_the_queue_its_least_size():
-    outage = TraceCapacity(RateTrace((0, NS_PER_S), (0.0, 9000.0), 2 * NS_PER_S), START_NS)
-    link = Link(Network(queue_min_bytes=5000), outage, VIEWS, 1)
-    records = send(link, steady(8))
-    assert [record.fate for record in records].count(PacketFate.DELIVERED) == 5
-    assert all(record.departed_ns > START_NS + NS_PER_S for record in departed(records))
-
-
 def test_a_packet_that_has_just_left_makes_room():
     link = Link(Network(queue_ms=1, queue_min_bytes=1500), ConstantCapacity(8000.0), VIEWS, 1)
     records = send(link, steady(5, gap_ns=NS_PER_MS))  # 1000 bytes take 1 ms
     assert {record.fate for record in records} == {PacketFate.DELIVERED}
-
-
-def test_views_share_one_bottleneck():
-    link = Link(Network(), ConstantCapacity(8000.0), VIEWS, 1)
-    first = link.offer(START_NS, "eih", PacketKind.MEDIA, 1000, 1)
-    second = link.offer(START_NS, "gt", PacketKind.RTCP, 1000, 0)
-    assert first.departed_ns == START_NS + NS_PER_MS
-    assert second.departed_ns == START_NS + 2 * NS_PER_MS
 
 
 def test_feedback_returns_after_the_delay_without_loss_or_queue():
@@ -222,8 +195,48 @@ def test_time_does_not_go_back():
         link.offer(START_NS - 1, "eih", PacketKind.MEDIA, 100, 1)
 
 
-def test_a_record_keeps_what_the_packet_was():
-    link = Link(Network(), UnlimitedCapacity(), VIEWS, 1)
-    record = link.offer(START_NS, "gs", PacketKind.REPAIR, 321, 65_535, 90_000)
-    assert (record.view, record.kind, record.sequence) == ("gs", PacketKind.REPAIR, 65_535)
-    assert (record.size_bytes, record.rtp_timestamp) == (321, 90_000)
+# --- which packets are lost ---------------------------------------------------------------------
+
+LONG_RUN = 200_000
+
+
+def losses(probability, mean_burst):
+    model = loss_model(probability, mean_burst, Random(3))
+    return [model.lost() for _ in range(LONG_RUN)]
+
+
+def mean_run(lost):
+    runs = [len(list(run)) for fate, run in groupby(lost) if fate]
+    return sum(runs) / len(runs)
+
+
+@pytest.mark.parametrize("probability", [0.003, 0.01, 0.2])
+@pytest.mark.parametrize("mean_burst", [1.0, 3.0, 8.0])
+def test_the_long_run_loss_is_the_one_asked_for(probability, mean_burst):
+    share = sum(losses(probability, mean_burst)) / LONG_RUN
+    # four standard errors of the mean, widened by the correlation within bursts
+    tolerance = 4 * (probability * (2 * mean_burst) / LONG_RUN) ** 0.5
+    assert abs(share - probability) < tolerance
+
+
+@pytest.mark.parametrize(
+    ("mean_burst", "run", "within"), [(3.0, 3.0, 0.1), (8.0, 8.0, 0.1), (1.0, 1 / 0.98, 0.02)]
+)
+def test_losses_come_in_bursts_of_the_mean_length_and_independent_ones_in_none(
+    mean_burst, run, within
+):
+    assert mean_run(losses(0.02, mean_burst)) == pytest.approx(run, rel=within)
+
+
+@pytest.mark.parametrize("mean_burst", [1.0, 4.0])
+@pytest.mark.parametrize(("probability", "lost"), [(0.0, 0), (1.0, LONG_RUN)])
+def test_none_and_all_mean_none_and_all(probability, lost, mean_burst):
+    assert sum(losses(probability, mean_burst)) == lost
+
+
+def test_impossible_bursts_are_refused_by_the_model_and_the_configuration():
+    with pytest.raises(ValueError, match="such short bursts"):
+        GilbertElliottLoss(0.9, 2.0, Random(0))
+    with pytest.raises(ValueError, match="cannot come in bursts of 2"):
+        Network(loss=0.9, loss_burst=2.0)
+    assert Network(loss=0.9, loss_burst=9.1).loss_burst == 9.1

@@ -123,12 +123,6 @@ def test_no_bytes_whatever_break_it_or_keep_it_from_working(
     assert received(decoder, packets[1:] + parity) == packets[:1]
 
 
-def test_a_parity_packet_is_longer_than_the_longest_it_protects_by_its_header() -> None:
-    packets = [media(n, bytes(length)) for n, length in enumerate((9, 1188, 400))]
-    (parity,) = ParityEncoder(PARITY_SSRC).protect(packets, 1)
-    assert len(parity) == 12 + HEADER_BYTES + 1188
-
-
 def test_what_is_kept_is_bounded() -> None:
     decoder, encoder = ParityDecoder(MEDIA_SSRC), ParityEncoder(PARITY_SSRC)
     for number in range(3000):

@@ -52,6 +52,12 @@ def test_protection_ends_where_nothing_is_lost_any_more() -> None:
     assert chosen.groups("eih", 0.5, 3.0, MOVING) == 0
 
 
+def real() -> Protection:
+    assumed = Network(latency_ms=20, jitter_ms=5)
+    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
+    return Protection(("eih",), assumed, rule, 10, always=False, real=True)
+
+
 def far_report(round_trip_ms: float, *lost: bool) -> UplinkReport:
     now_ns = 60 * NS_PER_S
     sent_ns = now_ns - round(round_trip_ms * NS_PER_MS)
@@ -66,33 +72,21 @@ def far_report(round_trip_ms: float, *lost: bool) -> UplinkReport:
 def test_on_a_real_network_the_measured_round_trip_decides_whether_parity_is_needed(
     round_trip_ms: float, protected: bool
 ) -> None:
-    assumed = Network(latency_ms=20, jitter_ms=5)
-    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
-    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
+    chosen = real()
     chosen.observe(far_report(round_trip_ms, *([False] * 999 + [True]) * 4))  # .1 % of loss
     assert (chosen.groups("eih", 0.5, 20.0, MOVING) > 0) == protected
 
 
-def test_a_link_that_has_become_near_again_needs_no_parity() -> None:
-    assumed = Network(latency_ms=20, jitter_ms=5)
-    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
-    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
-    chosen.observe(far_report(400, *([False] * 999 + [True]) * 4))
-    assert chosen.groups("eih", 0.5, 20.0, MOVING) > 0
-    chosen.observe(far_report(45, False))
-    assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
-
-
-def test_one_slow_round_trip_makes_no_link_far_and_a_longer_route_does() -> None:
-    assumed = Network(latency_ms=20, jitter_ms=5)
-    rule = repair_rule(assumed, 300.0, RepairConfig(mode="adaptive"), real=True)
-    chosen = Protection(("eih",), assumed, rule, 10, always=False, real=True)
+def test_one_slow_round_trip_makes_no_link_far_and_a_longer_or_shorter_route_is_followed() -> None:
+    chosen = real()
     chosen.observe(far_report(45, *([False] * 999 + [True]) * 4))
     chosen.observe(far_report(400, False))
     assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
     for _ in range(100):  # five seconds
         chosen.observe(far_report(400, False))
     assert chosen.groups("eih", 0.5, 20.0, MOVING) > 0
+    chosen.observe(far_report(45, False))
+    assert chosen.groups("eih", 0.5, 20.0, MOVING) == 0
 
 
 def test_bursts_ask_for_more_parity_than_single_losses() -> None:

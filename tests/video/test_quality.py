@@ -49,49 +49,6 @@ def same(image: object, expected: Luma) -> bool:
     return np.array_equal(getattr(image, "luma", None), expected)
 
 
-def test_a_shown_frame_is_compared_with_its_own_capture() -> None:
-    fates = play(dict.fromkeys(range(10), 2 * FRAME_NS), 10)
-    assert [fate.record.index for fate in fates] == list(range(10))
-    for fate in fates:
-        assert fate.record.shown_ns == captured_at(fate.record.index) + 2 * FRAME_NS
-        assert same(fate.captured, luma(fate.record.index))
-        assert same(fate.shown, luma(1000 + fate.record.index))
-        assert fate.stand_in is fate.shown
-
-
-def test_a_frame_never_shown_is_stood_in_for_by_the_one_shown_before_it() -> None:
-    fates = play(dict.fromkeys([0, 1, 4, 5], 2 * FRAME_NS), 7)
-    assert [fate.record.shown_ns is None for fate in fates] == [
-        False,
-        False,
-        True,
-        True,
-        False,
-        False,
-        True,
-    ]
-    assert same(fates[2].stand_in, luma(1001))
-    assert same(fates[3].stand_in, luma(1001))
-    assert same(fates[6].stand_in, luma(1005))
-    assert fates[2].shown is None
-
-
-def test_before_anything_was_shown_nothing_stands_in() -> None:
-    fates = play({2: FRAME_NS}, 3)
-    assert [fate.stand_in is None for fate in fates] == [True, True, False]
-    assert [fate.on_screen for fate in fates] == [None, None, None]
-    assert [fate.record.age_ns for fate in fates] == [None, None, None]
-
-
-def test_live_looks_at_what_was_on_screen_at_the_capture() -> None:
-    fates = play(dict.fromkeys(range(10), 2 * FRAME_NS + 1), 10)
-    for fate in fates[3:]:
-        assert same(fate.on_screen, luma(1000 + fate.record.index - 3))
-        assert fate.record.age_ns == 3 * FRAME_NS
-    on_time = play(dict.fromkeys(range(10), 2 * FRAME_NS), 10)
-    assert same(on_time[5].on_screen, luma(1003))
-
-
 def test_live_looks_at_what_the_screen_showed_of_a_frame_that_is_corrected() -> None:
     asked: list[tuple[int, int]] = []
 
@@ -184,12 +141,15 @@ def test_every_captured_frame_has_one_fate_as_defined(
         assert fate.record.shown_ns == at.get(fate.record.index)
         up_to = [index for index in at if index <= fate.record.index]
         stand_in = luma(1000 + max(up_to)) if up_to else None
+        assert same(fate.captured, luma(fate.record.index))
         assert same(fate.stand_in, stand_in) if up_to else fate.stand_in is None
+        assert fate.shown is (fate.stand_in if fate.record.index in at else None)
         on_screen = [index for index, t in at.items() if t <= fate.record.capture_ns]
         assert (fate.on_screen is None) == (not on_screen)
         if on_screen:
             assert same(fate.on_screen, luma(1000 + max(on_screen)))
-            assert fate.record.age_ns == fate.record.capture_ns - captured_at(max(on_screen))
+        age_ns = fate.record.capture_ns - captured_at(max(on_screen)) if on_screen else None
+        assert fate.record.age_ns == age_ns
 
 
 def expected(one: int, other: int) -> float:

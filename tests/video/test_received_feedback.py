@@ -57,18 +57,10 @@ def test_no_packet_is_told_twice_however_feedback_is_repeated_or_reordered(messa
     for first, count in messages:
         tell(one, range(shift + first, shift + first + count), set())
     told = one.take_arrivals()
+    assert len(told) >= messages[0][1]
     keys = [(arrival.sent_ns, arrival.size_bytes) for arrival in told]
     assert len(set(keys)) == len(keys)
     assert [sent_ns for sent_ns, _ in keys] == sorted(sent_ns for sent_ns, _ in keys)
-
-
-def test_feedback_that_never_came_leaves_the_rest_as_it_is():
-    one = received()
-    tell(one, range(10), set())
-    tell(one, range(25, 30), {26})
-    told = one.take_arrivals()
-    assert len(told) == 15
-    assert [arrival.arrived_ns for arrival in told].count(None) == 1
 
 
 @given(st.integers(-100, 100), st.integers(0, 2_000))

@@ -1,4 +1,4 @@
-"""What a helper says arrives to its last byte, however it ends."""
+"""What a helper says arrives to its last byte, however it ends; the relay never waits for that."""
 
 from __future__ import annotations
 
@@ -7,12 +7,17 @@ import signal
 import socket
 import threading
 from collections.abc import Iterator
+from contextlib import suppress
 
 import psutil
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app.errors import HelperError
-from tams_app.video.live.reporting_helper import ReportingHelper, received
+from tams_app.records import PacketFate, PacketKind, PacketRecord
+from tams_app.video.live.relay import REPORT_BUFFER_BYTES, ReportStream
+from tams_app.video.live.reporting_helper import ReportingHelper, decoded, line_of, received
 
 pytestmark = pytest.mark.waiting
 
@@ -129,3 +134,79 @@ def test_a_helper_that_is_ended_has_not_failed(chat: Chat) -> None:
 def ports_of(pid: int) -> set[int]:
     """Of the internet's protocols."""
     return {one.laddr.port for one in psutil.Process(pid).net_connections(kind="inet")}
+
+
+# --- reports as bytes, and the relay's way to send them ------------------------------------------
+
+times = st.integers(0, 2**63)
+
+records = st.builds(
+    PacketRecord,
+    view=st.sampled_from(("eih", "gt", "gs")),
+    kind=st.sampled_from(list(PacketKind)),
+    sequence=st.integers(0, 65_535),
+    size_bytes=st.integers(28, 65_535),
+    entered_ns=times,
+    departed_ns=times,
+    delivered_ns=times,
+    fate=st.sampled_from(list(PacketFate)),
+    rtp_timestamp=st.integers(0, 2**32 - 1),
+)
+reports = st.lists(records, max_size=4)
+
+
+@given(st.lists(reports, max_size=4), st.integers(1, 60))
+def test_what_was_sent_is_read_back_however_the_bytes_arrive(sent, length):
+    stream = b"".join(map(line_of, sent))
+    pieces = [stream[start : start + length] for start in range(0, len(stream), length)]
+    assert list(decoded(pieces, list[PacketRecord])) == sent
+    assert list(decoded([stream[:-1]], list[PacketRecord])) == sent[:-1]  # cut short
+
+
+RECORD = PacketRecord("eih", PacketKind.MEDIA, 1, 100, 1, 2, 3, PacketFate.DELIVERED)
+BATCH = [RECORD] * 10_000
+
+
+def test_a_session_that_does_not_read_costs_bounded_memory_and_gets_the_rest_later(
+    ends: Pair,
+) -> None:
+    session, relay = ends
+    stream = ReportStream(relay)
+    for _ in range(2 * REPORT_BUFFER_BYTES // len(line_of(BATCH))):  # never waits
+        stream.put(BATCH)
+    assert len(stream._unsent) <= REPORT_BUFFER_BYTES
+    session.settimeout(0.01)
+    received = []
+
+    def pieces():
+        while not received or received[-1] != [RECORD]:
+            stream.put([RECORD])  # sends on what waited, too
+            with suppress(TimeoutError):
+                yield session.recv(1 << 20)
+
+    received.extend(decoded(pieces(), list[PacketRecord]))
+    assert received.count(BATCH) * len(line_of(BATCH)) > 0.8 * REPORT_BUFFER_BYTES
+
+
+def test_the_end_of_a_long_report_needs_no_further_report(ends: Pair) -> None:
+    session, relay = ends
+    stream = ReportStream(relay)
+    session.settimeout(5)
+    stream.put(BATCH)  # more than the connection takes at once
+    assert stream._unsent
+
+    def pieces():
+        while True:
+            yield session.recv(1 << 20)
+            stream.flush()
+
+    assert next(decoded(pieces(), list[PacketRecord])) == BATCH
+
+
+def test_a_session_that_is_gone_does_not_end_the_relay(ends: Pair) -> None:
+    session, relay = ends
+    stream = ReportStream(relay)
+    session.close()
+    for _ in range(3):
+        stream.put([RECORD])
+    stream.close()

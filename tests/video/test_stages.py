@@ -22,14 +22,19 @@ pytestmark = pytest.mark.untimed
 SENDER, RECEIVER = LatencyState(14, "encoder", 9), LatencyState(3, "decoder", 3)
 
 
-def test_the_slowest_stage_is_one_beside_the_network() -> None:
-    assert slowest_stage({"encoder": 7.0, "network": 45.0, "decoder": 3.0}) == "encoder"
-    assert slowest_stage({"network": 45.0}) is None
-
-
-def test_what_is_not_known_is_no_stage_s_fault() -> None:
-    assert slowest_stage({"camera": None, "decoder": 3.0}) == "decoder"
-    assert slowest_stage(dict.fromkeys(STAGES)) is None
+@pytest.mark.parametrize(
+    ("ms", "slowest"),
+    [
+        ({"encoder": 7.0, "network": 45.0, "decoder": 3.0}, "encoder"),
+        ({"network": 45.0}, None),
+        ({"camera": None, "decoder": 3.0}, "decoder"),
+        (dict.fromkeys(STAGES), None),
+    ],
+)
+def test_the_slowest_stage_is_one_beside_the_network_that_is_known(
+    ms: dict[str, float | None], slowest: str | None
+) -> None:
+    assert slowest_stage(ms) == slowest
 
 
 def test_each_stage_has_words_and_what_the_other_side_makes_up_is_not_shown() -> None:
@@ -37,11 +42,7 @@ def test_each_stage_has_words_and_what_the_other_side_makes_up_is_not_shown() ->
     assert (stage_words(DISPLAY), stage_words("scaler")) == ("display", "another stage")
 
 
-def test_a_session_without_frames_knows_of_no_stage() -> None:
-    assert StageMeans().latency is None
-
-
-def test_a_time_that_is_not_known_is_left_out() -> None:
+def test_without_a_frame_or_its_times_no_stage_is_known() -> None:
     means = StageMeans()
     means.step("camera", 0, 40 * NS_PER_MS)
     means.step("to_encoder", 40 * NS_PER_MS, 0)
@@ -68,11 +69,7 @@ def test_all_stages_are_added_up_and_the_longest_is_named() -> None:
     assert means.latency == LatencyState(12, "encoder", 9)
 
 
-def test_two_sides_together_have_the_stages_of_both() -> None:
+def test_two_sides_together_have_the_stages_of_both_and_of_one_alone_nothing_is_told() -> None:
+    assert together(SENDER, RECEIVER) == together(RECEIVER, SENDER)
     assert together(SENDER, RECEIVER) == LatencyState(17, "encoder", 9)
-    assert together(RECEIVER, SENDER) == LatencyState(17, "encoder", 9)
-
-
-def test_of_one_side_alone_nothing_is_told_of_both() -> None:
-    assert together(SENDER, None) is None
-    assert together(None, RECEIVER) is None
+    assert together(SENDER, None) is together(None, RECEIVER) is None

@@ -11,21 +11,11 @@ from tams_app.video.live.traces import described, parse_trace
 pytestmark = pytest.mark.untimed
 
 
-def test_a_table_holds_each_rate_until_the_next_row():
-    trace = parse_trace("t_ms,kbps\n0,6000\n250,0\n400,1500.5\n", "x.csv")
+def test_a_table_holds_each_rate_until_the_next_row_in_times_since_the_first():
+    trace = parse_trace("t_ms,kbps\r\n1000,6000\r\n1250,0\r\n1400,1500.5\r\n", "x.csv")
     assert trace.starts_ns == (0, 250 * NS_PER_MS, 400 * NS_PER_MS)
     assert trace.kbps == (6000.0, 0.0, 1500.5)
     assert trace.period_ns == 550 * NS_PER_MS  # the last row lasts as long as the one before
-
-
-def test_times_count_from_the_first_row():
-    trace = parse_trace("t_ms,kbps\r\n1000,5\r\n1100,6\r\n", "x.csv")
-    assert trace.starts_ns == (0, 100 * NS_PER_MS)
-
-
-def test_the_last_rate_holds_as_long_as_the_one_before():
-    trace = parse_trace("t_ms,kbps\n0,10\n100,20\n", "x.csv")
-    assert (trace.kbps, trace.period_ns) == ((10.0, 20.0), 200 * NS_PER_MS)
 
 
 def test_a_full_packet_ends_at_its_mahimahi_opportunity():

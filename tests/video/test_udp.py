@@ -8,8 +8,17 @@ import time
 import pytest
 
 from tams_app import gst
+from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
-from tams_app.video.live.udp import UdpSocket, ViewPorts, udp_sink, udp_source, wire_bytes_sent
+from tams_app.video.core.packets import stream_ssrcs
+from tams_app.video.live.udp import (
+    UdpSocket,
+    ViewPorts,
+    requested_ports,
+    udp_sink,
+    udp_source,
+    wire_bytes_sent,
+)
 
 pytestmark = pytest.mark.waiting
 
@@ -37,13 +46,6 @@ def test_a_port_in_use_is_one_sentence_that_names_the_keys() -> None:
 def test_a_host_that_is_no_address_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"video\.bind_host: 'nowhere'"):
         UdpSocket("nowhere", 0, "receiver of view eih")
-
-
-def test_a_freed_port_can_be_bound_again() -> None:
-    first = UdpSocket("127.0.0.1", 0, "receiver of view eih")
-    first.close()
-    again = UdpSocket("127.0.0.1", first.port, "receiver of view eih")
-    again.close()
 
 
 def test_a_connected_socket_takes_what_its_peer_sends_and_nothing_from_before() -> None:
@@ -104,3 +106,17 @@ def test_wire_bytes_are_datagrams_with_their_ip_and_udp_headers() -> None:
         gst.shut_down(pipeline)
         source.close()
     assert sent == sum(len(data) + 28 for data in datagrams) == 5 * 128
+
+
+def test_each_view_has_any_free_ports_or_three_of_its_own_from_the_first_on() -> None:
+    assert requested_ports(VideoConfig(), "gt") == ViewPorts("127.0.0.1", 0, 0, 0)
+    config = VideoConfig(first_port=5000, bind_host="127.0.0.2")
+    for place, view in enumerate(config.views):
+        first = 5000 + 3 * place
+        assert requested_ports(config, view) == ViewPorts("127.0.0.2", first, first + 1, first + 2)
+
+
+def test_no_two_streams_share_an_ssrc() -> None:
+    config = VideoConfig()
+    numbers = [number for view in config.views for number in stream_ssrcs(config, view)]
+    assert len(set(numbers)) == 4 * len(config.views)

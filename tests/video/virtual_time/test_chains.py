@@ -136,18 +136,6 @@ def test_the_time_left_to_ask_is_reckoned_as_rtpsession_does(
     assert time_left_ms(structure) == left
 
 
-def test_a_resent_packet_makes_the_frame_whole(ends: Ends) -> None:
-    ends.carry(range(16))
-    first, missing, *others = ends.packets(16)
-    for packet in (first, *others):
-        ends.feed(packet)
-    assert ends.shown[-1].index == 15
-    ends.let_pass(100 * NS_PER_MS)
-    ends.feed(missing, resent=True)
-    assert ends.shown[-1].index == 16
-    assert not ends.decoder.take_pli()
-
-
 def test_a_packet_that_stays_away_is_given_up_after_the_latency_and_a_keyframe_asked_for() -> None:
     with closing(Ends(UNREPAIRED)) as ends:
         ends.carry(range(16))

@@ -3,29 +3,19 @@
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app.video.virtual.event_queue import EventQueue
 
 pytestmark = pytest.mark.untimed
 
 
-def drain(events: EventQueue) -> None:
-    while events.next_ns is not None:
+@given(st.lists(st.integers(0, 5), max_size=30))
+def test_actions_are_done_in_the_order_of_time_and_of_posting(times_ns: list[int]) -> None:
+    events, done = EventQueue(), list[tuple[int | None, int]]()
+    for place, due_ns in enumerate(times_ns):
+        events.post(due_ns, lambda place=place: done.append((due, place)))
+    while (due := events.next_ns) is not None:
         events.do_next()
-
-
-def test_actions_are_done_in_the_order_of_time() -> None:
-    events, done = EventQueue(), list[int]()
-    for due_ns in (30, 10, 20):
-        events.post(due_ns, lambda due_ns=due_ns: done.append(due_ns))
-    assert events.next_ns == 10
-    drain(events)
-    assert done == [10, 20, 30]
-
-
-def test_actions_of_the_same_time_are_done_in_the_order_of_posting() -> None:
-    events, done = EventQueue(), list[int]()
-    for number in range(20):
-        events.post(5, lambda number=number: done.append(number))
-    drain(events)
-    assert done == list(range(20))
+    assert done == sorted((due_ns, place) for place, due_ns in enumerate(times_ns))

@@ -11,7 +11,7 @@ from tams_app.video.virtual.wait_idle import IdleWaiter
 pytestmark = pytest.mark.untimed
 
 
-def test_time_moves_only_when_told_and_never_back() -> None:
+def test_time_begins_after_zero_moves_only_when_told_and_never_back() -> None:
     clock = SteppedClock(1000)
     assert clock.now_ns() == 1000
     clock.move_to(5000)
@@ -19,9 +19,6 @@ def test_time_moves_only_when_told_and_never_back() -> None:
     assert clock.now_ns() == 5000
     with pytest.raises(ValueError, match="does not go back"):
         clock.move_to(4999)
-
-
-def test_a_start_at_zero_is_refused() -> None:
     with pytest.raises(ValueError, match="after 0"):
         SteppedClock(0)
 
