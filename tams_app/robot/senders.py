@@ -17,7 +17,7 @@ from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
-from tams_app.video.live.relay_client import RelayClient
+from tams_app.video.live.relay import RelayClient
 from tams_app.video.live.sender import VideoSender
 
 _CAMERA_TIMEOUT_S = 0.2
@@ -67,7 +67,7 @@ class Senders(Video):
         """Bind the senders' ports, open the operator's end, let the streams run."""
         senders = {view: self._make_sender(view) for view in self._config.video.views}
         sent = {view: sender.sent for view, sender in senders.items()}
-        ends = self._operator.open(self._rule, self._feedback, sent)
+        ends = self._operator.open(self._rule, self._uplink.feedback, sent)
         ends = {
             view: replace(ends[view], feedback=one.feedback_port) for view, one in senders.items()
         }
@@ -124,12 +124,8 @@ class Senders(Video):
             self._source_drop_below_kbps,
             self._log.record,
             self._log.record,
-            self._received.get(view),
-            self._feedback,
-            self._parity.get(view),
+            self._uplink,
             self.codecs.encoder,
-            self.may_resend,
-            self._pacer,
         )
         self._senders[view] = sender
         return sender

@@ -17,10 +17,10 @@ from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.flight import FlightBound
 from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.protection import Protection
-from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
+from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink, uplink_report
 from tams_app.video.core.repair import RepairRule, repair_rule
-from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.networks import network_capacity
 
 
@@ -46,11 +46,8 @@ class Video(ABC):
         video = config.video
         self.capacity = network_capacity(network, epoch_ns)
         budget = BUDGETS[config.policy.budget.mode]
-        self._feedback = budget.receives_packets  # whether receivers report of each packet
+        feedback = budget.receives_packets  # whether receivers report of each packet
         received = video.views if budget.receives_reports else ()
-        self._received = {
-            view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received
-        }
         self._rule = repair_rule(
             network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms, real
         )
@@ -60,15 +57,18 @@ class Video(ABC):
         self._source_drop_below_kbps = policy.source_drop_below_kbps
         self.codecs = codecs
         protected = video.views if self._rule.parity else ()
-        self._parity = {
-            view: ViewParity(parity_ssrc(video, view), self._feedback) for view in protected
-        }
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self._rule, video.fps, always, real)
-        self._flight = FlightBound(video.views) if self._feedback else None
+        self._flight = FlightBound(video.views) if feedback else None
         start_kbps = sum(self._start_kbps.values())
         most_kbps = config.policy.budget.max_kbps
-        self._pacer = Pacer(start_kbps, most_kbps, threading.Lock()) if self._feedback else None
+        self._uplink = Uplink(
+            {view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received},
+            feedback,
+            {view: ViewParity(parity_ssrc(video, view), feedback) for view in protected},
+            self.may_resend,
+            Pacer(start_kbps, most_kbps, threading.Lock()) if feedback else None,
+        )
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock = clock
         self._log = log
@@ -76,11 +76,11 @@ class Video(ABC):
 
     def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
         """Choose the parity of each view for what was reported and the coming targets."""
-        if not self._parity:
+        if not self._uplink.parity:
             return
         self._protection.observe(report)
         total_kbps = sum(target_kbps.values())
-        for view, parity in self._parity.items():
+        for view, parity in self._uplink.parity.items():
             share = target_kbps[view] / total_kbps if total_kbps else 0.0
             parity.groups = self._protection.groups(
                 view, share, parity.packets_per_frame, parity.changed_share
@@ -106,8 +106,8 @@ class Video(ABC):
         if self._flight is not None:
             with self._flight_lock:
                 self._flight.set(limit_bytes, target_kbps)
-        if self._pacer is not None:
-            self._pacer.set(capacity_kbps)
+        if self._uplink.pacer is not None:
+            self._uplink.pacer.set(capacity_kbps)
 
     def may_resend(self, size_bytes: int) -> bool:
         """True if a packet may be sent again without exceeding what may be under way."""
@@ -122,7 +122,7 @@ class Video(ABC):
 
     def report(self, now_ns: int) -> UplinkReport:
         """The senders' knowledge of the uplink; each packet's arrival is in one report only."""
-        return uplink_report(now_ns, self._wire_bytes(), tuple(self._received.values()))
+        return uplink_report(now_ns, self._wire_bytes(), tuple(self._uplink.received.values()))
 
     @abstractmethod
     def poll(self) -> str:
@@ -135,9 +135,10 @@ class Video(ABC):
     def _exceeds_flight(self, view: str) -> bool:
         if self._flight is None:
             return False
-        reported_ns = max(received.newest_sent_ns for received in self._received.values())
+        reported_ns = max(received.newest_sent_ns for received in self._uplink.received.values())
         sent_bytes, now_ns = self._wire_bytes(), self._clock.now_ns()
-        waiting_bytes = 0.0 if self._pacer is None else self._pacer.waiting_bytes(now_ns)
+        pacer = self._uplink.pacer
+        waiting_bytes = 0.0 if pacer is None else pacer.waiting_bytes(now_ns)
         with self._flight_lock:
             return self._flight.exceeded(view, now_ns, sent_bytes, reported_ns, waiting_bytes)
 

@@ -33,8 +33,8 @@ from tams_app.summary.tables import (
 )
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.concealment import restored_packets
 from tams_app.video.core.frame_interval import freeze_ns
-from tams_app.video.core.restoration import restored_packets
 
 SCHEMA = 1
 _BESIDE_MEDIA = (PacketKind.REPAIR, PacketKind.PARITY, PacketKind.PADDING)
@@ -149,7 +149,7 @@ def _freezes(frames: FrameTable, span: Span | None) -> dict[str, Any]:
 
 
 def _not_whole_s(log: SessionLog, view: str, span: Span | None) -> float | None:
-    """For how long the frame on the screen was not whole (`video.whole_chain`)."""
+    """For how long the frame on the screen was not whole (`WholeChain`)."""
     shown = sorted((one for one in log.shown if one.view == view), key=lambda one: one.shown_ns)
     if span is None or not shown or any(one.whole is None for one in shown):
         return None

@@ -14,13 +14,12 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.colour import bgr_of
 from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
-from tams_app.video.core.received_feedback import ReceivedFeedback
+from tams_app.video.core.parity import ViewParity
+from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.receiver import VideoReceiver
 from tams_app.video.live.sender import VideoSender
 from tams_app.video.live.udp import ViewPorts
@@ -40,9 +39,7 @@ class Stream:
         config: VideoConfig,
         rule: RepairRule,
         kbps: float,
-        camera_hz: float | None = None,
         feedback: bool = False,
-        encoder: Encoder = X264,
         may_resend: Callable[[int], bool] = lambda _size_bytes: True,
         pacer: Pacer | None = None,
     ) -> None:
@@ -55,8 +52,9 @@ class Stream:
         self.parity = ViewParity(parity_ssrc(config, "eih"), feedback) if rule.parity else None
         self.sender = VideoSender(
             "eih", config, rule.rtx, self.clock, kbps, 80.0,
-            self.encoded.append, self.dropped.append, self.received, feedback, self.parity, encoder,
-            may_resend=may_resend, pacer=pacer,
+            self.encoded.append, self.dropped.append,
+            Uplink({"eih": self.received}, feedback,
+                   {"eih": self.parity} if self.parity else {}, may_resend, pacer),
         )  # fmt: skip
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
@@ -68,7 +66,7 @@ class Stream:
             self.sender.feedback_port,
         )
         self._pushed = 0
-        self._period_s = 1.0 / (camera_hz or config.fps)
+        self._period_s = 1.0 / config.fps
         self.capture_ns = self.clock.now_ns()
 
     def push(self, indices: range) -> None:
@@ -115,15 +113,11 @@ def stream(
     rule: RepairRule = PATIENT,
     kbps: float = 1500.0,
     fps: int = 60,
-    camera_hz: float | None = None,
     feedback: bool = False,
-    encoder: Encoder = X264,
     may_resend: Callable[[int], bool] = lambda _size_bytes: True,
     pacer: Pacer | None = None,
 ) -> Iterator[Stream]:
-    """`camera_hz`: frames a second that the camera gives, if not the `fps` that it is asked for."""
-    config = VideoConfig(fps=fps)
-    joined = Stream(config, rule, kbps, camera_hz, feedback, encoder, may_resend, pacer)
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, feedback, may_resend, pacer)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

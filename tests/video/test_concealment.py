@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tams_app.records import PacketFate, PacketKind, PacketRecord
-from tams_app.video.core.concealment import concealed_frames
+from tams_app.video.core.concealment import concealed_frames, restored_packets
 from tams_app.video.core.repair import RepairRule
 from tests.video.streams import PATIENT, UNREPAIRED, checksum
 from tests.video.virtual_time.runs import shared_run
@@ -99,8 +99,46 @@ def test_all_other_frames_are_bit_exact_and_concealed_ones_are_found(rule: Repai
     assert sum(packet.fate is not PacketFate.DELIVERED for packet in run.packets) > 5
     assert len(shown_ns) == len(run.shown) > 60
     assert shown_ns.keys() - found <= whole
+    assert {each.index for each in run.shown if each.whole} <= whole
     if rule is UNREPAIRED:
         assert len(found - whole) > 3  # but what carried parameter sets again leaves no trace
         assert len(shown_ns.keys() - found) > 20
     else:
         assert len(whole) > 60
+
+
+# --- which packets parity restored ---------------------------------------------------------------
+
+MEDIA, REPAIR, PARITY = PacketKind.MEDIA, PacketKind.REPAIR, PacketKind.PARITY
+
+
+def fate(kind: PacketKind, sequence: int, delivered_ns: int, view: str = "eih") -> PacketRecord:
+    found = PacketFate.DELIVERED if delivered_ns else PacketFate.LOST
+    return PacketRecord(view, kind, sequence, 900, 1, 2, delivered_ns, found, 3000)
+
+
+def restored(*packets: PacketRecord) -> list[tuple[int, int]]:
+    return [(one.sequence, one.delivered_ns) for one in restored_packets(packets)]
+
+
+def test_one_lost_packet_is_restored_when_the_last_of_its_group_has_come() -> None:
+    media = [fate(MEDIA, 65535, 10), fate(MEDIA, 0, 0), fate(MEDIA, 1, 12)]
+    assert restored(*media, fate(PARITY, 65535, 14)) == [(0, 14)]
+    assert restored(*media, fate(PARITY, 65535, 0)) == []
+    assert restored(*media) == []
+
+
+def test_two_lost_of_a_group_are_not_and_of_two_groups_are() -> None:
+    media = [fate(MEDIA, n, at_ns) for n, at_ns in ((7, 10), (8, 0), (9, 0), (10, 13))]
+    assert restored(*media, fate(PARITY, 7, 14)) == []
+    assert restored(*media, fate(PARITY, 7, 14), fate(PARITY, 8, 15)) == [(9, 14), (8, 15)]
+
+
+def test_a_resend_lets_parity_restore_the_other_one() -> None:
+    media = [fate(MEDIA, 7, 0), fate(MEDIA, 8, 0), fate(REPAIR, 8, 90)]
+    assert restored(*media, fate(PARITY, 7, 14)) == [(7, 90)]
+
+
+def test_other_views_and_complete_frames_restore_nothing() -> None:
+    media = [fate(MEDIA, 7, 10), fate(MEDIA, 8, 0, view="gt")]
+    assert restored(*media, fate(PARITY, 7, 14)) == []

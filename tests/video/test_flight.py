@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.flight import LONGEST_WAIT_NS, FlightBound, UnderWay, view_limits
+from tams_app.video.core.flight import LONGEST_WAIT_NS, FlightBound, view_limits
 
 pytestmark = pytest.mark.untimed
 
@@ -67,10 +67,9 @@ def test_before_a_bound_is_set_and_with_an_infinite_one_no_frame_is_left_out() -
 
 
 def test_beyond_the_bound_the_small_views_give_way_and_then_the_primary() -> None:
-    bound = FlightBound(VIEWS)
-    bound.set(100_000.0, {"eih": 3000.0, "gt": 900.0, "gs": 600.0})
-
     def left_out(under_way: int) -> set[str]:
+        bound = FlightBound(VIEWS)
+        bound.set(100_000.0, {"eih": 3000.0, "gt": 900.0, "gs": 600.0})
         for turn, view in enumerate(VIEWS):  # a frame of each before
             bound.exceeded(view, NS_PER_S + turn, 0, 0)
         later_ns = NS_PER_S + 50 * NS_PER_MS
@@ -78,11 +77,7 @@ def test_beyond_the_bound_the_small_views_give_way_and_then_the_primary() -> Non
 
     assert left_out(100_000) == set()
     assert left_out(100_001) == {"gs"}
-    bound = FlightBound(VIEWS)
-    bound.set(100_000.0, {"eih": 3000.0, "gt": 900.0, "gs": 600.0})
     assert left_out(112_501) == {"gs", "gt"}
-    bound = FlightBound(VIEWS)
-    bound.set(100_000.0, {"eih": 3000.0, "gt": 900.0, "gs": 600.0})
     assert left_out(125_001) == set(VIEWS)
 
 
@@ -119,7 +114,7 @@ def test_after_an_outage_all_views_send_again_as_soon_as_anything_newer_is_told_
 def test_under_way_is_what_left_after_the_newest_packet_told_of(
     steps: list[tuple[int, int]],
 ) -> None:
-    under_way = UnderWay()
+    bound = FlightBound(VIEWS)
     now_ns = sent = reported_ns = 0
     history = []
     for place, (step_ms, size) in enumerate(steps):
@@ -128,7 +123,10 @@ def test_under_way_is_what_left_after_the_newest_packet_told_of(
         if place % 7 == 6:
             reported_ns = history[place // 2][0]
         told = next(before for t_ns, before in history if t_ns >= reported_ns)
-        assert under_way.bytes(now_ns, sent, reported_ns) == sent - told
+        bound.set(sent - told, dict.fromkeys(VIEWS, 900.0))
+        bound.exceeded("eih", now_ns, sent, reported_ns)
+        assert bound.admits_resend(0)
+        assert not bound.admits_resend(1)
         sent += size
 
 
@@ -141,7 +139,3 @@ def test_packets_are_sent_again_while_the_bound_has_room_and_each_takes_some() -
     assert [bound.admits_resend(1200) for _ in range(4)] == [True, True, False, False]
     bound.exceeded("eih", NS_PER_S + 2 * FRAME_NS, 7000, NS_PER_S + FRAME_NS)
     assert bound.admits_resend(1200)
-
-
-def test_equal_targets_give_way_together() -> None:
-    assert set(view_limits(100.0, dict.fromkeys(VIEWS, 900.0)).values()) == {100.0}

@@ -72,7 +72,9 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
             monkeypatch.setattr(joined.receiver._parity, "parity", broken)
         with pytest.raises(AssertionError):  # as soon as either end has failed
             joined.push(range(30))
-        assert "a broken packet" in getattr(joined, end).poll()
+        told = getattr(joined, end).poll()
+        assert told.startswith(f"the {end} of view eih failed: ")
+        assert "a broken packet" in told
         assert joined.wait_until(lambda: len(joined.shown) > 0)
 
 

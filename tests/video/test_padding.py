@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
 from tams_app.video.core.packets import (
+    Padding,
     identify,
     read_rtp,
     transport_sequence,
     with_transport_sequence,
 )
-from tams_app.video.core.padding import Padding
 from tests.faults.applications import until
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import UNREPAIRED, stream

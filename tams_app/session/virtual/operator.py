@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TypeAlias
 
 from hw.controller import Controller
 from hw.sim.operator.seeing import OnScreen, SeeingParticipant
@@ -17,11 +16,6 @@ from tams_app.station.fresh_video import FreshVideo
 from tams_app.station.operator_screen import Show, on_screen
 from tams_app.station.recorded_hand import recorded_hand
 from tams_app.teleop.hands import hand_of
-
-MakeOperator: TypeAlias = (
-    "Callable[[Config, int, Journal, Callable[[ShownFrame], None], Mapping[str, Show]], "
-    "VirtualOperator]"
-)
 
 
 class VirtualOperator(Operator):

@@ -14,7 +14,7 @@ from tams_app.robot import build
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.predicting import predicted_trial
 from tams_app.session.recorders import virtual_records
-from tams_app.session.virtual.operator import MakeOperator, VirtualOperator
+from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.side import VirtualRobotSide
 from tams_app.session.virtual.video import FrameScores
 from tams_app.units import NS_PER_S
@@ -34,7 +34,6 @@ class VirtualTrial:
         folder: Path,
         wall_start_ns: int,
         watch: Callable[[ShownFrame], None] = lambda _shown: None,
-        make_operator: MakeOperator = VirtualOperator,
     ) -> None:
         """`watch` sees every frame that reaches the operator's screen.
 
@@ -66,7 +65,7 @@ class VirtualTrial:
 
             if config.rig.operator.looks_at == "received":
                 looks = {}
-            self._operator = make_operator(config, participant_seed, self._log, shown, looks)
+            self._operator = VirtualOperator(config, participant_seed, self._log, shown, looks)
             self._robot = VirtualRobotSide(
                 config,
                 self._clock,

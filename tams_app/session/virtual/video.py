@@ -88,11 +88,7 @@ class TrialVideo(Video):
             self._start_kbps,
             self._source_drop_below_kbps,
             VideoRecords(log.record, log.record, on_shown, log.packets),
-            received=self._received,
-            feedback=self._feedback,
-            parity=self._parity,
-            may_resend=self.may_resend,
-            pacer=self._pacer,
+            uplink=self._uplink,
         )
 
     def advance_to(self, now_ns: int) -> None:

@@ -35,31 +35,6 @@ def view_limits(limit_bytes: float, target_kbps: Mapping[str, float]) -> dict[st
     }
 
 
-class UnderWay:
-    """The bytes sent and not yet reported, all views together."""
-
-    def __init__(self) -> None:
-        # (time, bytes sent before it); it reaches back ten seconds, as nothing under way does
-        self._sent: deque[tuple[int, int]] = deque(maxlen=_KEPT)
-
-    def bytes(self, now_ns: int, sent_bytes: int, reported_ns: int) -> int:
-        """The number of bytes under way.
-
-        Args:
-            now_ns: the time; it never decreases.
-            sent_bytes: that have left so far.
-            reported_ns: when the newest packet left that a receiver has reported.
-
-        Returns:
-            What left between the first call after `reported_ns` and this one: less than the truth
-            by at most what leaves between two calls.
-        """
-        self._sent.append((now_ns, sent_bytes))
-        while self._sent[0][0] < reported_ns and len(self._sent) > 1:
-            self._sent.popleft()
-        return sent_bytes - self._sent[0][1]
-
-
 class FlightBound:
     """Asked before each frame whether it is left out, and before a packet is sent again."""
 
@@ -67,7 +42,8 @@ class FlightBound:
         self._limit_bytes = self._room_bytes = math.inf
         self._limits = dict.fromkeys(views, math.inf)
         self._kept_ns: dict[str, int] = {}  # by view, the last frame that was not left out
-        self._under_way = UnderWay()
+        # (time, bytes sent before it); it reaches back ten seconds, as nothing under way does
+        self._sent: deque[tuple[int, int]] = deque(maxlen=_KEPT)
 
     def set(self, limit_bytes: float, target_kbps: Mapping[str, float]) -> None:
         """From now on so much may be under way, for views with these targets."""
@@ -77,11 +53,22 @@ class FlightBound:
     def exceeded(
         self, view: str, now_ns: int, sent_bytes: int, reported_ns: int, waiting_bytes: float = 0.0
     ) -> bool:
-        """True if a frame of `view` that was captured now is left out; see `UnderWay.bytes`.
+        """True if a frame of `view` that was captured now is left out.
 
-        `waiting_bytes`: what the pacer keeps back.
+        Under way is what left between the first call after `reported_ns` and this one: less than
+        the truth by at most what leaves between two calls.
+
+        Args:
+            view: its name.
+            now_ns: the time; it never decreases.
+            sent_bytes: that have left so far.
+            reported_ns: when the newest packet left that a receiver has reported.
+            waiting_bytes: what the pacer keeps back.
         """
-        under_way = self._under_way.bytes(now_ns, sent_bytes, reported_ns) + waiting_bytes
+        self._sent.append((now_ns, sent_bytes))
+        while self._sent[0][0] < reported_ns and len(self._sent) > 1:
+            self._sent.popleft()
+        under_way = sent_bytes - self._sent[0][1] + waiting_bytes
         self._room_bytes = self._limit_bytes - under_way
         late = now_ns - self._kept_ns.get(view, now_ns) >= LONGEST_WAIT_NS
         if under_way > self._limits[view] and view in self._kept_ns and not late:

@@ -135,13 +135,9 @@ class Link:
     def __init__(
         self, network: Network, capacity: Capacity, views: Iterable[str], seed: int
     ) -> None:
-        """Seed all draws.
+        """`capacity`: of the bottleneck; see `networks.network_capacity`.
 
-        Args:
-            network: latency and jitter [ms], loss and its mean burst, queue.
-            capacity: the rate of the bottleneck over time; see `networks.network_capacity`.
-            views: the names of the views that share the link.
-            seed: the same seed gives the n-th packet of a stream the same delay and loss.
+        The same `seed` gives the n-th packet of a stream the same delay and loss.
         """
         views = tuple(views)
         self._bottleneck = Bottleneck(capacity, network.queue_ms, network.queue_min_bytes)
@@ -161,22 +157,11 @@ class Link:
         sequence: int,
         rtp_timestamp: int = 0,
     ) -> PacketRecord:
-        """Send a datagram into the uplink.
+        """Send a datagram into the uplink; its record: its fate, and when it leaves and arrives.
 
-        Args:
-            now_ns: the time [ns] on the clock of `capacity`.
-            view: the stream it belongs to.
-            kind: media, repair (RTX) or RTCP.
-            size_bytes: its size with IP and UDP headers.
-            sequence: RTP sequence number of the media packet it carries; 0 for RTCP.
-            rtp_timestamp: RTP timestamp; 0 for RTCP.
-
-        Returns:
-            Its record: the fate, when it leaves the bottleneck and when it arrives [ns], 0 where
-            it does not.
-
-        Raises:
-            ValueError: `now_ns` is earlier than in the call before.
+        `now_ns`, on the clock of `capacity`, never decreases (ValueError). `size_bytes`: with IP
+        and UDP headers. `sequence`: of the media packet it carries; it and the timestamp are 0 for
+        RTCP.
         """
         if now_ns < self._now_ns:
             raise ValueError("packets must be offered in the order of time")

@@ -1,4 +1,4 @@
-"""RTP packets (RFC 3550): the fixed numbers of our streams, and reading of headers."""
+"""RTP packets (RFC 3550): the fixed numbers of our streams, reading of headers, padding."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import struct
 from dataclasses import dataclass
 
 from tams_app.config import VideoConfig
-from tams_app.records import PacketKind
+from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
 
 MEDIA_PAYLOAD_TYPE = 96
 REPAIR_PAYLOAD_TYPE = 97  # RTX (RFC 4588)
@@ -19,7 +19,7 @@ TRANSPORT_SEQUENCE_BYTES = 8
 _TRANSPORT_SEQUENCE = slice(17, 19)
 _NUMBERED = b"\xbe\xde\x00\x01\x11\x00\x00\x00"  # profile, one word, extension 1 of two bytes
 PARITY_PAYLOAD_TYPE = 98  # ours (`parity`)
-PADDING_PAYLOAD_TYPE = 99  # ours (`padding`)
+PADDING_PAYLOAD_TYPE = 99  # ours (`Padding`)
 SEQUENCES = 1 << 16
 
 _FIRST_SSRC = 0x54410000
@@ -34,6 +34,7 @@ _KINDS = {
 _RTP_HEADER = struct.Struct("!BBHII")
 _VERSION = 2
 _VERSION_BITS, _EXTENDED, _MARKER = 0x80, 0x10, 0x80
+_HEADER_BYTES = IP_UDP_HEADER_BYTES + RTP_HEADER_BYTES + TRANSPORT_SEQUENCE_BYTES
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,3 +143,34 @@ def identify(datagram: bytes) -> tuple[PacketKind, int, int]:
     start = header.payload_offset
     original = int.from_bytes(datagram[start : start + 2], "big")
     return kind, original, header.timestamp
+
+
+class Padding:
+    """Packets without content, which show what the uplink carries beside the views.
+
+    The session numbers them as it does all others.
+    """
+
+    def __init__(self, ssrc: int, mtu_bytes: int) -> None:
+        """`mtu_bytes`: the payloader's, RTP header included."""
+        self._ssrc = ssrc
+        self._most_bytes = mtu_bytes + IP_UDP_HEADER_BYTES
+        self._sequence = 0
+
+    def packets(self, size_bytes: int) -> list[bytes]:
+        """Packets that take `size_bytes` [IP datagrams], or a packet's headers if that is more.
+
+        The last one is marked as the end of a frame is, so that the receiver reports them at once.
+        """
+        count = -(-size_bytes // self._most_bytes)
+        return [
+            self._packet((size_bytes + place) // count, last=place == count - 1)
+            for place in range(count)
+        ]
+
+    def _packet(self, size_bytes: int, *, last: bool) -> bytes:
+        header = rtp_header(
+            PADDING_PAYLOAD_TYPE, self._sequence, 0, self._ssrc, marker=last, numbered=True
+        )
+        self._sequence = (self._sequence + 1) % SEQUENCES
+        return header + bytes(max(0, size_bytes - _HEADER_BYTES))

@@ -51,13 +51,13 @@ SHOWN_FRAMES = (
 )
 
 
-def raw_caps(config: VideoConfig, pixels: str = "I420,colorimetry=bt601") -> str:
+def raw_caps(config: VideoConfig) -> str:
     """Caps of raw frames, at the rate that x264 is to take them for.
 
     GStreamer would take 720 rows or more for BT.709; `colour` has one matrix.
     """
     return (
-        f"video/x-raw,format={pixels},width={config.width},height={config.height},"
+        f"video/x-raw,format=I420,colorimetry=bt601,width={config.width},height={config.height},"
         f"framerate={X264_FPS}/1"
     )
 

@@ -1,14 +1,17 @@
-"""Feedback that senders have received, handed to the thread that asks."""
+"""Feedback that senders have received, handed to the thread that asks; what all senders share."""
 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from operator import attrgetter
 
 from tams_app.records import PacketArrival, Reception, UplinkReport
 from tams_app.units import NS_PER_S
+from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import SEQUENCES
+from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, ReportBlock
 
 _RTP_CLOCK_HZ = 90_000
@@ -108,3 +111,22 @@ def uplink_report(
     receptions = (one.take_reception() for one in received)
     reported = tuple(one for one in receptions if one is not None)
     return UplinkReport(now_ns, sent_bytes, tuple(arrivals), reported)
+
+
+@dataclass(frozen=True, slots=True)
+class Uplink:
+    """What the senders of all views share.
+
+    Attributes:
+        received: by view, gets what its receiver reports; others are not asked.
+        feedback: packets are numbered, and receivers report when each came: both must agree.
+        parity: protects the frames of these views, where `RepairRule.parity` lets it.
+        may_resend: asked with its size before a packet is sent again, where `feedback`.
+        pacer: says when the packets of each frame leave; None: at once.
+    """
+
+    received: Mapping[str, ReceivedFeedback] = field(default_factory=dict)
+    feedback: bool = False
+    parity: Mapping[str, ViewParity] = field(default_factory=dict)
+    may_resend: Callable[[int], bool] = lambda _size_bytes: True
+    pacer: Pacer | None = None

@@ -37,21 +37,11 @@ class VideoReceiver:
         feedback: bool = False,
         decoder: Decoder = AVDEC,
     ) -> None:
-        """Bind the ports for RTP and for the sender's RTCP.
+        """Bind the ports for RTP and for the sender's RTCP; ConfigError if one is taken.
 
-        Args:
-            view: the view's name, one of `config.views`.
-            config: size and rate of the frames, ports.
-            rule: how lost packets are repaired; the sender's `rtx` must agree.
-            clock: CLOCK_MONOTONIC, for `ShownFrame.shown_ns`.
-            identify: which capture an RTP timestamp stands for (`VideoSender.sent`).
-            on_shown: called once per frame in the decoder's thread: it must only hand over.
-            feedback: whether it reports to the sender when each packet came; the sender must agree.
-            decoder: one that is here (`installed_codecs`).
-
-        Raises:
-            ConfigError: a port is taken.
-            SetupError: GStreamer lacks an element.
+        `identify` and `on_shown` are those of the `ViewDecoder`. `feedback`: whether it reports
+        when each packet came; the sender must agree, as with `rule.rtx`. `decoder`: one that is
+        here (`installed_codecs`). SetupError if GStreamer lacks an element.
         """
         gst.require_elements()
         self.view = view

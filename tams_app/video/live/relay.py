@@ -1,6 +1,6 @@
 """The link as a process of its own: every datagram between the video ends passes through here.
 
-Started by `relay_client.RelayClient`. Real UDP sockets; the arithmetic is `link.Link`. Per view
+Started by `RelayClient`. Real UDP sockets; the arithmetic is `link.Link`. Per view
 three flows come in at the entrances and leave for the exits: RTP and sender reports through the
 bottleneck, feedback straight back. Datagrams of other programs are left out. Killing this process
 is a network that went away.
@@ -13,9 +13,10 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from tams_app.config import Network
@@ -27,7 +28,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.link import Link
 from tams_app.video.core.packets import identify
 from tams_app.video.live.networks import network_capacity
-from tams_app.video.live.reporting_helper import line_of, reports_to_session
+from tams_app.video.live.reporting_helper import ReportingHelper, line_of, reports_to_session
 from tams_app.video.live.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
@@ -242,6 +243,58 @@ def main() -> None:
         relay.run(side.stop_requested)
     finally:
         relay.close()
+
+
+class RelayClient:
+    """One relay process between the video ends.
+
+    `exits` say per view where the link's flows come out (what the ends have bound). A trace
+    begins at `epoch_ns` of the machine's monotonic clock. `on_packets` and `on_failure` are called
+    in the reading thread; a relay that ends unasked is a failure. Records name a packet's
+    delivery when it is decided, up to the link's delay ahead of time.
+    """
+
+    def __init__(
+        self,
+        network: Network,
+        exits: Mapping[str, ViewPorts],
+        *,
+        seed: int,
+        log_directory: Path | None,
+        on_packets: Callable[[list[PacketRecord]], None],
+        on_failure: Callable[[str, BaseException], None],
+        epoch_ns: int,
+    ) -> None:
+        self._specification = {
+            "network": network.model_dump(mode="json"),
+            "seed": seed,
+            "epoch_ns": epoch_ns,
+            "exits": {view: asdict(ports) for view, ports in exits.items()},
+        }
+        self._helper = ReportingHelper(
+            "relay",
+            "tams_app.video.live.relay",
+            log_directory=log_directory,
+            report_type=list[PacketRecord],
+            on_report=on_packets,
+            on_failure=on_failure,
+            ended_unasked="the link relay ended unasked, so no video arrives; "
+            "end this session and start anew",
+        )
+
+    def start(self) -> dict[str, ViewPorts]:
+        """Start the relay; returns per view the entrances to send to. HelperError if it cannot."""
+        ready = self._helper.start(self._specification)
+        return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
+
+    @property
+    def pid(self) -> int | None:
+        """The relay's process id; None before the start."""
+        return self._helper.process.pid if self._helper.process else None
+
+    def close(self) -> None:
+        """End the relay and read what it still has to report; may be called twice."""
+        self._helper.close()
 
 
 if __name__ == "__main__":

@@ -15,11 +15,10 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core import pipelines
 from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.pacer import Pacer
-from tams_app.video.core.packets import media_ssrc, padding_ssrc
-from tams_app.video.core.padding import Padding
-from tams_app.video.core.received_feedback import ReceivedFeedback
+from tams_app.video.core.packets import Padding, media_ssrc, padding_ssrc
+from tams_app.video.core.parity import ViewParity
+from tams_app.video.core.received_feedback import Uplink
 from tams_app.video.core.stages import StageMeans
-from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.live.udp import (
     UdpSocket,
@@ -53,34 +52,14 @@ class VideoSender:
         source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
-        received: ReceivedFeedback | None = None,
-        feedback: bool = False,
-        parity: ViewParity | None = None,
+        uplink: Uplink,
         encoder: Encoder = X264,
-        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
-        pacer: Pacer | None = None,
     ) -> None:
-        """Bind the port for feedback.
+        """Bind the port for feedback; ConfigError if it is taken.
 
-        Args:
-            view: the view's name, one of `config.views`.
-            config: size and rate of the frames, encoder, MTU, ports.
-            rtx: whether packets are kept to be sent again (`RepairRule.rtx`).
-            clock: CLOCK_MONOTONIC, for the times on the records.
-            start_kbps: wire rate to meet until the first `set_target_kbps` [kbit/s].
-            source_drop_below_kbps: below this target whole frames are dropped [kbit/s].
-            on_encoded: called once per frame in the encoder's thread: it must only hand over.
-            on_dropped: called once per dropped frame in the thread that pushes.
-            received: gets what the receiver reports; None: not asked for.
-            feedback: whether packets are numbered for feedback on each; the receiver must agree.
-            parity: protects the frames, where `RepairRule.parity` lets it.
-            encoder: one that is here (`installed_codecs`).
-            may_resend: asked with its size before a packet is sent again, where `feedback`.
-            pacer: says when the packets of each frame leave; None: at once.
-
-        Raises:
-            ConfigError: the port is taken.
-            SetupError: GStreamer lacks an element.
+        `rtx`: whether packets are kept to be sent again (`RepairRule.rtx`). Rates, `on_encoded` and
+        `on_dropped` are those of the `ViewEncoder`. `encoder`: one that is here
+        (`installed_codecs`). SetupError if GStreamer lacks an element.
         """
         gst.require_elements()
         self.view = view
@@ -90,24 +69,18 @@ class VideoSender:
         self._encoder = encoder
         self.stages = StageMeans()  # until the packets leave
         self._leaving: deque[int] = deque(maxlen=_LEAVING)  # when each was encoded [ns]
-        self._parity = parity
+        self._parity = uplink.parity.get(view)
         self._packets: list[bytes] = []  # of the frame that is being packetised
         self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
         self._padded_bytes = 0
         self._frames = ViewEncoder(
-            view,
-            config,
-            clock,
-            start_kbps,
-            source_drop_below_kbps,
-            self._encoded,
-            on_dropped,
+            view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
         )
         self._clock = clock
-        self._received = received
-        self._feedback = feedback
-        self._may_resend = partial(may_resend, config.mtu_bytes)
-        self._pacer = pacer
+        self._received = uplink.received.get(view)
+        self._feedback = uplink.feedback
+        self._may_resend = partial(uplink.may_resend, config.mtu_bytes)
+        self._pacer = uplink.pacer
         self._unpaced_until_ns = 0
         self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent

@@ -21,8 +21,7 @@ from tams_app.video.core import pipelines
 from tams_app.video.core.colour import bgr_of
 from tams_app.video.core.frame_identity import RtpTimes, SentFrame
 from tams_app.video.core.frame_interval import FrameIntervals
-from tams_app.video.core.repair import KeyframeRequests, RepairRule
-from tams_app.video.core.whole_chain import WholeChain, has_idr
+from tams_app.video.core.repair import KeyframeRequests, RepairRule, WholeChain, has_idr
 
 _RTP_SEQUENCE = slice(2, 4)  # of the RTP header (RFC 3550)
 _RTP_TIMESTAMP = slice(4, 8)

@@ -25,7 +25,8 @@ class ViewEncoder:
 
     `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
     once per frame, `on_dropped` in the thread that admits: both must only hand over.
-    `start_kbps`: target until the first is set. `sent`: what the stream's timestamps stand for.
+    `start_kbps`: target until the first is set; below `source_drop_below_kbps` whole frames are
+    dropped. `sent`: what the stream's timestamps stand for.
     """
 
     def __init__(
@@ -93,11 +94,7 @@ class ViewEncoder:
         self.failure = reason
 
     def _on_encoder_output(self, pad: Any, probe: Any) -> Any:
-        Gst = gst.load().Gst
-        self._hand_over(pad, probe.get_buffer(), Gst)
-        return Gst.PadProbeReturn.OK
-
-    def _hand_over(self, pad: Any, buffer: Any, Gst: Any) -> None:
+        Gst, buffer = gst.load().Gst, probe.get_buffer()
         encoded_ns = self._clock.now_ns()
         # x264enc, for one, shifts PTS by 1000 h and says so in its segment
         segment = pad.get_sticky_event(Gst.EventType.SEGMENT, 0).parse_segment()
@@ -121,3 +118,4 @@ class ViewEncoder:
                 sent.ready_ns,
             )
         )
+        return Gst.PadProbeReturn.OK

@@ -65,11 +65,6 @@ class ReceiverSession:
         self._kinds: set[PacketKind] = set()  # that have come
         self._report_transit_ns: int | None = None
 
-    @property
-    def next_ns(self) -> int | None:
-        """The time at which `step` must be called [ns]; None before the first packet."""
-        return self.timing.next_ns
-
     def received(self, now_ns: int, kind: PacketKind) -> None:
         """A packet of the RTP flow came."""
         self.timing.start(now_ns)
@@ -145,11 +140,6 @@ class SenderSession:
         self.round_trip_ns = 0  # 0: not known yet
         self._last_keyframe_ns: int | None = None
         self._kinds: set[PacketKind] = set()  # that have left
-
-    @property
-    def next_ns(self) -> int | None:
-        """The time at which `step` must be called [ns]; None before the first packet."""
-        return self.timing.next_ns
 
     def sent(self, now_ns: int, kind: PacketKind) -> None:
         """A packet of the RTP flow left."""

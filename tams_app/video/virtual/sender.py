@@ -11,12 +11,15 @@ from random import Random
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
-from tams_app.video.core.pacer import Pacer
-from tams_app.video.core.packets import SEQUENCES, identify, padding_ssrc, with_transport_sequence
-from tams_app.video.core.padding import Padding
+from tams_app.video.core.packets import (
+    SEQUENCES,
+    Padding,
+    identify,
+    padding_ssrc,
+    with_transport_sequence,
+)
 from tams_app.video.core.pipelines import RTX_HISTORY_MS
-from tams_app.video.core.received_feedback import ReceivedFeedback
-from tams_app.video.core.view_parity import ViewParity
+from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import EncoderChain
 from tams_app.video.virtual.rtcp_sessions import Feedback, SenderSession, SentPackets
@@ -44,11 +47,7 @@ class VirtualSender:
         shared: Shared,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
-        received: ReceivedFeedback | None,
-        feedback: bool,
-        parity: ViewParity | None,
-        may_resend: Callable[[int], bool],
-        pacer: Pacer | None = None,
+        uplink: Uplink,
     ) -> None:
         self.view = view
         self.wire_bytes = 0
@@ -57,13 +56,13 @@ class VirtualSender:
         self._shared = shared
         self._deliver = deliver
         self._deliver_report = deliver_report
-        self._received = received
-        self._feedback = feedback
-        self._may_resend = partial(may_resend, config.mtu_bytes)
-        self._pacer = pacer
+        self._received = uplink.received.get(view)
+        self._feedback = uplink.feedback
+        self._may_resend = partial(uplink.may_resend, config.mtu_bytes)
+        self._pacer = uplink.pacer
         self._next_sequence = 0  # transport-wide
         self._unreported: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
-        self._parity = parity
+        self._parity = uplink.parity.get(view)
         self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
         self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
         self._done_clock = LaterClock(shared.clock)
@@ -78,7 +77,7 @@ class VirtualSender:
             records.dropped,
         )
         self.sent = self._frames.sent
-        self._chain = EncoderChain(view, config, self._frames, shared.clock, feedback)
+        self._chain = EncoderChain(view, config, self._frames, shared.clock, uplink.feedback)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps

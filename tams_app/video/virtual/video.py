@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from types import MappingProxyType
 
 from tams_app import gst
 from tams_app.config import Network, VideoConfig
 from tams_app.records import Frame
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.link import Link
-from tams_app.video.core.pacer import Pacer
-from tams_app.video.core.received_feedback import ReceivedFeedback
+from tams_app.video.core.received_feedback import Uplink
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.live.networks import network_capacity
 from tams_app.video.virtual.event_queue import EventQueue
 from tams_app.video.virtual.receiver import VirtualReceiver
@@ -46,20 +43,10 @@ class VirtualVideo:
         source_drop_below_kbps: float,
         records: VideoRecords,
         times: ProcessingTimes | None = None,
-        received: Mapping[str, ReceivedFeedback] | None = None,
-        feedback: bool = False,
-        parity: Mapping[str, ViewParity] = MappingProxyType({}),
-        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
-        pacer: Pacer | None = None,
+        uplink: Uplink | None = None,
     ) -> None:
-        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view.
-
-        `received` by view gets what receivers report, if anybody asks; `feedback`: of each packet,
-        too.
-        `parity`: of the views that `rule` lets be protected.
-        `may_resend` is asked with its size before a packet is sent again, where `feedback`.
-        `pacer` says when the packets of each frame leave; None: at once.
-        """
+        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view."""
+        uplink = uplink or Uplink()
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
@@ -80,7 +67,7 @@ class VirtualVideo:
                 shared,
                 self._identify_for(view),
                 self._return_to(view),
-                feedback,
+                uplink.feedback,
             )
             self.receivers[view] = receiver
             self._senders[view] = VirtualSender(
@@ -93,11 +80,7 @@ class VirtualVideo:
                 shared,
                 receiver.arrive,
                 receiver.arrive_report,
-                received.get(view) if received else None,
-                feedback,
-                parity.get(view),
-                may_resend,
-                pacer,
+                uplink,
             )
         self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
             *self.receivers.values(),

@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable
 
 from tams_app.errors import TamsError
 from tams_app.video.virtual.stepped_clock import SteppedClock
@@ -28,19 +27,16 @@ _PAUSE_S = 0.0002
 class IdleWaiter:
     """Waits until all other threads are idle; used by one thread."""
 
-    def __init__(
-        self, timeout_s: float = TIMEOUT_S, wall_s: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, timeout_s: float = TIMEOUT_S) -> None:
         self._timeout_s = timeout_s
-        self._wall_s = wall_s
         self._files: dict[str, tuple[int, int]] = {}  # thread -> its stat and schedstat
         self._last_busy: int | None = None  # its stat
 
     def wait(self) -> None:
         """Return when all others sleep; TamsError if they do not within the timeout."""
-        deadline_s = self._wall_s() + self._timeout_s
+        deadline_s = time.monotonic() + self._timeout_s
         while not self._all_idle():
-            if self._wall_s() > deadline_s:
+            if time.monotonic() > deadline_s:
                 raise TamsError(
                     f"the process did not become idle within {self._timeout_s:g} s: "
                     "virtual time needs a process in which nothing else runs"

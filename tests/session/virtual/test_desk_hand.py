@@ -7,15 +7,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hw.controller import Controller
 from hw.desk.keyboard import CLOSE, DEADMAN, MODE, OPEN, HeldKeys, KeyboardController
 from tams_app.config import Config
-from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Pose, SceneTruth
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.trial import START_NS, VirtualTrial
@@ -31,6 +33,7 @@ TAP_NS, LOOK_NS = 24 * NS_PER_MS, 160 * NS_PER_MS
 TRAVEL_Z_M, GRASP_Z_M, RELEASE_Z_M = 0.12, 0.0105, 0.030
 Keys = frozenset[str]
 NO_KEYS: Keys = frozenset()
+Target = tuple[float, float, float]
 
 
 class Person:
@@ -40,25 +43,23 @@ class Person:
         self._truth = truth
 
     def work(self) -> Iterator[Keys]:
-        yield from self._goes(lambda: (*self._block[:2], TRAVEL_Z_M), 0.001)
+        yield from self._goes(lambda: self._at("block", TRAVEL_Z_M), 0.001)
         yield from self._turns()
-        yield from self._goes(lambda: (*self._block[:2], GRASP_Z_M), 0.001)
+        yield from self._goes(lambda: self._at("block", GRASP_Z_M), 0.001)
         yield from self._presses(CLOSE)
-        lifted = (*self._tcp[:2], TRAVEL_Z_M)
+        lifted = self._at("tcp", TRAVEL_Z_M)
         yield from self._goes(lambda: lifted, 0.01)
-        yield from self._goes(lambda: (*self._container[:2], TRAVEL_Z_M), 0.005)
-        yield from self._goes(lambda: (*self._container[:2], RELEASE_Z_M), 0.005)
+        yield from self._goes(lambda: self._at("container", TRAVEL_Z_M), 0.005)
+        yield from self._goes(lambda: self._at("container", RELEASE_Z_M), 0.005)
         yield from self._presses(OPEN)
-        retreat = (*self._tcp[:2], TRAVEL_Z_M)
+        retreat = self._at("tcp", TRAVEL_Z_M)
         yield from self._goes(lambda: retreat, 0.01)
         while True:
             yield NO_KEYS
 
-    def _goes(
-        self, target: Callable[[], tuple[float, float, float]], tolerance_m: float
-    ) -> Iterator[Keys]:
+    def _goes(self, target: Callable[[], Target], tolerance_m: float) -> Iterator[Keys]:
         while True:
-            errors = [wanted - at for wanted, at in zip(target(), self._tcp, strict=True)]
+            errors: list[float] = (np.array(target()) - self._scene.tcp.position).tolist()
             if max(map(abs, errors)) < tolerance_m:
                 return
             yield from _holds_or_taps(errors, tolerance_m, NEAR_M)
@@ -81,17 +82,9 @@ class Person:
         assert truth is not None
         return truth
 
-    @property
-    def _block(self) -> list[float]:
-        return self._scene.block.position.tolist()
-
-    @property
-    def _container(self) -> list[float]:
-        return self._scene.container.position.tolist()
-
-    @property
-    def _tcp(self) -> list[float]:
-        return self._scene.tcp.position.tolist()
+    def _at(self, what: str, z_m: float) -> Target:
+        x, y, _ = getattr(self._scene, what).position.tolist()
+        return x, y, z_m
 
     @property
     def _turn_left(self) -> float:
@@ -142,20 +135,13 @@ class KeyboardOperator(VirtualOperator):
         self._keyboard.feed(HeldKeys(self._keys, True, now_ns))
 
 
-def drive(config: Config, folder: Path) -> SessionLog:
-    trial = VirtualTrial(config, PARTICIPANT, folder, WALL_NS, make_operator=KeyboardOperator)
-    operator, robot = trial._operator, trial._robot
-    assert isinstance(operator, KeyboardOperator)
-    operator.told(robot._robot.truth, robot._engine.control._signals.confirm)
-    try:
-        trial.run()
-    finally:
-        trial.close()
-    return read_log(folder / LOG_NAME)
-
-
-def test_the_block_is_placed_by_keyboard(tmp_path: Path) -> None:
-    log = drive(short(network="none", seconds=120, seed=3), tmp_path)
-    assert log.outcome is not None
-    assert (log.outcome.success, log.outcome.drops) == (True, 0), log.outcome
-    assert ArmingState.FAULT not in {tick.arming for tick in log.ticks}
+def test_the_block_is_placed_by_keyboard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tams_app.session.virtual.trial.VirtualOperator", KeyboardOperator)
+    config = short(network="none", seconds=120, seed=3)
+    with closing(VirtualTrial(config, PARTICIPANT, tmp_path, WALL_NS)) as trial:
+        operator, robot = trial._operator, trial._robot
+        assert isinstance(operator, KeyboardOperator)
+        operator.told(robot._robot.truth, robot._engine.control._signals.confirm)
+        outcome = trial.run()
+    assert (outcome.success, outcome.drops) == (True, 0), outcome
+    assert ArmingState.FAULT not in {tick.arming for tick in read_log(tmp_path / LOG_NAME).ticks}

@@ -6,18 +6,19 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from hashlib import sha256
+from typing import Any
 
 from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
-from tams_app.video.core.packets import parity_ssrc
+from tams_app.video.core.packets import media_ssrc, parity_ssrc
+from tams_app.video.core.parity import ViewParity
+from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule, repair_rule
-from tams_app.video.core.view_parity import ViewParity
 from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual.video import VirtualVideo
@@ -95,10 +96,12 @@ def make(
     seed: int = 1,
     records: VideoRecords | None = None,
     groups: int = 0,
-    may_resend: Callable[[int], bool] | None = None,
+    feedback: bool = False,
+    **more: Any,
 ) -> VirtualVideo:
+    """`more`: as for `Uplink`."""
     config = VideoConfig(views=views)
-    parity = {view: ViewParity(parity_ssrc(config, view)) for view in views if groups}
+    parity = {view: ViewParity(parity_ssrc(config, view), feedback) for view in views if groups}
     for each in parity.values():
         each.groups = groups
     return VirtualVideo(
@@ -111,10 +114,14 @@ def make(
         80.0,
         records or run.records,
         times,
-        parity=parity,
-        feedback=may_resend is not None,
-        may_resend=may_resend or (lambda _size_bytes: True),
+        Uplink(feedback=feedback, parity=parity, **more),
     )
+
+
+def receivers_of(views: tuple[str, ...]) -> dict[str, ReceivedFeedback]:
+    """What the senders of these views hear, by view."""
+    config = VideoConfig(views=views)
+    return {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in views}
 
 
 def drive(video: VirtualVideo, views: tuple[str, ...], indices: range, fps: int = 30) -> None:

@@ -11,14 +11,10 @@ import pytest
 from tams_app.config import Network, VideoConfig
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.packets import media_ssrc, parity_ssrc
-from tams_app.video.core.received_feedback import ReceivedFeedback, uplink_report
-from tams_app.video.core.repair import repair_rule
+from tams_app.video.core.received_feedback import uplink_report
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS
-from tams_app.video.core.view_parity import ViewParity
-from tams_app.video.virtual.video import VirtualVideo
 from tests.video.streams import jitter_counts
-from tests.video.virtual_time.runs import NETWORKS, START_NS, Run, drive, run_whole
+from tests.video.virtual_time.runs import NETWORKS, Run, drive, make, receivers_of, run_whole
 
 pytestmark = pytest.mark.untimed
 
@@ -31,25 +27,8 @@ class Told(Run):
 
     def __init__(self, network: Network, frames: int, feedback: bool, groups: int = 0) -> None:
         super().__init__()
-        config = VideoConfig(views=VIEWS)
-        heard = {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in VIEWS}
-        rule = repair_rule(network, config.pli_min_interval_ms)
-        parity = {view: ViewParity(parity_ssrc(config, view), feedback) for view in VIEWS}
-        for one in parity.values():
-            one.groups = groups
-        video = VirtualVideo(
-            config,
-            network,
-            rule,
-            1,
-            START_NS,
-            dict.fromkeys(VIEWS, 900.0),
-            80.0,
-            self.records,
-            received=heard,
-            feedback=feedback,
-            parity=parity if groups else {},
-        )
+        heard = receivers_of(VIEWS)
+        video = make(self, network, VIEWS, groups=groups, feedback=feedback, received=heard)
         with closing(video):
             drive(video, VIEWS, range(frames))
             report = uplink_report(video.now_ns, video.wire_bytes(), tuple(heard.values()))
@@ -73,7 +52,9 @@ def told(feedback: bool = True, groups: int = 0) -> Told:
 
 
 @pytest.mark.parametrize("groups", [0, 2])
-def test_every_packet_is_told_of_once_media_repair_and_parity_alike(groups: int) -> None:
+def test_every_packet_is_told_of_once_to_a_quarter_of_a_millisecond_whatever_its_kind(
+    groups: int,
+) -> None:
     run = told(groups=groups)
     rtp = [packet for packet in run.packets if packet.kind is not PacketKind.RTCP]
     assert any(packet.kind is PacketKind.REPAIR for packet in rtp)
@@ -84,11 +65,6 @@ def test_every_packet_is_told_of_once_media_repair_and_parity_alike(groups: int)
         for arrival, packet in run.of(view):
             assert (arrival.sent_ns, arrival.size_bytes) == (packet.entered_ns, packet.size_bytes)
             assert (arrival.arrived_ns is None) == (packet.fate is PacketFate.LOST)
-
-
-def test_arrivals_are_told_in_ticks_of_a_quarter_of_a_millisecond() -> None:
-    for view in VIEWS:
-        for arrival, packet in told().of(view):
             if arrival.arrived_ns is not None:
                 assert arrival.arrived_ns % ARRIVAL_TICK_NS == 0
                 assert 0 <= packet.delivered_ns - arrival.arrived_ns < ARRIVAL_TICK_NS

@@ -7,11 +7,11 @@ from contextlib import closing
 import pytest
 
 from tams_app.config import Network
-from tams_app.records import Frame, PacketKind
+from tams_app.records import PacketKind
 from tams_app.units import NS_PER_S
 from tams_app.video.core.flight import FlightBound
 from tests.video.scenes import frame
-from tests.video.virtual_time.runs import CLEAN, START_NS, Run, make
+from tests.video.virtual_time.runs import CLEAN, START_NS, Run, drive, make
 
 pytestmark = pytest.mark.untimed
 
@@ -20,18 +20,13 @@ GAP = range(45, 60)
 LOSSY = Network(latency_ms=20, jitter_ms=4, loss=0.03)
 
 
-def run_with_a_gap() -> Run:
+def test_what_is_left_out_is_neither_encoded_nor_made_up_for() -> None:
     run = Run()
     with closing(make(run, CLEAN)) as video:
         for index in range(FRAMES):
             video.advance_to(START_NS + index * NS_PER_S // 30)
-            video.push(Frame("eih", index, video.now_ns, frame(index).image), index in GAP)
+            video.push(frame(index, capture_ns=video.now_ns), index in GAP)
         video.advance_to(video.now_ns + NS_PER_S)
-    return run
-
-
-def test_what_is_left_out_is_neither_encoded_nor_made_up_for() -> None:
-    run = run_with_a_gap()
     assert [(one.index, one.under_way) for one in run.dropped] == [(index, True) for index in GAP]
     sizes = {one.index: len(one.data) for one in run.encoded}
     assert sizes.keys() == set(range(FRAMES)) - set(GAP)
@@ -47,10 +42,7 @@ def test_packets_are_sent_again_only_within_the_bound(limit_bytes: float, resent
     run, bound = Run(), FlightBound(("eih",))
     bound.set(limit_bytes, {"eih": 900.0})
     bound.exceeded("eih", START_NS, 0, 0)
-    with closing(make(run, LOSSY, may_resend=bound.admits_resend)) as video:
-        for index in range(60):
-            video.advance_to(START_NS + index * NS_PER_S // 30)
-            video.push(Frame("eih", index, video.now_ns, frame(index).image))
-        video.advance_to(video.now_ns + NS_PER_S)
+    with closing(make(run, LOSSY, feedback=True, may_resend=bound.admits_resend)) as video:
+        drive(video, ("eih",), range(60))
     assert run.nacks > 3
     assert any(one.kind is PacketKind.REPAIR for one in run.packets) == resent

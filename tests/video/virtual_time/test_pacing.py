@@ -8,13 +8,10 @@ from itertools import groupby
 
 import pytest
 
-from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind, PacketRecord
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.pacer import Pacer
-from tams_app.video.core.repair import repair_rule
-from tams_app.video.virtual.video import VirtualVideo
-from tests.video.virtual_time.runs import CLEAN, START_NS, Run, drive
+from tests.video.virtual_time.runs import CLEAN, Run, drive, make
 
 pytestmark = pytest.mark.untimed
 
@@ -24,14 +21,8 @@ FRAMES, PACE_KBPS = 20, 1.5 * 2000.0
 @cache
 def run(paced: bool) -> Run:
     found = Run()
-    config = VideoConfig(views=("eih",))
-    rule = repair_rule(CLEAN, config.pli_min_interval_ms)
     pacer = Pacer(PACE_KBPS / 1.5) if paced else None
-    with closing(
-        VirtualVideo(
-            config, CLEAN, rule, 1, START_NS, {"eih": 1500.0}, 80.0, found.records, pacer=pacer
-        )
-    ) as video:
+    with closing(make(found, CLEAN, kbps=1500.0, pacer=pacer)) as video:
         drive(video, ("eih",), range(FRAMES))
     return found
 

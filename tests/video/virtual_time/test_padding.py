@@ -7,15 +7,10 @@ from functools import cache
 
 import pytest
 
-from tams_app.config import VideoConfig
 from tams_app.records import PacketArrival, PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.packets import media_ssrc
-from tams_app.video.core.received_feedback import ReceivedFeedback
-from tams_app.video.core.repair import repair_rule
-from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
-from tests.video.virtual_time.runs import CLEAN, START_NS, Run
+from tests.video.virtual_time.runs import CLEAN, START_NS, Run, make, receivers_of
 
 pytestmark = pytest.mark.untimed
 
@@ -27,14 +22,8 @@ class Padded(Run):
 
     def __init__(self, train_bytes: int, feedback: bool = True) -> None:
         super().__init__()
-        config = VideoConfig(views=VIEWS)
-        heard = {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in VIEWS}
-        rule = repair_rule(CLEAN, config.pli_min_interval_ms)
-        start = dict.fromkeys(VIEWS, 900.0)
-        with closing(
-            VirtualVideo(config, CLEAN, rule, 1, START_NS, start, 80.0, self.records,
-                         received=heard, feedback=feedback)
-        ) as video:  # fmt: skip
+        heard = receivers_of(VIEWS)
+        with closing(make(self, CLEAN, VIEWS, feedback=feedback, received=heard)) as video:
             video.pad(train_bytes)
             for index in range(FRAMES):
                 video.advance_to(START_NS + index * NS_PER_S // 30)

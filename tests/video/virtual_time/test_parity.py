@@ -9,9 +9,8 @@ import pytest
 from tams_app.config import Network, RepairConfig
 from tams_app.records import PacketKind
 from tams_app.units import NS_PER_S
-from tams_app.video.core.concealment import concealed_frames
+from tams_app.video.core.concealment import concealed_frames, restored_packets
 from tams_app.video.core.repair import repair_rule
-from tams_app.video.core.restoration import restored_packets
 from tests.video.streams import checksum
 from tests.video.virtual_time.runs import Run, run_whole
 

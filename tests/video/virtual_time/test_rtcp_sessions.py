@@ -27,8 +27,8 @@ def receiver(rtx: bool = True) -> ReceiverSession:
 
 def next_feedback(session: ReceiverSession) -> Feedback:
     while True:
-        assert session.next_ns is not None
-        feedback = session.step(session.next_ns)
+        assert session.timing.next_ns is not None
+        feedback = session.step(session.timing.next_ns)
         if feedback is not None:
             return feedback
 
@@ -39,7 +39,7 @@ def asking(at_ns: int, pli: bool = True, transit_ns: int | None = None) -> Feedb
 
 def test_what_was_asked_leaves_once_and_in_order() -> None:
     session = receiver()
-    now_ns = (session.next_ns or 0) - 1
+    now_ns = (session.timing.next_ns or 0) - 1
     session.ask_again(now_ns, 7, 50)
     session.ask_again(now_ns, 9, 60)
     session.ask_keyframe(now_ns)
@@ -53,9 +53,9 @@ def test_what_was_asked_leaves_once_and_in_order() -> None:
 def test_sizes_are_those_that_rtpsession_sends() -> None:
     session = receiver()
     assert next_feedback(session).size_bytes == 112
-    session.ask_again((session.next_ns or 0) - 1, 7, 50)
+    session.ask_again((session.timing.next_ns or 0) - 1, 7, 50)
     assert next_feedback(session).size_bytes == 92
-    session.ask_keyframe((session.next_ns or 0) - 1)
+    session.ask_keyframe((session.timing.next_ns or 0) - 1)
     feedback = next_feedback(session)
     assert feedback.size_bytes in (88, 124)  # early, or with the next regular report
     session.received(0, PacketKind.REPAIR)
@@ -70,7 +70,7 @@ def test_sizes_are_those_that_rtpsession_sends() -> None:
 
 def test_one_entry_asks_for_seventeen_packets_also_where_numbers_wrap() -> None:
     session = receiver()
-    now_ns = (session.next_ns or 0) - 1
+    now_ns = (session.timing.next_ns or 0) - 1
     for sequence in (65530, 65535, 4, 11):
         session.ask_again(now_ns, sequence, 50)
     # the span from 65530 is 6 + 11 = 17 > 16: a second entry for 11
@@ -79,7 +79,7 @@ def test_one_entry_asks_for_seventeen_packets_also_where_numbers_wrap() -> None:
 
 def test_a_regular_report_leaves_out_what_would_come_too_late() -> None:
     session = receiver()
-    now_ns = (session.next_ns or 0) - 1
+    now_ns = (session.timing.next_ns or 0) - 1
     session.ask_again(now_ns, 5, 100)
     next_feedback(session)  # the early one is spent
     session.ask_again(now_ns + 1, 6, 0)
@@ -121,8 +121,8 @@ def test_a_sender_reports_for_each_stream() -> None:
         for kind in (PacketKind.MEDIA, *sent):
             session.sent(0, kind)
         while True:
-            assert session.next_ns is not None
-            if reports := session.step(session.next_ns):
+            assert session.timing.next_ns is not None
+            if reports := session.step(session.timing.next_ns):
                 return reports
 
     assert sizes(rtx=False) == [108]

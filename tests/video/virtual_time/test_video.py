@@ -11,12 +11,12 @@ from pathlib import Path
 
 import pytest
 
-from tams_app.config import Network
+from tams_app.config import Network, RepairConfig
 from tams_app.errors import TamsError
 from tams_app.records import PacketFate, PacketKind
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.repair import RepairRule, repair_rule
 from tams_app.video.virtual.shared import ProcessingTimes
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum, jitter_counts
@@ -114,7 +114,7 @@ def test_how_finely_time_is_advanced_changes_nothing() -> None:
     assert len(digests) == 1
 
 
-def test_lost_packets_are_sent_again_and_the_frames_stay_whole() -> None:
+def test_lost_packets_are_sent_again_a_round_trip_later_and_the_frames_stay_whole() -> None:
     run = shared_run("lossy", 180, PATIENT)
     lost = [
         packet
@@ -128,12 +128,7 @@ def test_lost_packets_are_sent_again_and_the_frames_stay_whole() -> None:
     assert run.jitter["eih"]["num-lost"] == 0
     assert run.jitter["eih"]["rtx-success-count"] >= len(lost)
     assert {seen.index: checksum(seen) for seen in run.shown} == run.references
-
-
-def test_a_repair_comes_a_round_trip_after_the_gap_is_seen() -> None:
-    run = shared_run("lossy", 180, PATIENT)
     media = {packet.sequence: packet for packet in run.packets if packet.kind is PacketKind.MEDIA}
-    repairs = [packet for packet in run.packets if packet.kind is PacketKind.REPAIR]
     for repair in repairs:
         original = media[repair.sequence]
         assert repair.size_bytes == original.size_bytes + 2
@@ -209,11 +204,14 @@ def test_three_views_share_one_bottleneck() -> None:
     assert {seen.view for seen in run.shown} == set(views)
 
 
-def test_time_does_not_go_back() -> None:
-    with closing(make(Run(), CLEAN)) as video:
-        video.advance_to(START_NS + 10)
-        with pytest.raises(ValueError, match="does not go back"):
-            video.advance_to(START_NS + 9)
+def test_time_does_not_go_back_and_a_run_can_be_closed_twice() -> None:
+    video = make(Run(), CLEAN)
+    video.push(frame(0, capture_ns=START_NS))
+    video.advance_to(START_NS + 10)
+    with pytest.raises(ValueError, match="does not go back"):
+        video.advance_to(START_NS + 9)
+    video.close()
+    video.close()
 
 
 @pytest.mark.parametrize("event", ["encoded", "shown"])
@@ -228,13 +226,6 @@ def test_a_record_keeper_that_fails_is_told(event: str) -> None:
         pytest.raises((TamsError, RuntimeError), match="the disk is full"),
     ):
         drive(video, ("eih",), range(10))
-
-
-def test_a_run_can_be_closed_twice() -> None:
-    video = make(Run(), CLEAN)
-    video.push(frame(0, capture_ns=START_NS))
-    video.close()
-    video.close()
 
 
 def test_a_receiver_that_waited_for_its_sender_still_waits_for_repair() -> None:
@@ -268,3 +259,28 @@ def test_a_link_that_was_down_for_seconds_leaves_identity_and_repair_right(tmp_p
     ]
     assert lost_late
     assert {packet.sequence for packet in lost_late} <= repaired
+
+
+# --- what `video.repair` switches off is not done, and what it forces is --------------------------
+
+RTX_OFF = RepairConfig(mode="paper", rtx="off")
+NO_REPAIR = RepairConfig(mode="paper", rtx="off", pli=False)
+RTX_ON = RepairConfig(mode="paper", rtx="on")
+
+
+def far_run(wanted: RepairConfig) -> Run:
+    return shared_run("far", 50, repair_rule(NETWORKS["far"], 300.0, wanted))
+
+
+@pytest.mark.parametrize("wanted", [RTX_OFF, NO_REPAIR])
+def test_without_pli_no_keyframe_is_asked_for(wanted: RepairConfig) -> None:
+    found = far_run(wanted)
+    assert found.jitter["eih"]["num-lost"] > 0
+    assert (found.plis > 0) == wanted.pli
+    assert (sum(frame.keyframe for frame in found.encoded) > 1) == wanted.pli
+
+
+@pytest.mark.parametrize("wanted", [RepairConfig(mode="paper"), RTX_ON])
+def test_rtx_resends_where_it_is_forced_though_the_network_is_slow(wanted: RepairConfig) -> None:
+    resent = [packet for packet in far_run(wanted).packets if packet.kind is PacketKind.REPAIR]
+    assert bool(resent) == (wanted.rtx == "on")
