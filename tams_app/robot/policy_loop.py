@@ -16,7 +16,7 @@ from tams_app.robot.uplink_meter import summary_of
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.reported_packets import ReportedPackets
+from tams_app.video.core.uplink_figures import ReportedPackets
 
 _PADDING_NS = 10 * NS_PER_MS  # trains shorter than the queue that a budget looks for
 _NEVER_NS = 1 << 62

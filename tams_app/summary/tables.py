@@ -15,7 +15,7 @@ from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.core.frame_interval import FrameIntervals
-from tams_app.video.core.reported_packets import ReportedPackets
+from tams_app.video.core.uplink_figures import ReportedPackets
 
 _TIMESTAMPS_SINCE = 3  # schema of the log
 

@@ -21,8 +21,7 @@ from tams_app.records import (
     ViewName,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.reported_packets import ReportedPackets
-from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
+from tams_app.video.core.uplink_figures import ReportedPackets, UplinkFigures, uplink_figures
 
 PERIOD_NS = NS_PER_S
 _UNDER_WAY = 300  # captures of a view that may still be shown

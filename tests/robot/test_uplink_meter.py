@@ -15,8 +15,7 @@ from tams_app.records import (
 )
 from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter, summary_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.reported_packets import ReportedPackets
-from tams_app.video.core.uplink_figures import uplink_figures
+from tams_app.video.core.uplink_figures import ReportedPackets, uplink_figures
 
 pytestmark = pytest.mark.untimed
 

@@ -11,7 +11,7 @@ from zlib import crc32
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.records import DroppedFrame, EncodedFrame, ShownFrame
+from tams_app.records import DroppedFrame, EncodedFrame, PacketArrival, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.colour import bgr_of
@@ -29,6 +29,7 @@ from tests.video.scenes import HEIGHT, WIDTH, frame
 
 PATIENT = RepairRule(rtx=True, latency_ms=400, pli_interval_ms=300.0)
 UNREPAIRED = RepairRule(rtx=False, latency_ms=20, pli_interval_ms=300.0)
+LOOK_S, EMPTY_LOOKS = 0.2, 4  # one may find nothing on a machine that stands still for a moment
 
 
 class Stream:
@@ -87,10 +88,30 @@ class Stream:
             assert self.sender.poll() == ""
             assert self.receiver.poll() == ""
 
+    def carry(self, indices: range) -> None:
+        """Push frames, and wait until all that were pushed so far have been shown."""
+        self.push(indices)
+        assert self.wait_until(lambda: len(self.shown) == self._pushed)
+
+    @property
+    def exact(self) -> bool:
+        """Every frame that was encoded has been shown as it looks where nothing is lost."""
+        return {one.index: checksum(one) for one in self.shown} == decoded_checksums(self.encoded)
+
     def wait_until(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> bool:
         """Wait for a condition that another frame may bring about."""
         with self._arrived:
             return self._arrived.wait_for(condition, timeout_s)
+
+    def arrivals(self, enough: Callable[[], float]) -> list[PacketArrival]:
+        """What was told of packets, once it is `enough` or nothing more comes."""
+        told: list[PacketArrival] = []
+        deadline, empty = time.monotonic() + 20, 0
+        while time.monotonic() < deadline and len(told) < enough() and empty < EMPTY_LOOKS:
+            told += (more := self.received.take_arrivals())
+            empty = 0 if more or not told else empty + 1
+            time.sleep(LOOK_S)
+        return told
 
     def shown_indices(self) -> list[int]:
         return [each.index for each in self.shown]

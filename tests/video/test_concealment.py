@@ -7,7 +7,7 @@ import pytest
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.video.core.concealment import concealed_frames, restored_packets
 from tams_app.video.core.repair import RepairRule
-from tests.video.streams import PATIENT, UNREPAIRED, checksum
+from tests.video.streams import PATIENT, UNREPAIRED
 from tests.video.virtual_time.runs import shared_run
 
 pytestmark = pytest.mark.untimed
@@ -91,18 +91,14 @@ def test_all_other_frames_are_bit_exact_and_concealed_ones_are_found(rule: Repai
     run = shared_run("queueing", 90, rule)
     references = run.references
     assert len(set(references.values())) == len(references)  # no two frames alike
-    shown_ns = {each.index: each.shown_ns for each in run.shown}
-    keyframe_of = {each.index: each.keyframe for each in run.encoded}
-    index_of = {each.rtp_timestamp: each.index for each in run.encoded}
-    found = concealed_frames(keyframe_of, run.packets, shown_ns, index_of) & shown_ns.keys()
-    whole = {each.index for each in run.shown if checksum(each) == references[each.index]}
+    shown, found, whole = {each.index for each in run.shown}, run.concealed, run.exact
     assert sum(packet.fate is not PacketFate.DELIVERED for packet in run.packets) > 5
-    assert len(shown_ns) == len(run.shown) > 60
-    assert shown_ns.keys() - found <= whole
+    assert len(shown) == len(run.shown) > 60
+    assert shown - found <= whole
     assert {each.index for each in run.shown if each.whole} <= whole
     if rule is UNREPAIRED:
         assert len(found - whole) > 3  # but what carried parameter sets again leaves no trace
-        assert len(shown_ns.keys() - found) > 20
+        assert len(shown - found) > 20
     else:
         assert len(whole) > 60
 

@@ -15,7 +15,9 @@ pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
 FRAME_NS = NS_PER_S // 90  # the views take turns
-TARGETS = st.fixed_dictionaries({view: st.floats(80.0, 20_000.0) for view in VIEWS})
+TARGETS = st.fixed_dictionaries(
+    {view: st.floats(80.0, 20_000.0) | st.just(900.0) for view in VIEWS}
+)
 
 
 def kept(

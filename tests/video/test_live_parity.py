@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections import Counter
 
 import pytest
@@ -11,7 +10,7 @@ from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
 from tams_app.video.core.packets import identify, transport_sequence
 from tams_app.video.core.repair import RepairRule
 from tests.video.lossy_link import LossyLink
-from tests.video.streams import checksum, decoded_checksums, stream
+from tests.video.streams import stream
 
 pytestmark = pytest.mark.waiting
 
@@ -39,12 +38,10 @@ def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
     with stream(link, PROTECTED) as joined:
         assert joined.parity is not None
         joined.parity.groups = groups
-        joined.push(range(FRAMES))
-        assert joined.wait_until(lambda: len(joined.shown) == FRAMES)
+        joined.carry(range(FRAMES))
         assert len(lost) >= 20
         sent_bytes = joined.sender.wire_bytes
-    references = decoded_checksums(joined.encoded)
-    assert {each.index: checksum(each) for each in joined.shown} == references
+    assert joined.exact
     kinds = Counter(identify(datagram)[0] for datagram in link.rtp)
     assert kinds[PacketKind.PARITY] >= FRAMES
     assert sent_bytes == sum(len(datagram) + IP_UDP_HEADER_BYTES for datagram in link.rtp)
@@ -53,8 +50,7 @@ def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
 def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to() -> None:
     link = LossyLink(lambda ordinal, datagram: True)
     with stream(link, PROTECTED) as joined:
-        joined.push(range(30))
-        assert joined.wait_until(lambda: len(joined.shown) == 30)
+        joined.carry(range(30))
     assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
 
 
@@ -80,16 +76,12 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
 
 def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
     link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 7)
-    told = []
     with stream(link, PROTECTED, feedback=True) as joined:
         assert joined.parity is not None
         joined.parity.groups = 2
         joined.push(range(FRAMES))
         assert joined.wait_until(lambda: len(joined.shown) >= FRAMES - 5)
-        deadline = time.monotonic() + 5
-        while len(told) < len(link.rtp) - 10 and time.monotonic() < deadline:
-            told += joined.received.take_arrivals()
-            time.sleep(0.05)
+        told = joined.arrivals(lambda: len(link.rtp))
     sent = [identify(datagram) for datagram in link.rtp]
     media = Counter(timestamp for kind, _, timestamp in sent if kind is PacketKind.MEDIA)
     parity = Counter(timestamp for kind, _, timestamp in sent if kind is PacketKind.PARITY)

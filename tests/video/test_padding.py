@@ -55,7 +55,6 @@ def test_packets_are_numbered_have_room_for_the_session_s_number_and_end_like_a_
 
 def test_over_sockets_padding_is_told_of_and_the_views_frames_are_what_they_were() -> None:
     link = LossyLink(lambda ordinal, datagram: ordinal != 60)
-    told = []
     with stream(link, UNREPAIRED, feedback=True) as joined:
         joined.sender.pad(5000)  # before the stream: nothing to tell of it
         assert joined.sender.wire_bytes == 0
@@ -66,10 +65,7 @@ def test_over_sockets_padding_is_told_of_and_the_views_frames_are_what_they_were
             joined.sender.pad(2500)
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [40])
         media_bytes = ip_bytes([one for one in link.rtp if kind_of(one) is PacketKind.MEDIA])
-        deadline = 100
-        while len(told) < len(link.rtp) - 10 and (deadline := deadline - 1):
-            told += joined.received.take_arrivals()
-            joined.wait_until(lambda: False, 0.05)
+        told = joined.arrivals(lambda: len(link.rtp))
         until(lambda: joined.sender.wire_bytes == ip_bytes(link.rtp), "all that was sent")
     padding = [one for one in link.rtp if kind_of(one) is PacketKind.PADDING]
     assert ip_bytes(padding) == 40 * 2500

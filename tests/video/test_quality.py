@@ -124,7 +124,11 @@ def test_images_shown_without_captures_do_not_pile_up() -> None:
 
 @given(
     shown=st.dictionaries(st.integers(0, 29), st.just(0), max_size=30),
-    delays=st.lists(st.integers(1, 8 * FRAME_NS), min_size=30, max_size=30),
+    delays=st.lists(
+        st.integers(1, 8 * FRAME_NS) | st.sampled_from((FRAME_NS, 2 * FRAME_NS)),
+        min_size=30,
+        max_size=30,
+    ),
     window=st.integers(10, 40),
 )
 def test_every_captured_frame_has_one_fate_as_defined(

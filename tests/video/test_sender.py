@@ -19,7 +19,7 @@ from tams_app.video.core.packets import identify, media_ssrc
 from tests.faults.applications import until
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import frame
-from tests.video.streams import PATIENT, Stream, checksum, decoded_checksums, stream
+from tests.video.streams import PATIENT, Stream, stream
 
 pytestmark = pytest.mark.waiting
 
@@ -31,8 +31,7 @@ def test_packets_carry_the_fixed_numbers_of_their_view_also_where_rtcp_came_befo
             header = b"\x80\x60\0" + bytes([sequence]) + b"\0\0\0\1\0\0\0\7"
             link.bring(header + b"\x41" * 20)
         until(lambda: len(link.feedback) >= 3, "feedback")
-        joined.push(range(10))
-        assert joined.wait_until(lambda: len(joined.shown) == 10)
+        joined.carry(range(10))
         wire_bytes = joined.sender.wire_bytes
     assert wire_bytes == sum(len(datagram) + 28 for datagram in link.rtp)
     headers = [datagram[:12] for datagram in link.rtp]
@@ -93,11 +92,9 @@ def test_a_paced_frame_leaves_in_parts_and_arrives_as_it_was(
         if joined.parity is not None:
             joined.parity.groups = 1
         joined.sender._clock = PunctualClock()  # else a busy machine leaves frames unpaced
-        joined.push(range(30))
-        assert joined.wait_until(lambda: len(joined.shown) == 30)
+        joined.carry(range(30))
         sent_bytes = joined.sender.wire_bytes
-    references = decoded_checksums(joined.encoded)
-    assert {each.index: checksum(each) for each in joined.shown} == references
+    assert joined.exact
     packets = [identify(datagram) for datagram in link.rtp]
     media = [sequence for kind, sequence, _ in packets if kind is PacketKind.MEDIA]
     assert media == sorted(media)
@@ -115,8 +112,7 @@ def test_what_each_stage_takes_is_known_until_the_packets_leave_and_when_they_ca
     with stream(rule=rule, kbps=1500.0, fps=30, pacer=Pacer(2000.0) if paced else None) as joined:
         if joined.parity is not None:
             joined.parity.groups = 1
-        joined.push(range(10))
-        assert joined.wait_until(lambda: len(joined.shown) == 10)
+        joined.carry(range(10))
         taken = joined.sender.stages.ms
     assert list(taken) == ["camera", "to_encoder", "encoder", "sender"][: 3 + paced]
     assert all(ms > 0 for ms in taken.values())
@@ -129,8 +125,7 @@ def test_what_leaves_at_once_is_asked_for_once_and_not_packet_by_packet(feedback
     """At 20 Mbit/s Python would be called 2,000 times a second, for each packet."""
     link, pacer = LossyLink(lambda ordinal, datagram: True), NotedPacer(1e6)
     with stream(link, PATIENT, kbps=6000.0, fps=30, feedback=feedback, pacer=pacer) as joined:
-        joined.push(range(20))
-        assert joined.wait_until(lambda: len(joined.shown) == 20)
+        joined.carry(range(20))
         packets = sum(identify(datagram)[0] is PacketKind.MEDIA for datagram in link.rtp)
     assert packets > 200
     assert len(pacer.told) < packets / 4
@@ -147,8 +142,7 @@ def test_where_its_thread_wakes_late_a_sender_does_not_pace_for_a_while() -> Non
     pacer = NotedPacer(2000.0)
     with stream(kbps=1500.0, fps=30, pacer=pacer) as joined:
         joined.sender._clock = LateClock()
-        joined.push(range(20))
-        assert joined.wait_until(lambda: len(joined.shown) == 20)
+        joined.carry(range(20))
     assert 0 < len(pacer.told) < 20  # parts of the first frames only
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import socket
 import time
-from collections.abc import Callable
 
 import pytest
 
@@ -15,11 +14,10 @@ from tams_app.video.core.flight import FlightBound
 from tams_app.video.core.packets import REPAIR_PAYLOAD_TYPE, read_rtp, transport_sequence
 from tests.faults.applications import until
 from tests.video.lossy_link import Keep, LossyLink
-from tests.video.streams import PATIENT, UNREPAIRED, Stream, stream
+from tests.video.streams import PATIENT, UNREPAIRED, stream
 
 pytestmark = pytest.mark.waiting
 
-LOOK_S, EMPTY_LOOKS = 0.2, 4  # one may find nothing on a machine that stands still for a moment
 _TRANSPORT_FEEDBACK = b"\x8f\xcd"
 
 
@@ -32,24 +30,12 @@ def is_repair(datagram: bytes) -> bool:
     return header is not None and header.payload_type == REPAIR_PAYLOAD_TYPE
 
 
-def arrivals(joined: Stream, enough: Callable[[], float]) -> list[PacketArrival]:
-    """What was told of packets, once it is `enough` or nothing more comes."""
-    told: list[PacketArrival] = []
-    deadline = time.monotonic() + 20
-    empty = 0
-    while time.monotonic() < deadline and len(told) < enough() and empty < EMPTY_LOOKS:
-        told += (more := joined.received.take_arrivals())
-        empty = 0 if more or not told else empty + 1
-        time.sleep(LOOK_S)
-    return told
-
-
 def told_of(link: LossyLink, frames: int, repaired: bool = False) -> list[PacketArrival]:
     """All that was told of `frames` frames, once nothing more comes."""
     rule = PATIENT if repaired else UNREPAIRED
     with stream(link, rule, kbps=6000.0, feedback=True) as joined:
         joined.push(range(frames))
-        return arrivals(joined, lambda: len(link.rtp))
+        return joined.arrivals(lambda: len(link.rtp))
 
 
 def lost_in(lost: set[int]) -> Keep:
@@ -131,23 +117,22 @@ def test_when_feedback_is_cut_arrivals_stop_and_the_stream_goes_on():
         assert joined.wait_until(lambda: len(joined.shown) >= 15)
         until(lambda: joined.received.newest_sent_ns > 0, "feedback")
         cut = True
-        assert arrivals(joined, lambda: math.inf)  # also what was under way
+        assert joined.arrivals(lambda: math.inf)  # also what was under way
         joined.push(range(20, 60))  # raises if either end has failed
         assert joined.received.take_arrivals() == []
         cut = False
         joined.push(range(60, 80))
-        assert len(arrivals(joined, lambda: 15)) >= 15
+        assert len(joined.arrivals(lambda: 15)) >= 15
 
 
 def test_receivers_report_losses_and_the_round_trip_without_any_change_of_the_packets():
     link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 3, delay_s=0.02)
     with stream(link, UNREPAIRED, kbps=4000.0) as joined:
-        joined.push(range(60))
-        deadline = time.monotonic() + 20
-        reception = None
-        while reception is None or reception.fraction_lost == 0.0:  # the first is of few packets
-            assert time.monotonic() < deadline, "no report of a loss"
-            time.sleep(LOOK_S)
+        reception, first = None, 0
+        # the first is of few packets, and may come before a report of the sender
+        while reception is None or not (reception.fraction_lost and reception.round_trip_ns):
+            assert first < 1200, "no report of a loss"
+            joined.push(range(first, first := first + 20))
             reception = joined.received.take_reception() or reception
         assert joined.received.take_arrivals() == []
     assert reception.fraction_lost < 0.5

@@ -65,11 +65,6 @@ class VideolessTrial(Listener):
             self._events.do_next()
         self._robot.stop()
 
-    @property
-    def succeeded(self) -> bool:
-        """Whether the block was placed by the trial's rules; once `perform` is over."""
-        return bool(self._trial.outcome("").success)
-
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
         arming = ArmingObserver(signals, _ignore, lambda: SIMULATED, arm_at_once=False)

@@ -82,7 +82,6 @@ class VideoSender:
         self._may_resend = partial(uplink.may_resend, config.mtu_bytes)
         self._pacer = uplink.pacer
         self._unpaced_until_ns = 0
-        self._listener: PacketFeedback | ReceptionReports | None = None
         self.sent = self._frames.sent
         self._failure = ""
         self._pipeline: Any = None
@@ -128,9 +127,11 @@ class VideoSender:
         ssrc = media_ssrc(self._config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         if self._received is not None and self._feedback:
-            self._listener = PacketFeedback(session, self._received, self._clock, self._may_resend)
+            self._listener: object = PacketFeedback(
+                session, self._received, self._clock, self._may_resend, self._frames.fail
+            )
         elif self._received is not None:
-            self._listener = ReceptionReports(session, self._received)
+            self._listener = ReceptionReports(session, self._received, self._frames.fail)
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
             self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
@@ -178,8 +179,6 @@ class VideoSender:
         """Look after the sender; its failure in one sentence, "" while it works."""
         if not self._failure and self._pipeline is not None:
             reason = self._frames.failure or gst.poll_bus(self._pipeline)
-            if self._listener is not None:
-                reason = reason or self._listener.failure
             if reason:
                 self._failure = f"the sender of view {self.view} failed: {reason}"
         return self._failure

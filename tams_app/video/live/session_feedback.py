@@ -21,17 +21,15 @@ _TRANSPORT_FEEDBACK = (205, 15)  # packet type and format
 
 
 class ReceptionReports:
-    """Hands the report blocks that come to `received`; `failure`: "" while all is well."""
+    """Hands the report blocks that come to `received`; `fail` gets the reason of a failure."""
 
-    def __init__(self, session: Any, received: ReceivedFeedback) -> None:
-        self.failure = ""
+    def __init__(
+        self, session: Any, received: ReceivedFeedback, fail: Callable[[str], None]
+    ) -> None:
         self._received = received
         kinds = gst.load().Gst.PadProbeType
         entrance = session.get_static_pad("recv_rtcp_sink")
-        gst.add_probe(entrance, kinds.BUFFER, self._on_rtcp, self._fail)
-
-    def _fail(self, reason: str) -> None:
-        self.failure = reason
+        gst.add_probe(entrance, kinds.BUFFER, self._on_rtcp, fail)
 
     def _on_rtcp(self, pad: Any, probe: Any) -> Any:
         buffer = probe.get_buffer()
@@ -42,7 +40,7 @@ class ReceptionReports:
 
 
 class PacketFeedback:
-    """Hands to `received` what is reported of each packet; `failure`: "" while all is well.
+    """Hands to `received` what is reported of each packet; `fail` gets the reason of a failure.
 
     The session reports which packets a message is about, when they left and how large they were.
     When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
@@ -54,10 +52,10 @@ class PacketFeedback:
         session: Any,
         received: ReceivedFeedback,
         clock: Clock,
-        may_resend: Callable[[], bool] = lambda: True,
+        may_resend: Callable[[], bool],
+        fail: Callable[[str], None],
     ) -> None:
-        self.failure = ""
-        self._may_resend = may_resend
+        self._may_resend, self._fail = may_resend, fail
         self._received = received
         self._clock = clock
         self._arrived_ns: dict[int, int] = {}
@@ -65,10 +63,7 @@ class PacketFeedback:
         internal.connect("on-feedback-rtcp", self._on_feedback)
         kinds = gst.load().Gst.PadProbeType
         entrance = session.get_static_pad("send_rtp_sink")
-        gst.add_probe(entrance, kinds.EVENT_UPSTREAM, self._on_event, self._fail)
-
-    def _fail(self, reason: str) -> None:
-        self.failure = reason
+        gst.add_probe(entrance, kinds.EVENT_UPSTREAM, self._on_event, fail)
 
     def _on_feedback(self, _: Any, kind: int, form: int, *about: Any) -> None:
         try:
@@ -77,7 +72,7 @@ class PacketFeedback:
                 content = b"" if message is None else message.extract_dup(0, message.get_size())
                 self._arrived_ns = read_arrivals(content)
         except Exception as error:  # noqa: BLE001 - the shell notifies the owner
-            self.failure = repr(error)
+            self._fail(repr(error))
 
     def _on_event(self, pad: Any, probe: Any) -> Any:
         structure = probe.get_event().get_structure()

@@ -95,28 +95,24 @@ def assert_grid_goes_on(before: Frame, after: Frame) -> None:
     assert after.index - before.index == pytest.approx(periods, abs=1.6)
 
 
-def test_a_camera_whose_frames_end_is_opened_again_and_its_grid_goes_on(make: Make) -> None:
-    source = PlayedSource(MOVING.replace("videotestsrc", "videotestsrc num-buffers=6"), MOVING)
-    camera, notes = make(source)
+@pytest.mark.parametrize(
+    ("chain", "reason"),
+    [
+        (MOVING.replace("videotestsrc", "videotestsrc num-buffers=6"), "its frames ended"),
+        (f"{MOVING} ! identity error-after=6", "identity"),
+    ],
+)
+def test_a_camera_that_ends_or_fails_gives_its_reason_is_opened_again_and_its_grid_goes_on(
+    make: Make, chain: str, reason: str
+) -> None:
+    camera, notes = make(PlayedSource(chain, MOVING))
     camera.start()
     before = until_trouble(camera)
-    assert notes == [
-        ("warning", "camera eih (played camera) failed: its frames ended"),
-    ]
-    after = next_of(camera)
-    assert_grid_goes_on(before, after)
+    assert notes[0][1].startswith(f"camera eih (played camera) failed: {reason}")
+    assert_grid_goes_on(before, next_of(camera))
     assert [level for level, _ in notes] == ["warning", "info"]
     assert notes[1][1].startswith("camera eih delivers again, after ")
     assert camera.trouble == ""
-
-
-def test_a_camera_that_fails_gives_its_reason_and_is_opened_again(make: Make) -> None:
-    source = PlayedSource(f"{MOVING} ! identity error-after=6", MOVING)
-    camera, notes = make(source)
-    camera.start()
-    before = until_trouble(camera)
-    assert "failed: identity" in notes[0][1]
-    assert_grid_goes_on(before, next_of(camera))
 
 
 def test_a_camera_that_falls_silent_is_opened_again(make: Make) -> None:

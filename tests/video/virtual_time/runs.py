@@ -15,6 +15,7 @@ from typing import Any
 from tams_app.config import Network, VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, Frame, PacketRecord, ShownFrame
 from tams_app.units import NS_PER_S
+from tams_app.video.core.concealment import concealed_frames
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
@@ -23,7 +24,7 @@ from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.shared import ProcessingTimes, VideoRecords
 from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
-from tests.video.streams import decoded_checksums, jitter_counts
+from tests.video.streams import checksum, decoded_checksums, jitter_counts
 
 START_NS = NS_PER_S
 CLEAN = Network(latency_ms=20)
@@ -75,6 +76,19 @@ class Run:
         """Checksum of each frame where nothing is lost, by index."""
         return decoded_checksums(self.encoded)
 
+    @property
+    def exact(self) -> set[int]:
+        """The frames that were shown as they look where nothing is lost, by index."""
+        return {one.index for one in self.shown if checksum(one) == self.references[one.index]}
+
+    @property
+    def concealed(self) -> set[int]:
+        """Those that were shown and, by the fates of the packets, concealed."""
+        shown_ns = {one.index: one.shown_ns for one in self.shown}
+        keyframe_of = {one.index: one.keyframe for one in self.encoded}
+        index_of = {one.rtp_timestamp: one.index for one in self.encoded}
+        return concealed_frames(keyframe_of, self.packets, shown_ns, index_of) & shown_ns.keys()
+
     def digest(self) -> str:
         """One number for every packet, time and pixel."""
         sha = sha256(repr((self.packets, self.dropped, self.feedback, self.jitter)).encode())
@@ -124,14 +138,20 @@ def receivers_of(views: tuple[str, ...]) -> dict[str, ReceivedFeedback]:
     return {view: ReceivedFeedback(view, media_ssrc(config, view)) for view in views}
 
 
-def drive(video: VirtualVideo, views: tuple[str, ...], indices: range, fps: int = 30) -> None:
-    """Push frames at their times, then let a second pass."""
+def drive(
+    video: VirtualVideo,
+    views: tuple[str, ...],
+    indices: range,
+    begin_ns: int = START_NS,
+    after_ns: int = NS_PER_S,
+) -> None:
+    """Push frames at their times, 30 a second, then let some time pass."""
     for index in indices:
-        video.advance_to(START_NS + index * NS_PER_S // fps)
+        video.advance_to(begin_ns + index * NS_PER_S // 30)
         for place, view in enumerate(views):
             image = frame(index + 40 * place).image
             video.push(Frame(view, index, video.now_ns, image))
-    video.advance_to(video.now_ns + NS_PER_S)
+    video.advance_to(video.now_ns + after_ns)
 
 
 def run_whole(
