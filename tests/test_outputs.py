@@ -196,7 +196,6 @@ def test_results_are_written_in_one_place_only() -> None:
     own = {
         "hw/openvr/bindings.py",  # of the running session
         "tams_app/faces/window/size_memory.py",  # the user's own settings
-        "tams_app/export/lerobot/dataset.py",  # a new folder
     }
     writes = re.compile(
         r"\.(write_text|write_bytes|to_csv|savefig|to_parquet)\((?!file\b|buffer\b)"

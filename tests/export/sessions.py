@@ -1,13 +1,18 @@
-"""Small sessions with an arm that moves and frames that can be known again."""
+"""Small sessions with an arm that moves and frames that can be known again; and their datasets."""
 
 from __future__ import annotations
 
+import json
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import pyarrow.parquet as pq
+import pytest
 from mcap.reader import SeekingReader
 
 from tams_app.config import load_config
@@ -16,7 +21,7 @@ from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Episode, Outcome, Phase, Pose, Tick, Twist
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.calibration.weights_session import VIDEO, encoded
+from tests.calibration.weights_session import VIDEO, encoded, image_of, seen
 from tests.synthetic_session import FPS, START_NS, VIEWS, header, tick
 
 SECONDS = 1.5
@@ -97,12 +102,62 @@ def capture_ns(view: str, index: int) -> int:
     return START_NS + FIRST_CAPTURE_NS[view] + index * NS_PER_S // FPS
 
 
-def shown_at(view: str, instant_ns: int) -> int:
-    """The index of the newest frame captured by then."""
-    return max(index for index in range(64) if capture_ns(view, index) <= instant_ns)
+TICKS = [moving_tick(number) for number in range(4 * 120)]
+CAPTURES_NS = {view: [capture_ns(view, index) for index in range(64)] for view in VIEWS}
 
 
-START_OF_GRID_NS = max(capture_ns(view, 0) for view in VIEWS)
+class Dataset:
+    """An exported dataset in the folder `root`, as its files are."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.info: dict[str, Any] = json.loads((root / "meta/info.json").read_text())
+        self.rows = self._table(self.info["data_path"])
+        self.episodes = self._table(
+            "meta/episodes/chunk-{chunk_index:03}/file-{file_index:03}.parquet"
+        )
+
+    def video(self, view: str, episode: dict[str, Any]) -> Path:
+        key = f"observation.images.{view}"
+        numbers = {name: episode[f"videos/{key}/{name}"] for name in ("chunk_index", "file_index")}
+        return self.root / self.info["video_path"].format(video_key=key, **numbers)
+
+    def instants_ns(self, episode: dict[str, Any]) -> list[int]:
+        """Of its rows, in the session's time."""
+        start_ns = episode["started_wall_ns"] - head().wall_offset_ns
+        return [start_ns + k * NS_PER_S // FPS for k in range(episode["length"])]
+
+    def check(self) -> None:
+        """Each row has the newest tick, and of each view the newest frame, of its instant."""
+        assert len(self.rows) == self.info["total_frames"]
+        for episode in self.episodes:
+            instants = self.instants_ns(episode)
+            first, end = episode["dataset_from_index"], episode["dataset_to_index"]
+            for row, instant_ns in zip(self.rows[first:end], instants, strict=True):
+                tick = TICKS[bisect_right(TICKS, instant_ns, key=lambda one: one.started_ns) - 1]
+                assert tick.arm is not None
+                rotation = np.array(tick.arm.tcp.rotation)
+                state, action = row["observation.state"], row["action"]
+                assert state[:9] == pytest.approx([*tick.arm.joints, *tick.arm.tcp.position])
+                assert abs(np.dot(state[9:13], rotation)) == pytest.approx(1)
+                assert state[13] == float(bool(tick.arm.gripper_closed))
+                assert action[:6] == pytest.approx([*tick.twist.linear, *tick.twist.angular])
+                assert row["phase"] == tick.phase.value
+                assert row["engaged"] == (tick.arming == "engaged")
+            for view in VIEWS:
+                video = cv2.VideoCapture(str(self.video(view, episode)))
+                assert video.get(cv2.CAP_PROP_FPS) == FPS
+                for k, instant_ns in enumerate(instants):
+                    image = video.read()[1]
+                    assert video.get(cv2.CAP_PROP_POS_MSEC) == pytest.approx(k * 1000 / FPS)
+                    wanted = bisect_right(CAPTURES_NS[view], instant_ns) - 1
+                    assert seen(image) == (view, wanted)
+                    assert cv2.PSNR(image, image_of(view, wanted)) > 30
+                assert not video.read()[0]
+
+    def _table(self, template: str) -> list[dict[str, Any]]:
+        path = self.root / template.format(chunk_index=0, file_index=0)
+        return pq.read_table(path).to_pylist()  # type: ignore[no-any-return]
 
 
 def damage(session: Path, at_s: float) -> None:

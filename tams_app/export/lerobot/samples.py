@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import Phase, Pose, Tick
+from tams_app.records import Phase, Tick
 from tams_app.teleop.safety import ArmingState
 
 STATE_NAMES = (
@@ -29,20 +28,6 @@ PHASES = tuple(Phase)
 _GRIPPER, _QUATERNION = -1, slice(-5, -1)  # in a state
 
 
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """Columns of equal length, a row for each instant of the grid.
-
-    state: (n, 14), as in `STATE_NAMES`; action: (n, 7), as in `ACTION_NAMES`.
-    phase: the place in `PHASES`; engaged: whether the operator moved the arm.
-    """
-
-    state: NDArray[np.float32]
-    action: NDArray[np.float32]
-    phase: NDArray[np.int64]
-    engaged: NDArray[np.bool_]
-
-
 class TickTable:
     """The ticks at which the arm had reported, as numbers: some 200 bytes each.
 
@@ -51,46 +36,39 @@ class TickTable:
 
     def __init__(self, ticks: Iterable[Tick]) -> None:
         times, values = array("q"), array("d")
-        width = len(STATE_NAMES) + len(ACTION_NAMES) + 2
         closed = False
         for tick in ticks:
             if tick.arm is None:
                 continue
             if tick.arm.gripper_closed is not None:  # not known: as it was last
                 closed = tick.arm.gripper_closed
-            gripper = float(closed)
             times.append(tick.started_ns)
-            values.extend(tick.arm.joints)
-            values.extend((*_numbers(tick.arm.tcp), gripper))
-            values.extend((*tick.twist.linear, *tick.twist.angular))
-            values.extend((gripper, PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
+            values.extend((*tick.arm.joints, *tick.arm.tcp.position, *tick.arm.tcp.rotation))
+            values.extend((closed, *tick.twist.linear, *tick.twist.angular, closed))
+            values.extend((PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
+        width = len(STATE_NAMES) + len(ACTION_NAMES) + 2
         self.times_ns = np.frombuffer(times, np.int64)
         self._values = np.frombuffer(values, np.float64).reshape(-1, width)
         self.engaged_ns = self.times_ns[self._values[:, -1] == 1]
 
-    def sample(self, grid_ns: NDArray[np.int64]) -> Samples:
-        """The newest tick's values at each instant, none of which is before the first tick.
+    def sample(self, grid_ns: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+        """Features of a dataset, a row for each instant of `grid_ns`: the newest tick's values.
 
-        The gripper of an action is what is commanded until the next instant.
+        None of the instants is before the first tick. The gripper of an action is what is commanded
+        until the next instant.
         """
         rows = self._values[np.searchsorted(self.times_ns, grid_ns, side="right") - 1]
         state, action = rows[:, : len(STATE_NAMES)], rows[:, len(STATE_NAMES) : -2]
         action[:-1, _GRIPPER] = state[1:, _GRIPPER]
         # a quaternion and its negative are the same rotation: no jump from one to the other
         turned = state[:, _QUATERNION]
-        turned[1:] *= np.cumprod(_signs(turned[1:], turned[:-1]), axis=0)
-        return Samples(
-            state.astype(np.float32),
-            action.astype(np.float32),
-            rows[:, -2].astype(np.int64),
-            rows[:, -1].astype(np.bool_),
-        )
-
-
-def _numbers(pose: Pose) -> tuple[Any, ...]:
-    return (*pose.position, *pose.rotation)
-
-
-def _signs(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
-    """-1 where two quaternions point away from each other, else 1; shape (n, 1)."""
-    return np.where(np.sum(first * second, axis=1, keepdims=True) < 0, -1.0, 1.0)
+        signs = np.where(np.sum(turned[1:] * turned[:-1], axis=1) < 0, -1.0, 1.0)
+        turned[1:] *= np.cumprod(signs)[:, np.newaxis]
+        phase = rows[:, -2].astype(np.int64)
+        return {
+            "observation.state": state.astype(np.float32),
+            "action": action.astype(np.float32),
+            "phase": np.array([one.value for one in PHASES])[phase],
+            "subtask_index": phase,
+            "engaged": rows[:, -1].astype(np.bool_),
+        }

@@ -14,13 +14,14 @@ import pytest
 from hw.gstreamer.camera import FrameSource, GstCamera
 from hw.gstreamer.capture import FileSource, PatternSource
 from tams_app import gst
+from tams_app.cli import _main
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError
-from tams_app.export.lerobot.mp4 import Mp4Writer
 from tams_app.records import Frame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tests.contract.camera_rigs import write_video
+from tests.export.sessions import moving_session
 from tests.hw.gstreamer.damaged_videos import JPEG, jpeg, number_of, write
 from tests.hw.v4l2.fake_cameras import jpegs
 
@@ -121,11 +122,10 @@ def test_what_the_installed_decoders_play_is_played(tmp_path: Path, name: str) -
 
 
 def test_what_the_export_writes_is_played(tmp_path: Path) -> None:
-    writer = Mp4Writer(tmp_path / "file-000.mp4", 160, 120, 30)
-    for number in range(30):
-        writer.write(np.full(160 * 120 * 3 // 2, 16 + 4 * number, np.uint8))
-    writer.close()
-    frames, notes = film(FileSource(str(tmp_path / "file-000.mp4"), SMALL), 20)
+    session = moving_session(tmp_path / "session")
+    assert _main(["export", str(session), "--format", "lerobot"]) == 0
+    (video,) = (session / "lerobot/videos/observation.images.gt").rglob("*.mp4")
+    frames, notes = film(FileSource(str(video), SMALL), 20)
     assert (len(frames), notes) == (20, [])
 
 
