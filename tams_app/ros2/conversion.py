@@ -28,25 +28,31 @@ from tams_app.records import (
     Tick,
 )
 from tams_app.ros2 import messages, topics
-from tams_app.ros2.diagnostics import arm_status, line_status
-from tams_app.telemetry.lines import Spoken, line_of
+from tams_app.telemetry.lines import Line, Spoken, line_of
 from tams_app.telemetry.messages import BASE
 from tams_app.telemetry.motion import MOTION_HZ, joint_angles
 from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, thing_frames
-from tams_app.teleop.hands import HAND_FACT, words_of
+from tams_app.teleop.advice import advice
+from tams_app.teleop.hands import HAND_FACT, HandWords, words_of
+from tams_app.teleop.safety import ArmingState
 
 BASE_LINK = "base_link"
 DIAGNOSTICS_HZ = 1.0
 # the columns of /tams/rates; in its last row, of all views, those of one view are NaN
-VIEW_RATES = (
+RATES = (
     *("target_kbps", "sent_kbps", "loss", "captured_fps", "shown_fps", "latency_ms"),
     *("live_ssim", "received_ssim", "task_live_ssim", "task_received_ssim"),
+    *("budget_kbps", "capacity_kbps", "estimate_kbps", "queue_ms"),
 )
-ALL_RATES = ("budget_kbps", "capacity_kbps", "estimate_kbps", "queue_ms")
-RATES = (*VIEW_RATES, *ALL_RATES)
 ALL_VIEWS = "all"
+OK, WARN, ERROR = 0, 1, 2  # diagnostic_msgs/msg/DiagnosticStatus
+ARM_NAME, LINE_NAME = "TAMS: arm", "TAMS: message"
+
+_ARMING_LEVELS = {ArmingState.HOLDING.value: WARN, ArmingState.FAULT.value: ERROR}
+_LINE_LEVELS = {"info": OK, "warning": WARN}
+_GRIPPER = {None: "unknown", False: "open", True: "closed"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +123,7 @@ class Conversion:
         due = self._diagnostics_pace.is_due(tick.started_ns)
         if due or current != self._published:
             self._published = current
-            yield self._diagnostics(wall_ns, arm_status(tick, self._hardware, self._hand))
+            yield self._diagnostics(wall_ns, _arm_status(tick, self._hardware, self._hand))
 
     def _on_arm(self, arm: ArmState) -> Iterator[Sent]:
         wall_ns = arm.received_ns + self._offset_ns
@@ -167,7 +173,7 @@ class Conversion:
 
     def _on_line(self, record: Spoken) -> Iterator[Sent]:
         line = line_of(record)
-        yield self._diagnostics(line.t_ns + self._offset_ns, line_status(line, self._hardware))
+        yield self._diagnostics(line.t_ns + self._offset_ns, _line_status(line, self._hardware))
 
     def _diagnostics(self, wall_ns: int, status: messages.DiagnosticStatus) -> Sent:
         header = _header(wall_ns, "")
@@ -216,3 +222,34 @@ def _number(rates: object, name: str) -> float:
     """NaN for what was not measured, or is not of one view."""
     value = getattr(rates, name, None)
     return nan if value is None else float(value)
+
+
+def _arm_status(tick: Tick, hardware: str, hand: HandWords) -> messages.DiagnosticStatus:
+    """A hold is a warning, a fault an error; the message says what the operator does about it."""
+    message = tick.arming
+    if tick.reason:
+        message += f", {advice(tick.reason, tick.lasting, hand)}"
+    gripper = None if tick.arm is None else tick.arm.gripper_closed
+    values = {
+        "arming": tick.arming,
+        "reason": tick.reason,
+        "phase": tick.phase.value,
+        "deadman": str(tick.deadman).lower(),
+        "orientation_mode": str(tick.orientation_mode).lower(),
+        "speed_scale": f"{tick.speed_scale:g}",
+        "gripper": _GRIPPER[gripper],
+    }
+    level = _ARMING_LEVELS.get(tick.arming, OK)
+    return messages.DiagnosticStatus(level, ARM_NAME, message, hardware, _pairs(values))
+
+
+def _line_status(line: Line, hardware: str) -> messages.DiagnosticStatus:
+    """A sentence that the operator reads, or a stop that was measured."""
+    level = _LINE_LEVELS.get(line.level, ERROR)
+    return messages.DiagnosticStatus(
+        level, LINE_NAME, line.text, hardware, _pairs({"kind": line.kind})
+    )
+
+
+def _pairs(values: dict[str, str]) -> list[messages.KeyValue]:
+    return [messages.KeyValue(key, value) for key, value in values.items()]

@@ -7,7 +7,7 @@ the annotations, and cannot read a sequence from text.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, TypeAlias
+from typing import Annotated, TypeAlias, TypeVar, dataclass_transform
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.annotations import final
@@ -19,9 +19,15 @@ Strings: TypeAlias = Annotated[Sequence[str], sequence(str)]
 Numbers: TypeAlias = Annotated[Sequence[float], sequence(float64)]
 Octets: TypeAlias = Annotated[Sequence[int], sequence(uint8)]  # `bytes` is one
 
+M = TypeVar("M", bound=type[IdlStruct])
 
-@dataclass
-@final
+
+@dataclass_transform()
+def _message(kind: M) -> M:
+    return dataclass(final(kind))  # type: ignore[return-value]
+
+
+@_message
 class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
     sec: int32
     nanosec: uint32
@@ -32,65 +38,56 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
         return Time(*divmod(wall_ns, NS_PER_S))
 
 
-@dataclass
-@final
+@_message
 class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
     stamp: Time
     frame_id: str
 
 
-@dataclass
-@final
+@_message
 class String(IdlStruct, typename="std_msgs::msg::dds_::String_"):
     data: str
 
 
-@dataclass
-@final
+@_message
 class Empty(IdlStruct, typename="std_msgs::msg::dds_::Empty_"):
     structure_needs_at_least_one_member: uint8 = 0  # so called by ROS, as DDS knows no empty type
 
 
-@dataclass
-@final
+@_message
 class MultiArrayDimension(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayDimension_"):
     label: str
     size: uint32
     stride: uint32
 
 
-@dataclass
-@final
+@_message
 class MultiArrayLayout(IdlStruct, typename="std_msgs::msg::dds_::MultiArrayLayout_"):
     dim: Annotated[Sequence[MultiArrayDimension], sequence(MultiArrayDimension)]
     data_offset: uint32
 
 
-@dataclass
-@final
+@_message
 class Float64MultiArray(IdlStruct, typename="std_msgs::msg::dds_::Float64MultiArray_"):
     layout: MultiArrayLayout
     data: Numbers
 
 
-@dataclass
-@final
+@_message
 class Point(IdlStruct, typename="geometry_msgs::msg::dds_::Point_"):
     x: float64
     y: float64
     z: float64
 
 
-@dataclass
-@final
+@_message
 class Vector3(IdlStruct, typename="geometry_msgs::msg::dds_::Vector3_"):
     x: float64
     y: float64
     z: float64
 
 
-@dataclass
-@final
+@_message
 class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
     x: float64
     y: float64
@@ -98,57 +95,49 @@ class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
     w: float64
 
 
-@dataclass
-@final
+@_message
 class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
     position: Point
     orientation: Quaternion
 
 
-@dataclass
-@final
+@_message
 class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
     header: Header
     pose: Pose
 
 
-@dataclass
-@final
+@_message
 class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
     linear: Vector3
     angular: Vector3
 
 
-@dataclass
-@final
+@_message
 class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
     header: Header
     twist: Twist
 
 
-@dataclass
-@final
+@_message
 class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
     translation: Vector3
     rotation: Quaternion
 
 
-@dataclass
-@final
+@_message
 class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
     header: Header
     child_frame_id: str
     transform: Transform
 
 
-@dataclass
-@final
+@_message
 class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
     transforms: Annotated[Sequence[TransformStamped], sequence(TransformStamped)]
 
 
-@dataclass
-@final
+@_message
 class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
     header: Header
     name: Strings
@@ -157,15 +146,13 @@ class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
     effort: Numbers
 
 
-@dataclass
-@final
+@_message
 class KeyValue(IdlStruct, typename="diagnostic_msgs::msg::dds_::KeyValue_"):
     key: str
     value: str
 
 
-@dataclass
-@final
+@_message
 class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticStatus_"):
     level: byte
     name: str
@@ -174,15 +161,13 @@ class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::Diagnost
     values: Annotated[Sequence[KeyValue], sequence(KeyValue)]
 
 
-@dataclass
-@final
+@_message
 class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
     header: Header
     status: Annotated[Sequence[DiagnosticStatus], sequence(DiagnosticStatus)]
 
 
-@dataclass
-@final
+@_message
 class CompressedVideo(IdlStruct, typename="foxglove_msgs::msg::dds_::CompressedVideo_"):
     timestamp: Time
     frame_id: str

@@ -1,4 +1,4 @@
-"""The command that exports as LeRobot's dataset."""
+"""The command that exports."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ Export: TypeAlias = Callable[..., tuple[int, str, str]]
 def export(capsys: pytest.CaptureFixture[str]) -> Export:
     """Exit code, output and errors of the command."""
 
-    def run(*arguments: object) -> tuple[int, str, str]:
-        code = _main(["export", *map(str, arguments), "--format", "lerobot"])
+    def run(*arguments: object, kind: str = "lerobot") -> tuple[int, str, str]:
+        code = _main(["export", *map(str, arguments), "--format", kind])
         return code, *capsys.readouterr()
 
     return run

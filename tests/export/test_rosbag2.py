@@ -14,7 +14,6 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
-from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.export.rosbag2 import write_bag
 from tams_app.recording import LOG_NAME, SessionLog, read_log
@@ -24,6 +23,7 @@ from tams_app.ros2.conversion import DIAGNOSTICS_HZ
 from tams_app.ros2.topics import published
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import scene_of_header, viewers_of
+from tests.export.conftest import Export
 from tests.ros2.records import full_header, truth
 from tests.synthetic_session import START_NS, VIEWS, live_records
 
@@ -153,40 +153,33 @@ def test_the_pose_and_the_bitstream_are_the_log_s(session: Path, bag: Path) -> N
     assert all(len(video.data) == VIDEO_BYTES and video.format == "h264" for video in videos)
 
 
-def test_things_of_the_rig_have_their_frames(bag: Path) -> None:
-    children = {
-        one.child_frame_id for _, message in messages(bag, "/tf") for one in message.transforms
-    }
-    assert {"tcp", "link6", "block", "container"} <= children
-
-
-def test_what_is_there_is_not_overwritten(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_wrong_use_and_what_is_missing_is_one_sentence_and_leaves_no_bag(
+    session: Path, tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    def refused(*arguments: object, kind: str = "rosbag2") -> tuple[int, str]:
+        code, _, error = export(*arguments, kind=kind)
+        assert len(error.splitlines()) == 1
+        return code, error
+
     (tmp_path / session.name).mkdir()
     (tmp_path / session.name / "notes.txt").write_text("mine")
-    assert _main(["export", str(session), "--format", "rosbag2", "--out", str(tmp_path)]) == 2
-    assert f"{tmp_path / session.name}: is there already" in capsys.readouterr().err
+    code, error = refused(session, "--out", tmp_path)
+    assert (code, f"{tmp_path / session.name}: is there already" in error) == (2, True)
     assert (tmp_path / session.name / "notes.txt").read_text() == "mine"
-
-
-def test_where_no_folder_can_be_made_it_is_one_sentence(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "file").write_text("no folder")
-    assert _main(["export", str(session), "--format", "rosbag2", "--out", f"{tmp_path}/file"]) == 1
-    err = capsys.readouterr().err
-    assert "cannot be written" in err
-    assert len(err.splitlines()) == 1
-
-
-def test_what_is_no_log_leaves_no_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    folder = tmp_path / "session"
-    folder.mkdir()
-    (folder / LOG_NAME).write_bytes(b"something else")
-    assert _main(["export", str(folder), "--format", "rosbag2"]) == 2
-    assert "is not a TAMS session log" in capsys.readouterr().err
-    assert [one.name for one in folder.iterdir()] == [LOG_NAME]
+    code, error = refused(session, "--out", tmp_path / session.name / "notes.txt")
+    assert (code, "cannot be written" in error) == (1, True)
+    other = tmp_path / "other"
+    other.mkdir()
+    (other / LOG_NAME).write_bytes(b"something else")
+    code, error = refused(other)
+    assert (code, "is not a TAMS session log" in error) == (2, True)
+    assert [one.name for one in other.iterdir()] == [LOG_NAME]
+    code, error = refused(session, kind="rosbag1")
+    assert (code, "'rosbag1' is not one of rosbag2" in error) == (2, True)
+    monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
+    code, error = refused(session)
+    needs = "--format rosbag2 needs cyclonedds and rosbags: pip install 'tams[ros2]'"
+    assert (code, needs in error) == (1, True)
 
 
 def test_of_a_log_that_was_cut_off_the_bag_has_what_can_be_read(
@@ -204,30 +197,15 @@ def test_of_a_log_that_was_cut_off_the_bag_has_what_can_be_read(
 
 
 def test_several_sessions_are_a_bag_each_and_beside_their_logs_without_a_place(
-    session: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    session: Path, tmp_path: Path, export: Export
 ) -> None:
-    folders = []
-    for name in ("one", "two"):
-        folders.append(tmp_path / name)
-        folders[-1].mkdir()
-        (folders[-1] / LOG_NAME).write_bytes((session / LOG_NAME).read_bytes())
-    assert _main(["export", *map(str, folders), "--format", "rosbag2"]) == 0
-    out = capsys.readouterr().out.splitlines()
-    assert [line.split(":")[0] for line in out] == [str(one / "rosbag2") for one in folders]
+    folders = [tmp_path / "one", tmp_path / "two"]
+    for folder in folders:
+        folder.mkdir()
+        (folder / LOG_NAME).write_bytes((session / LOG_NAME).read_bytes())
+    code, out, _ = export(*folders, kind="rosbag2")
+    assert code == 0
+    assert [line.split(":")[0] for line in out.splitlines()] == [
+        f"{one}/rosbag2" for one in folders
+    ]
     assert all((one / "rosbag2" / "metadata.yaml").exists() for one in folders)
-
-
-def test_a_format_that_there_is_not_is_told_with_those_that_there_are(
-    session: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert _main(["export", str(session), "--format", "rosbag1"]) == 2
-    assert "'rosbag1' is not one of rosbag2" in capsys.readouterr().err
-
-
-def test_without_the_extra_it_is_said_what_to_install(
-    session: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
-    assert _main(["export", str(session), "--format", "rosbag2"]) == 1
-    err = capsys.readouterr().err
-    assert "--format rosbag2 needs cyclonedds and rosbags: make extras" in err

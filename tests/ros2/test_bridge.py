@@ -37,7 +37,6 @@ from tams_app.ros2.types import type_hash
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.recorders import Recorders
 from tams_app.session.ros2_bridge import Ros2Bridge
-from tams_app.session.viewing import check_viewers
 from tams_app.units import NS_PER_S
 from tests.ros2.dds import BEST_EFFORT, LOOPBACK, RELIABLE, Node, free_domain, until
 from tests.ros2.records import T_NS, frame, full_header, one_of_each
@@ -278,13 +277,6 @@ def test_without_dds_it_is_one_sentence(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK.replace('"lo"', '"nosuch0"'))
     with pytest.raises(SetupError, match=r"ROS 2 cannot be reached in domain 7 .*CYCLONEDDS_URI"):
         Ros2Bridge(7, full_header(), MonotonicClock(), tmp_path)
-
-
-def test_without_the_extra_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
-    with pytest.raises(SetupError, match="--ros2 needs cyclonedds and rosbags: make extras"):
-        check_viewers(load_config(None, {"recording.ros2": 0}))
-    check_viewers(load_config())
 
 
 def test_the_application_itself_loads_no_dds() -> None:
