@@ -1,8 +1,8 @@
 # make run | test | verify | newest | trixie | matrix | explore | check | bench | docs | mutate | fuzz |
-# setup | extras | lock
+# lerobot | setup | extras | lock
 .DEFAULT_GOAL := run
 .PHONY: run test verify newest trixie matrix explore check bench docs lock mutate fuzz setup extras installed
-.PHONY: untimed short-session
+.PHONY: untimed short-session lerobot
 
 # The virtual environment, and the Python that it is made with: by default the oldest supported one.
 ENV := .venv
@@ -122,6 +122,20 @@ $(FUZZER)/.ready: $(EXTRAS)
 	$(FUZZER)/bin/python -m pip install --quiet --disable-pip-version-check 'atheris>=3,<4'
 	$(PY) -c 'import sysconfig; print(sysconfig.get_path("purelib"))' > \
 		"$$($(FUZZER)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))')/tams.pth"
+	touch $@
+
+# Every row of an exported dataset (DATASET=FOLDER) by LeRobot's own reader, whose environment takes 5 GB.
+READER := .venv/lerobot
+READ := import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset; \
+	data = LeRobotDataset("local/tams", root=sys.argv[1]); \
+	print(len([data[row] for row in range(len(data))]), "rows of", data.num_episodes, "episodes read")
+
+lerobot: $(READER)/.ready
+	HF_HUB_OFFLINE=1 $(READER)/bin/python -c '$(READ)' $(DATASET)
+
+$(READER)/.ready: $(READY)
+	python=$$(tests/newest_python.sh) && $$python -m venv $(READER)
+	$(READER)/bin/python -m pip install --quiet --disable-pip-version-check 'lerobot[dataset]==0.6.*'
 	touch $@
 
 bench: $(EXTRAS)

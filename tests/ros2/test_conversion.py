@@ -47,26 +47,27 @@ def pose_of(transform: Any) -> Pose:
     return Pose(np.array([at.x, at.y, at.z]), Rotation(turn.x, turn.y, turn.z, turn.w))
 
 
-def test_the_reported_tcp_is_a_pose_in_the_base_at_the_time_of_its_report(
+def test_a_tick_is_the_command_and_the_arm_s_report_each_at_its_time(
     conversion: Conversion,
 ) -> None:
-    one = tick(5)
+    one = replace(tick(5), twist=Twist((0.1, -0.2, 0.3), (0.4, 0.5, -0.6)))
     assert one.arm is not None
-    message = only(conversion.of(one), topics.TCP_POSE)
-    assert message.header.frame_id == "base_link"
-    assert wall_ns(message.header.stamp) == one.arm.received_ns + OFFSET_NS
-    at, turn = message.pose.position, message.pose.orientation
+    sent = list(conversion.of(one))
+    pose, joints, twist = (
+        only(sent, topic) for topic in (topics.TCP_POSE, topics.JOINTS, topics.TWIST)
+    )
+    for message, t_ns in ((pose, one.arm.received_ns), (twist, one.started_ns)):
+        assert message.header.frame_id == "base_link"
+        assert wall_ns(message.header.stamp) == t_ns + OFFSET_NS
+    at, turn = pose.pose.position, pose.pose.orientation
     assert (at.x, at.y, at.z) == tuple(one.arm.tcp.position)
     assert (turn.x, turn.y, turn.z, turn.w) == tuple(one.arm.tcp.rotation)
-
-
-def test_joints_have_their_names_and_reported_angles(conversion: Conversion) -> None:
-    one = tick(5)
-    assert one.arm is not None
-    message = only(conversion.of(one), topics.JOINTS)
-    assert message.name == [f"joint{number}" for number in range(1, 7)]
-    assert message.position == one.arm.joints.tolist()
-    assert (message.velocity, message.effort) == ([], [])
+    assert joints.name == [f"joint{number}" for number in range(1, 7)]
+    assert joints.position == one.arm.joints.tolist()
+    assert (joints.velocity, joints.effort) == ([], [])
+    linear, angular = twist.twist.linear, twist.twist.angular
+    assert (linear.x, linear.y, linear.z) == (0.1, -0.2, 0.3)
+    assert (angular.x, angular.y, angular.z) == (0.4, 0.5, -0.6)
 
 
 def test_a_report_is_sent_once_and_the_command_in_every_tick(conversion: Conversion) -> None:
@@ -75,16 +76,6 @@ def test_a_report_is_sent_once_and_the_command_in_every_tick(conversion: Convers
     first, second = ([sent.topic for sent in conversion.of(each)] for each in (one, again))
     assert topics.TCP_POSE in first
     assert second == [topics.TWIST]
-
-
-def test_the_twist_is_as_it_was_sent(conversion: Conversion) -> None:
-    one = replace(tick(5), twist=Twist((0.1, -0.2, 0.3), (0.4, 0.5, -0.6)))
-    message = only(conversion.of(one), topics.TWIST)
-    assert message.header.frame_id == "base_link"
-    assert wall_ns(message.header.stamp) == one.started_ns + OFFSET_NS
-    linear, angular = message.twist.linear, message.twist.angular
-    assert (linear.x, linear.y, linear.z) == (0.1, -0.2, 0.3)
-    assert (angular.x, angular.y, angular.z) == (0.4, 0.5, -0.6)
 
 
 def test_without_an_arm_there_is_no_pose(conversion: Conversion) -> None:
