@@ -24,7 +24,6 @@ _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
 )
 _INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to go back to it.\n"
-_ASK = "Write it?"
 
 Draw = Callable[[Path], None]  # the figure of a calibration, to a file
 
@@ -199,7 +198,9 @@ class CalibrationSet:
                 "--accept-unfounded"
             )
         try:
-            wanted = yes or ui.yes(f"{unfounded}. Write it all the same?" if unfounded else _ASK)
+            wanted = yes or ui.yes(
+                f"{unfounded}. Write it all the same?" if unfounded else "Write it?"
+            )
         except (KeyboardInterrupt, TamsError):
             self.keep(ui, calibration, draw)
             raise

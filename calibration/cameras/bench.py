@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Protocol, TypeAlias
 
@@ -17,14 +16,6 @@ _CHUNK_S = 0.5
 
 Arm: TypeAlias = Callable[[], Vector | None]
 """Tells the arm's newest joints [rad], shape (6,); None: nothing was heard of it lately."""
-
-
-@dataclass(frozen=True, slots=True)
-class Shot:
-    """A frame of the camera called `camera`."""
-
-    camera: str
-    frame: Frame
 
 
 class Task(Enum):
@@ -72,8 +63,11 @@ class Bench(Protocol):
     def done(self) -> bool:
         """Whether a simulated person has finished what was asked last."""
 
-    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
-        """The frames of some cameras as they come for so long; each `every`-th only."""
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Frame]:
+        """The frames of some cameras as they come for so long; each `every`-th only.
+
+        The view of a frame is here the camera, as people call it.
+        """
 
     def screen(self) -> AbstractContextManager[Flashes]:
         """Let a screen flash; SetupError where there is no display."""
@@ -87,7 +81,7 @@ class Bench(Protocol):
 
 def until_done(
     ui: WizardUI, bench: Bench, cameras: Sequence[str], most_s: float, every: int = 1
-) -> Iterator[Shot]:
+) -> Iterator[Frame]:
     """Frames until Enter is pressed, a simulated person has finished, or `most_s` are over."""
     for _ in range(round(most_s / _CHUNK_S)):
         yield from bench.shots(cameras, _CHUNK_S, every)

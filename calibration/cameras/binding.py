@@ -141,8 +141,8 @@ def _at_rest(ui: WizardUI, bench: Bench) -> dict[str, MotionMeter]:
             pass  # what moves now is not at rest yet
     ui.print(f"Keep out and let everything rest for {_REST_S:g} s.")
     meters = {camera: MotionMeter() for camera in bench.cameras}
-    for shot in bench.shots(bench.cameras, _REST_S):
-        meters[shot.camera].rest(shot.frame.image)
+    for frame in bench.shots(bench.cameras, _REST_S):
+        meters[frame.view].rest(frame.image)
     return meters
 
 
@@ -168,8 +168,8 @@ def _watch(
     moved: dict[str, deque[float]] = {name: deque(maxlen=length) for name in bench.cameras}
     found = attribute(moved, taken)
     for _ in range(round(_WAITING_S / _STEP_S)):
-        for shot in bench.shots(bench.cameras, _STEP_S):
-            moved[shot.camera].append(meters[shot.camera].moved(shot.frame.image))
+        for frame in bench.shots(bench.cameras, _STEP_S):
+            moved[frame.view].append(meters[frame.view].moved(frame.image))
         found = attribute({name: list(seen) for name, seen in moved.items()}, taken)
         ui.show(_bars(found.shares, taken))
         if found.camera:

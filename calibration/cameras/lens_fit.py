@@ -52,11 +52,11 @@ def fit_lens(views: Sequence[BoardView], width: int, height: int) -> LensFit:
     if len(views) < FEWEST_VIEWS:
         raise NoLensError(f"{len(views)} views of the board, {FEWEST_VIEWS} are needed")
     size = width, height
-    errors = [_held_out_px(views, size, flags) for flags in _MODELS]
-    chosen = 0
-    for number in range(1, len(_MODELS)):
-        if errors[number] < _CLEARLY * errors[chosen]:
-            chosen = number
+    errors = {flags: _held_out_px(views, size, flags) for flags in _MODELS}
+    chosen = _MODELS[0]
+    for flags in _MODELS:
+        if errors[flags] < _CLEARLY * errors[chosen]:
+            chosen = flags
     error_px = errors[chosen]
     worst_px = _WORST_PX * max(1.0, width / _ACCURACY_PX)
     if not error_px <= worst_px:
@@ -64,31 +64,27 @@ def fit_lens(views: Sequence[BoardView], width: int, height: int) -> LensFit:
             f"corners are {error_px:.1f} px from where the lens has them ({worst_px:.1f} are the "
             "most): is the board flat, the picture sharp, the focus fixed?"
         )
-    found = _calibrated(views, size, _MODELS[chosen])
-    if found.tilt_deg < _LEAST_TILT_DEG or found.focal_error > _WORST_FOCAL:
+    lens, focal_error, tilt_deg = _calibrated(views, size, chosen)
+    if tilt_deg < _LEAST_TILT_DEG or focal_error > _WORST_FOCAL:
         raise NoLensError(
-            f"the views are too similar (tilted by {found.tilt_deg:.0f}° rms, the focal length "
-            f"known to {found.focal_error:.1%}): tilt the board, to all sides and by some 30°"
+            f"the views are too similar (tilted by {tilt_deg:.0f}° rms, the focal length "
+            f"known to {focal_error:.1%}): tilt the board, to all sides and by some 30°"
         )
-    if not found.lens.is_invertible:
+    if not lens.is_invertible:
         corners = np.concatenate([view.pixels for view in views])
         raise NoLensError(
             "it bends as a fisheye lens does, which the model cannot describe: take another lens"
-            if found.lens.turns_back_at(corners, _NEARLY)
+            if lens.turns_back_at(corners, _NEARLY)
             else "the picture's outermost parts are not known, for no corner of the board was seen "
             "there: show the board farther out, into the corners of the picture"
         )
-    return LensFit(found.lens, error_px, found.focal_error, len(views))
+    return LensFit(lens, error_px, focal_error, len(views))
 
 
-@dataclass(frozen=True, slots=True)
-class _Calibrated:
-    lens: Lens
-    focal_error: float
-    tilt_deg: float  # of the board from its mean direction, rms
-
-
-def _calibrated(views: Sequence[BoardView], size: tuple[int, int], flags: int) -> _Calibrated:
+def _calibrated(
+    views: Sequence[BoardView], size: tuple[int, int], flags: int
+) -> tuple[Lens, float, float]:
+    """The lens, its focal error, and the board's tilt from its mean direction [degrees], rms."""
     _, matrix, distortion, turns, _, deviations, _, _ = cv2.calibrateCameraExtended(
         [view.points.astype(np.float32) for view in views],
         [view.pixels.astype(np.float32) for view in views],
@@ -110,7 +106,7 @@ def _calibrated(views: Sequence[BoardView], size: tuple[int, int], flags: int) -
     mean = normals.mean(axis=0)
     cosines = np.clip(normals @ (mean / np.linalg.norm(mean)), -1.0, 1.0)
     tilt_deg = float(np.degrees(np.sqrt((np.arccos(cosines) ** 2).mean())))
-    return _Calibrated(lens, float(shares.max()), tilt_deg)
+    return lens, float(shares.max()), tilt_deg
 
 
 def _held_out_px(views: Sequence[BoardView], size: tuple[int, int], flags: int) -> float:
@@ -121,7 +117,7 @@ def _held_out_px(views: Sequence[BoardView], size: tuple[int, int], flags: int) 
     squares, free = 0.0, 0
     for fold in range(_FOLDS):
         kept = [view for number, view in enumerate(views) if number % _FOLDS != fold]
-        lens = _calibrated(kept, size, flags).lens
+        lens, *_ = _calibrated(kept, size, flags)
         for view in views[fold::_FOLDS]:
             squares += float((residuals(view, lens) ** 2).sum())
             free += 2 * len(view.ids) - _FREE_OF_A_POSE

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Shot, Task
+from calibration.cameras.bench import Arm, Task
 from calibration.cameras.flashes import Flashes, flashing_window
 from hw.arm_report import ReportWatch
 from hw.arms import arm_kind
@@ -18,7 +18,7 @@ from hw.v4l2.devices import CameraInfo, choose_camera, choose_mode, list_cameras
 from hw.v4l2.source import V4l2Source
 from tams_app.config import ArmConfig, CameraConfig, VideoConfig
 from tams_app.errors import DeviceError
-from tams_app.records import Vector
+from tams_app.records import Frame, Vector
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -93,7 +93,7 @@ class LiveBench:
     def prompt(self, task: Task, view: str) -> None:
         """A person has read it."""
 
-    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Frame]:
         end_ns = self._clock.now_ns() + round(seconds * NS_PER_S)
         while self._clock.now_ns() < end_ns:
             idle = True
@@ -102,7 +102,7 @@ class LiveBench:
                 if frame is not None:
                     idle = False
                     if frame.index % every == 0:
-                        yield Shot(name, frame)
+                        yield frame
             if idle:
                 self._clock.sleep_until_ns(self._clock.now_ns() + _POLL_NS)
 
@@ -114,8 +114,21 @@ class LiveBench:
         assert self._watch is not None, "asked for a mount, the wizard gives it"
         watch = self._watch()
         watch.start()
+        joints: Vector | None = None
+        heard_ns = self._clock.now_ns()
+
+        def newest() -> Vector | None:
+            nonlocal joints, heard_ns
+            now_ns = self._clock.now_ns()
+            report = watch.newest(now_ns)
+            if report is not None:
+                joints, heard_ns = np.array(report.joints), now_ns
+            elif now_ns - heard_ns > _SILENT_NS:
+                joints = None
+            return joints
+
         try:
-            yield _Heard(watch, self._clock)
+            yield newest
         finally:
             watch.close()
 
@@ -127,33 +140,13 @@ class LiveBench:
         name = f"{info.name} ({info.serial or info.node.rsplit('/', 1)[-1]})"
         try:
             config = bind(info, found, self._video)
-            self._plugged[name] = _Plugged(info, config, self._started(name, config))
+            source = V4l2Source(name, config, self._video, self._find)
+            camera = GstCamera(name, source, self._video, self._clock, lambda _level, _text: None)
+            camera.start()
         except DeviceError as error:
             self._refused.append(str(error))
-
-    def _started(self, name: str, config: CameraConfig) -> GstCamera:
-        source = V4l2Source(name, config, self._video, self._find)
-        camera = GstCamera(name, source, self._video, self._clock, lambda _level, _text: None)
-        camera.start()
-        return camera
-
-
-class _Heard:
-    """The newest joints, until nothing was heard for half a second."""
-
-    def __init__(self, watch: ReportWatch, clock: Clock) -> None:
-        self._watch, self._clock = watch, clock
-        self._joints: Vector | None = None
-        self._heard_ns = clock.now_ns()
-
-    def __call__(self) -> Vector | None:
-        now_ns = self._clock.now_ns()
-        report = self._watch.newest(now_ns)
-        if report is not None:
-            self._joints, self._heard_ns = np.array(report.joints), now_ns
-        elif now_ns - self._heard_ns > _SILENT_NS:
-            self._joints = None
-        return self._joints
+        else:
+            self._plugged[name] = _Plugged(info, config, camera)
 
 
 def watch_of(config: ArmConfig) -> ReportWatch:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -77,6 +78,9 @@ class HandEye:
     board: Pose
 
 
+View = TypeVar("View", ArmView, Placed)
+
+
 def turns_problem(flanges: Sequence[Pose]) -> str:
     """Why these poses of the arm do not tell a mount, a clause; "" if they do."""
     turns = np.degrees([flanges[0].rotation.turn_to(one.rotation) for one in flanges])
@@ -98,31 +102,15 @@ def fit_hand_eye(lens: Lens, views: Sequence[ArmView]) -> HandEye:
         raise NoMountError(f"{len(views)} poses of the arm, {FEWEST_POSES} are needed")
     if problem := turns_problem([view.flange for view in views]):
         raise NoMountError(problem)
-    squares, count = 0.0, 0
-    for fold in range(_FOLDS):
-        kept = [view for number, view in enumerate(views) if number % _FOLDS != fold]
-        fitted = _fit(lens, kept, _start(lens, kept))
-        for view in views[fold::_FOLDS]:
-            off = _arm_residuals(lens, (view,), *fitted.poses)
-            squares, count = squares + float(off @ off), count + len(off) // 2
-    error_px = _checked(lens, float(np.sqrt(squares / count)))
-    fitted = _fit(lens, views, _start(lens, views))
-    pose, board = fitted.poses
-    return HandEye(MountFit(pose, error_px, *fitted.spread, len(views)), board)
+    mount, (board,) = _judged(lens, views, _FOLDS, _fit_arm, _arm_residuals)
+    return HandEye(mount, board)
 
 
 def fit_fixed(lens: Lens, places: Sequence[Placed]) -> MountFit:
     """The pose of a camera that stands still, base frame; NoMountError if they are too few."""
     if len(places) < FEWEST_PLACES:
         raise NoMountError(f"{len(places)} places of the board, {FEWEST_PLACES} are needed")
-    squares, count = 0.0, 0
-    for left_out, place in enumerate(places):
-        kept = [one for number, one in enumerate(places) if number != left_out]
-        off = _placed_residuals(lens, (place,), _fit_placed(lens, kept).poses[0])
-        squares, count = squares + float(off @ off), count + len(off) // 2
-    error_px = _checked(lens, float(np.sqrt(squares / count)))
-    fitted = _fit_placed(lens, places)
-    return MountFit(fitted.poses[0], error_px, *fitted.spread, len(places))
+    return _judged(lens, places, len(places), _fit_placed, _placed_residuals)[0]
 
 
 def board_in_camera(lens: Lens, view: BoardView) -> Pose:
@@ -130,20 +118,40 @@ def board_in_camera(lens: Lens, view: BoardView) -> Pose:
     return board_pose(view, lens.matrix(), np.array(lens.distortion))
 
 
-def _checked(lens: Lens, error_px: float) -> float:
+def _judged(
+    lens: Lens,
+    views: Sequence[View],
+    folds: int,
+    fit: Callable[[Lens, Sequence[View]], _Fitted],
+    residuals: Callable[..., Points],
+) -> tuple[MountFit, tuple[Pose, ...]]:
+    """The first pose that `fit` gives, judged on each fold by fits to the others; further poses."""
+    squares, count = 0.0, 0
+    for fold in range(folds):
+        fitted = fit(lens, [view for number, view in enumerate(views) if number % folds != fold])
+        for view in views[fold::folds]:
+            off = residuals(lens, (view,), *fitted.poses)
+            squares, count = squares + float(off @ off), count + len(off) // 2
+    error_px = float(np.sqrt(squares / count))
     worst_px = _WORST_PX * max(1.0, lens.width / _ACCURACY_PX)
     if not error_px <= worst_px:
         raise NoMountError(
             f"corners are {error_px:.1f} px from where arm and camera have them ({worst_px:.1f} "
             "are the most): did the board or a camera move, is --square-mm right, is it this arm?"
         )
-    return error_px
+    fitted = fit(lens, views)
+    pose, *others = fitted.poses
+    return MountFit(pose, error_px, *fitted.spread, len(views)), tuple(others)
 
 
 @dataclass(frozen=True, slots=True)
 class _Fitted:
     poses: tuple[Pose, ...]
     spread: tuple[float, float]  # of the first [mm, degrees]
+
+
+def _fit_arm(lens: Lens, views: Sequence[ArmView]) -> _Fitted:
+    return _nearest(lambda poses: _arm_residuals(lens, views, *poses), _start(lens, views))
 
 
 def _start(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
@@ -177,10 +185,6 @@ def _middle(poses: Sequence[Pose]) -> Rotation:
     """The rotation among them that is nearest to all others."""
     turns = [one.rotation for one in poses]
     return min(turns, key=lambda one: sum((one.inv() * other).magnitude() for other in turns))
-
-
-def _fit(lens: Lens, views: Sequence[ArmView], start: tuple[Pose, Pose]) -> _Fitted:
-    return _nearest(lambda poses: _arm_residuals(lens, views, *poses), start)
 
 
 def _fit_placed(lens: Lens, places: Sequence[Placed]) -> _Fitted:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 
 import numpy as np
 
-from calibration.cameras.bench import Arm, Shot, Task
+from calibration.cameras.bench import Arm, Task
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import Flashes
 from calibration.cameras.simulated_person import BoardPainter, CameraPerson
@@ -22,7 +22,7 @@ from hw.sim.world.camera_images import SensorNoise
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
-from tams_app.records import NO_DISTORTION, Frame, Image, Lens, Vector
+from tams_app.records import NO_DISTORTION, Frame, Image, Vector
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.lenses import rig_lens
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -62,8 +62,23 @@ class SimulatedBench:
             for name, truth in self.truth.items()
         }
         self._flashes: Flashes | None = None
-        self._setup = _Setup(config, seed, distortion or {})
         self.refused: Sequence[str] = ()
+        figure = arm_kind(config.arm.model).figure()
+        assert figure is not None, "the rig's arm has one"
+        ideal = {view: rig_lens(view, figure, (WIDTH_PX, HEIGHT_PX)) for view in config.video.views}
+        self._ideal = {view: lens for view, lens in ideal.items() if lens is not None}
+        # how the cameras truly see and where they are, to check the wizard against
+        self.lenses = {
+            view: replace(lens, distortion=(distortion or {}).get(view, NO_DISTORTION))
+            for view, lens in self._ideal.items()
+        }
+        self._ready = np.radians(config.arm.ready_joints_deg)
+        random = np.random.default_rng([_BOARD_SEED, seed])
+        self._person = CameraPerson(self.lenses, figure, self._ready, random)
+        self._board, self._painters = Board(), dict[str, BoardPainter]()
+        self._layout = draw_layout(seed)
+        self._renderer: SceneRenderer | None = None
+        self._last: dict[str, tuple[bytes, Image]] = {}  # by view: what was seen where
 
     @property
     def cameras(self) -> Sequence[str]:
@@ -82,23 +97,18 @@ class SimulatedBench:
         found = [name for name in self.truth if self.binding(name)["serial"] == config.serial]
         return found[0] if found else ""
 
-    @property
-    def lenses(self) -> Mapping[str, Lens]:
-        """How the cameras truly see and where they are, to check the wizard against."""
-        return self._setup.lenses
-
     def prompt(self, task: Task, view: str) -> None:
-        self._setup.person.ask(task, view, self._clock.now_ns())
+        self._person.ask(task, view, self._clock.now_ns())
 
     @property
     def done(self) -> bool:
-        return self._setup.person.finished(self._clock.now_ns())
+        return self._person.finished(self._clock.now_ns())
 
     @contextmanager
     def arm(self) -> Iterator[Arm]:
-        yield lambda: self._setup.person.joints(self._clock.now_ns())
+        yield lambda: self._person.joints(self._clock.now_ns())
 
-    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Shot]:
+    def shots(self, cameras: Sequence[str], seconds: float, every: int = 1) -> Iterator[Frame]:
         start_ns = self._clock.now_ns()
         end_ns = start_ns + round(seconds * NS_PER_S)
         due = [self._next(name, start_ns) for name in cameras]
@@ -127,64 +137,37 @@ class SimulatedBench:
             self._flashes = None
 
     def close(self) -> None:
-        self._setup.close()
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
 
-    def _shot(self, name: str, index: int, start_ns: int) -> Shot:
+    def _shot(self, name: str, index: int, start_ns: int) -> Frame:
         truth = self.truth[name]
         end_ns = start_ns + round(truth.exposure_ms * NS_PER_MS)
         lit = None if self._flashes is None else self._flashes.lit_share(start_ns, end_ns)
-        scene = self._setup.seen(truth.view, self._scenes[truth.view], start_ns)
-        image = self._setup.person.seen(truth.view, scene, start_ns, end_ns, lit)
+        scene = self._seen(truth.view, start_ns)
+        image = self._person.seen(truth.view, scene, start_ns, end_ns, lit)
         self._noise[name].apply(image, index)
         jitter_ms = float(self._random.normal(0, _JITTER_MS))
         capture_ns = (start_ns + end_ns) // 2 + round((truth.latency_ms + jitter_ms) * NS_PER_MS)
-        return Shot(name, Frame(name, index, capture_ns, image))
+        return Frame(name, index, capture_ns, image)
 
-
-class _Setup:
-    """The cameras as they are, with the board and the arm that the person moves."""
-
-    def __init__(self, config: Config, seed: int, distortion: Mapping[str, Distortion]) -> None:
-        kind = arm_kind(config.arm.model)
-        figure = kind.figure()
-        assert figure is not None, "the rig's arm has one"
-        size = (WIDTH_PX, HEIGHT_PX)
-        ideal = {view: rig_lens(view, figure, size) for view in config.video.views}
-        self._ideal = {view: lens for view, lens in ideal.items() if lens is not None}
-        self.lenses = {
-            view: replace(lens, distortion=distortion.get(view, NO_DISTORTION))
-            for view, lens in self._ideal.items()
-        }
-        self._ready = np.radians(config.arm.ready_joints_deg)
-        random = np.random.default_rng([_BOARD_SEED, seed])
-        self.person = CameraPerson(self.lenses, figure, self._ready, random)
-        self._board, self._painters = Board(), dict[str, BoardPainter]()
-        self._layout = draw_layout(seed)
-        self._renderer: SceneRenderer | None = None
-        self._last: dict[str, tuple[bytes, Image]] = {}  # by view: what was seen where
-
-    def seen(self, view: str, at_rest: Image, now_ns: int) -> Image:
+    def _seen(self, view: str, now_ns: int) -> Image:
         """What a camera sees now; the same array as long as nothing moves."""
         if view not in self._painters:
             self._painters[view] = BoardPainter(self.lenses[view], self._ideal[view])
-        painter, joints = self._painters[view], self.person.joints(now_ns)
-        board = self.person.board(view, now_ns)
+        painter, joints = self._painters[view], self._person.joints(now_ns)
+        board = self._person.board(view, now_ns)
         placed = () if board is None else (*board.position, *board.rotation)
         what = np.array([*joints, *placed]).tobytes()
         known = self._last.get(view)
         if known is None or known[0] != what:
             is_ready = np.array_equal(joints, self._ready)
-            image = painter.scene(at_rest if is_ready else self._rendered(view, joints))
+            image = painter.scene(self._scenes[view] if is_ready else self._rendered(view, joints))
             if board is not None:
-                image = painter.paint(image, self._board, board, self.person.hidden(view, now_ns))
+                image = painter.paint(image, self._board, board, self._person.hidden(view, now_ns))
             known = self._last[view] = what, image
         return known[1]
-
-    def close(self) -> None:
-        """Let go of the renderer, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
 
     def _rendered(self, view: str, joints: Vector) -> Image:
         if self._renderer is None:

@@ -1,28 +1,99 @@
-"""All cameras and the arm at once: where board and arm rest, and which cameras see it there."""
+"""Watching the board: which views of it are taken, and where board and arm rest."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 from rich.text import Text
 
-from calibration.cameras.bench import Bench, Shot, until_done
+from calibration.cameras.bench import Bench, until_done
 from calibration.cameras.board import Board, BoardView
 from calibration.cameras.mount_fit import ArmView, board_in_camera, turns_problem
-from calibration.cameras.taking import Still
 from calibration.ui import WizardUI
 from tams_app.prediction.plane_warp import mounted
-from tams_app.records import Lens, Pose
+from tams_app.records import Frame, Lens, Pose
 
-_EVERY = 5  # frames: corners cost tens of milliseconds each
+EVERY = 5  # frames: corners cost tens of milliseconds each
 _MOVING_S, _PLACING_S = 900.0, 180.0
 _RESTS_M, _RESTS_DEG = 0.0005, 0.05
 _OTHERWISE_M, _OTHERWISE_DEG = 0.02, 6.0  # of the arm, from one pose to another
 _ELSEWHERE_M, _ELSEWHERE_DEG = 0.03, 8.0  # of the board, from one place to another
 
+_STILL_PX = 1.0  # of a picture 640 wide, between two frames
+_OTHERWISE = 0.06  # of the picture's width
+_FULL_PX = 640
+_EDGE = 0.2  # of a side: as near to it corners have to come
+_ROWS, _COLUMNS = ("top", "", "bottom"), ("left", "", "right")
+WANTED_VIEWS = 20
+
 Place = tuple[Pose, dict[str, BoardView]]
 """Where the board is (base frame), and what each camera beside the arm saw of it."""
+
+
+class Still:
+    """Tells of one camera's views of the board whether it held still since the view before."""
+
+    def __init__(self, width: int) -> None:
+        self._bound_px = _STILL_PX * max(1.0, width / _FULL_PX)
+        self._before: BoardView | None = None
+
+    def holds(self, view: BoardView | None) -> bool:
+        """Whether `view`, the newest, is where the one before was; None: not seen."""
+        before, self._before = self._before, view
+        if view is None or before is None:
+            return False
+        moved_px = view.moved_px(before)
+        return moved_px is not None and moved_px < self._bound_px
+
+
+class ViewTaker:
+    """Collects views of the board for a lens: from many sides, up to the edges of the picture."""
+
+    def __init__(self, width: int, height: int) -> None:
+        self._width, self._height = width, height
+        self._still = Still(width)
+        self.views: list[BoardView] = []
+        self._covered: set[tuple[int, int]] = set()
+
+    def offer(self, view: BoardView | None) -> str:
+        """What becomes of the newest view, in a word or two for the person."""
+        if not self._still.holds(view):
+            return "no board" if view is None else "hold still"
+        assert view is not None
+        if any(self._is_near(view, taken) for taken in self.views):
+            return "taken; now another side"
+        self.views.append(view)
+        self._covered |= set(map(self._region, view.pixels))
+        return "taken"
+
+    @property
+    def open_edges(self) -> list[str]:
+        """The parts of the picture's edge that no corner came near to."""
+        return [
+            f"{_ROWS[row]} {_COLUMNS[column]}".strip()
+            for row, column in product(range(3), range(3))
+            if (row, column) not in self._covered and (row, column) != (1, 1)
+        ]
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is wanted any more."""
+        return len(self.views) >= WANTED_VIEWS and not self.open_edges
+
+    def _is_near(self, view: BoardView, taken: BoardView) -> bool:
+        moved_px = view.moved_px(taken)
+        return moved_px is not None and moved_px < _OTHERWISE * self._width
+
+    def _region(self, pixel: np.ndarray) -> tuple[int, int]:
+        """Row and column of nine parts of the picture: the edges' are a fifth of it wide."""
+        across, down = pixel[0] / self._width, pixel[1] / self._height
+        return _third(down), _third(across)
+
+
+def _third(share: float) -> int:
+    return 0 if share < _EDGE else 2 if share > 1.0 - _EDGE else 1
 
 
 class Watcher:
@@ -45,15 +116,15 @@ class Watcher:
         self._still: dict[str, Still] = {}
         self._rested: Pose | None = None  # the flange, when the camera on the arm saw it last
         self._seen: dict[str, BoardView] = {}  # by view, while it holds still
-        self._beside: dict[str, BoardView] = {}  # what the others saw last, since `poses` began
+        self.beside: dict[str, BoardView] = {}  # what the others saw last, since `poses` began
 
     def poses(self, wanted: int) -> list[ArmView]:
         """The board from several poses of the arm, each as both rest; until it is enough."""
         taken: list[ArmView] = []
-        self._beside = {}
+        self.beside = {}
         said = "no board yet"
-        for shot in self._shots(_MOVING_S):
-            if self._views[shot.camera] != self._wrist:
+        for frame in self._shots(_MOVING_S):
+            if self._views[frame.view] != self._wrist:
                 continue
             view = self._seen.get(self._wrist)
             if self._rested is None:
@@ -72,10 +143,6 @@ class Watcher:
                 break
         return taken
 
-    def first_place(self, board: Pose) -> Place:
-        """Where the board lay during `poses`, as the other cameras saw it."""
-        return board, dict(self._beside)
-
     def next_place(self, mount: Pose, before: Sequence[Pose]) -> Place | None:
         """The board at another place than `before`, at rest; None: Enter was pressed without one.
 
@@ -85,7 +152,7 @@ class Watcher:
         place = None
         for _ in self._shots(_PLACING_S):
             place = self._place(mount, before)
-            seen = ", ".join(view.upper() for view in self._seen) or "no camera"
+            seen = names_of(self._seen) or "no camera"
             self._ui.show(Text(f"Seen at rest by {seen}"))
             if place is not None and len(self._seen) == len(self._lenses):
                 break
@@ -101,14 +168,14 @@ class Watcher:
             return None
         return board, {name: seen for name, seen in self._seen.items() if name != self._wrist}
 
-    def _shots(self, most_s: float) -> Iterator[Shot]:
+    def _shots(self, most_s: float) -> Iterator[Frame]:
         """Each frame, after it was looked at."""
-        for shot in until_done(self._ui, self._bench, list(self._views), most_s, _EVERY):
-            self._look(shot)
-            yield shot
+        for frame in until_done(self._ui, self._bench, list(self._views), most_s, EVERY):
+            self._look(frame)
+            yield frame
 
-    def _look(self, shot: Shot) -> None:
-        view, image = self._views[shot.camera], shot.frame.image
+    def _look(self, frame: Frame) -> None:
+        view, image = self._views[frame.view], frame.image
         if view not in self._still:
             self._still[view] = Still(image.shape[1])
         seen = self._board.find(image)
@@ -123,7 +190,7 @@ class Watcher:
             )
         if rests and seen is not None:
             self._seen[view] = seen
-            self._beside |= {} if view == self._wrist else {view: seen}
+            self.beside |= {} if view == self._wrist else {view: seen}
         else:
             self._seen.pop(view, None)
 
@@ -132,3 +199,8 @@ def _near(one: Pose, other: Pose, metres: float, degrees: float) -> bool:
     apart = float(np.linalg.norm(one.position - other.position))
     turned = float(np.degrees((one.rotation.inv() * other.rotation).magnitude()))
     return apart < metres and turned < degrees
+
+
+def names_of(views: Iterable[str]) -> str:
+    """As they are shown."""
+    return ", ".join(view.upper() for view in views)

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from calibration.cameras import board_steps, latency_step
+from calibration.cameras import measuring
 from calibration.cameras.bench import Bench, Task, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
-from calibration.cameras.board_steps import LENS, MOUNT
 from calibration.cameras.findings import Findings, draw_findings
 from calibration.cameras.flashes import check_display
+from calibration.cameras.measuring import LENS, MOUNT
 from calibration.options import CameraOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI
@@ -100,13 +100,13 @@ class CameraWizard(Wizard[CameraOptions]):
         if self.options.figure is not None:
             bench.prompt(Task.REST, "")
             for each in self._found:
-                for shot in bench.shots([each.camera], _LOOK_S):
-                    each.image = shot.frame.image
+                for frame in bench.shots([each.camera], _LOOK_S):
+                    each.image = frame.image
         if LATENCY in steps:
-            latency_step.measure_latency(ui, bench, self._found)
+            measuring.measure_latency(ui, bench, self._found)
         elif not self.options.only and agreed(ui, bench, _OFFER):
             try:
-                latency_step.measure_latency(ui, bench, self._found)
+                measuring.measure_latency(ui, bench, self._found)
             except SetupError as error:
                 ui.print(f"Left out: {error}.")
         self._measure_with_board(bench)
@@ -116,12 +116,12 @@ class CameraWizard(Wizard[CameraOptions]):
         steps, ui, board = self._steps, self.ui, Board(self.options.square_mm)
         if LENS in steps:
             for each in self._found:
-                board_steps.measure_lens(ui, bench, board, each)
+                measuring.measure_lens(ui, bench, board, each)
         if MOUNT in steps:
             figure = arm_kind(self.config.arm.model).figure()
             lenses = self._lenses(bench)
             try:
-                board_steps.measure_mounts(ui, bench, board, self._found, lenses, figure)
+                measuring.measure_mounts(ui, bench, board, self._found, lenses, figure)
             except SetupError as error:
                 ui.print(f"No mount: {error}.")
         nothing = all(each.lens is None and each.mount is None for each in self._found)
@@ -181,9 +181,9 @@ class CameraWizard(Wizard[CameraOptions]):
         lens = self._lens_before(bench, found)
         mount = before.mount if before is not None and is_same else None
         if found.lens is not None:
-            lens = board_steps.lens_section(found.lens, today)
+            lens = measuring.lens_section(found.lens, today)
         if found.mount is not None:
-            mount = board_steps.mount_section(found.mount, found.view, today)
+            mount = measuring.mount_section(found.mount, found.view, today)
         elif found.lens is not None:
             mount = None  # it was found through another lens
         for name, section in (("lens", lens), ("mount", mount)):

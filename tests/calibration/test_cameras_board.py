@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from calibration.cameras import board as printed
 from calibration.cameras.board import COLUMNS, ROWS, SQUARE_MM, Board, board_pose
 from calibration.cameras.simulated_person import BoardPainter
-from calibration.cameras.taking import WANTED_VIEWS, Still, ViewTaker
+from calibration.cameras.watching import WANTED_VIEWS, Still, ViewTaker
 from tams_app import cli
 from tests.calibration.board_views import LENS, held, shown
 

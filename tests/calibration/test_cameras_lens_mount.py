@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.cameras import board_steps
+from calibration.cameras import measuring
 from calibration.cameras.bench import Task
+from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
@@ -158,7 +159,7 @@ def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(
     changed = wizard._keys(bench, Findings(view, other))
     assert (changed["lens"], changed["mount"]) == (None, None)
     anew = Findings(view, camera)
-    anew.lens = board_steps.LensFit(calibrated.true[view], 0.1, 0.001, 20)
+    anew.lens = measuring.LensFit(calibrated.true[view], 0.1, 0.001, 20)
     renewed = wizard._keys(bench, anew)
     assert LensConfig(**renewed["lens"]).fx == pytest.approx(calibrated.true[view].fx, abs=1e-3)
     assert renewed["mount"] is None  # found through the lens before
@@ -206,14 +207,12 @@ def test_an_arm_whose_flange_is_not_known_and_one_that_is_not_heard_give_no_moun
     camera = next(name for name, truth in bench.truth.items() if truth.view == "eih")
     found = [Findings("eih", camera)]
     with pytest.raises(SetupError, match="where its flange is"):
-        board_steps.measure_mounts(
-            ScriptedUI(), bench, board_steps.Board(), found, {"eih": lens}, None
-        )
-    bench._setup.person.joints = lambda _now_ns: None
-    bench._setup.seen = lambda view, scene, _now_ns: scene
+        measuring.measure_mounts(ScriptedUI(), bench, Board(), found, {"eih": lens}, None)
+    bench._person.joints = lambda _now_ns: None
+    bench._seen = lambda view, _now_ns: bench._scenes[view]
     ui = ScriptedUI()
     figure = arm_kind(config.arm.model).figure()
-    board_steps.measure_mounts(ui, bench, board_steps.Board(), found, {"eih": lens}, figure)
+    measuring.measure_mounts(ui, bench, Board(), found, {"eih": lens}, figure)
     assert found[0].mount is None
     assert any("no mount: 0 poses of the arm, 12 are needed" in text for text in ui.said)
     assert "nothing is heard of the arm" in str(ui.shown[-1])

@@ -7,7 +7,7 @@ import pytest
 import yaml
 from rich.console import Console
 
-from calibration.cameras import binding, latency_step, simulated_bench
+from calibration.cameras import binding, measuring, simulated_bench
 from calibration.cameras.bench import Task
 from calibration.cameras.binding import bind_views
 from calibration.cameras.findings import Findings
@@ -42,7 +42,7 @@ def quick():
     scenes = simulated_bench._scenes(load_config(), SEED)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated_bench, "_scenes", lambda *_: scenes)
-        patch.setattr(latency_step, "_FLASHING_S", 11.0)
+        patch.setattr(measuring, "_FLASHING_S", 11.0)
         yield
 
 
@@ -135,7 +135,7 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
     def measure(ui, bench, found):
         raise how
 
-    monkeypatch.setattr(latency_step, "measure_latency", measure)
+    monkeypatch.setattr(measuring, "measure_latency", measure)
     monkeypatch.setattr(binding, "_STEP_BACK_S", 1.0)
     ui = ScriptedUI(["unused"], presses=1)
     with pytest.raises(type(how)):
@@ -185,7 +185,7 @@ def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monk
 
     monkeypatch.setattr(bench, "prompt", prompt)
     ui = ScriptedUI()
-    latency_step.measure_latency(ui, bench, found)
+    measuring.measure_latency(ui, bench, found)
     assert found[0].latency.flashes >= FEWEST_FLASHES
     assert found[1].latency is None
     assert any(text.startswith("GS: no latency: 0 flashes were seen") for text in ui.said)

@@ -6,6 +6,7 @@ import os
 import pty
 import subprocess
 import sys
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
@@ -78,19 +79,35 @@ def test_each_thing_is_asked_for_with_what_was_found(tmp_path: Path) -> None:
     assert told.endswith(f"Next: run_tams.py doctor --config {path}")
 
 
-def test_nobody_is_asked_for_what_the_command_line_says(tmp_path: Path) -> None:
-    path, ui = tmp_path / "ours.yaml", ScriptedUI()
-    write_first_file(ui, path, ALL, cameras)
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """The first file, of what the command line says."""
+    written, ui = tmp_path / "first.yaml", ScriptedUI()
+    write_first_file(ui, written, ALL, cameras)
     assert not ui.console.asked
+    return written
+
+
+def test_what_the_command_line_says_is_set_and_every_other_key_and_comment_stays(
+    path: Path,
+) -> None:
     made, ours = load_config(path), load_config(TEMPLATE)
     assert made.cameras["gt"].path == "/dev/v4l/by-path/b"
     assert made.cameras["gs"] == ours.cameras["gs"]
     assert made.limits == ours.limits
+    left = set(unset_keys(path))
+    assert set(unset_keys(TEMPLATE)) - left == {
+        "arm.host",
+        "cameras.eih.serial",
+        "cameras.gt.serial",
+    }
+    text, before = path.read_text(), TEMPLATE.read_text()
+    assert "# the control box, on a wire of its own" in text
+    assert "# in quotes: YAML takes 0123 for a number" in text
+    assert text.count("#") == before.count("#") - 1  # behind gt's serial there was the mark alone
 
 
-def test_the_doctor_finds_the_file_in_order_but_for_what_is_left_to_set(tmp_path: Path) -> None:
-    path = tmp_path / "ours.yaml"
-    write_first_file(ScriptedUI(), path, ALL, cameras)
+def test_the_doctor_finds_the_file_in_order_but_for_what_is_left_to_set(path: Path) -> None:
     made = load_config(path)
     assert all(one.ok for one in configuration(made))
     place, other = marked_keys(path)(made)
@@ -102,21 +119,6 @@ def test_the_doctor_finds_the_file_in_order_but_for_what_is_left_to_set(tmp_path
     path.write_text(path.read_text().replace("# SET", "# set"))
     assert all(one.ok for one in marked_keys(path)(made))
     assert not list(marked_keys(path)(load_config()))  # of the rig nothing is to be set
-
-
-def test_a_set_key_loses_its_mark_and_every_other_comment_stays(tmp_path: Path) -> None:
-    path = tmp_path / "ours.yaml"
-    write_first_file(ScriptedUI(), path, ALL, cameras)
-    left = set(unset_keys(path))
-    assert set(unset_keys(TEMPLATE)) - left == {
-        "arm.host",
-        "cameras.eih.serial",
-        "cameras.gt.serial",
-    }
-    text, ours = path.read_text(), TEMPLATE.read_text()
-    assert "# the control box, on a wire of its own" in text
-    assert "# in quotes: YAML takes 0123 for a number" in text
-    assert text.count("#") == ours.count("#") - 1  # behind gt's serial there was the mark alone
 
 
 def test_a_file_that_is_there_is_never_replaced(
@@ -155,8 +157,7 @@ def test_an_answer_that_cannot_be_is_refused_and_nothing_is_written(
     tmp_path: Path, changed: dict[str, object], sentence: str
 ) -> None:
     path = tmp_path / "ours.yaml"
-    fields = {name: getattr(ALL, name) for name in ("model", "host", "hand", "side", "cameras")}
-    given = Answers(**(fields | changed))  # type: ignore[arg-type]
+    given = replace(ALL, **changed)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=sentence):
         write_first_file(ScriptedUI(), path, given, cameras)
     assert not path.exists()
@@ -197,14 +198,9 @@ def test_values_of_several_keys_are_filled_in_at_their_places() -> None:
 def test_at_a_terminal_the_command_asks(tmp_path: Path) -> None:
     """The real command on a real terminal, with all but the cameras given."""
     ours, theirs = pty.openpty()
-    command = ["run_tams.py", "init", str(tmp_path / "a.yaml"), "--hand", "keyboard"]
-    process = subprocess.Popen(
-        [sys.executable, *command],
-        cwd=PROJECT_DIRECTORY,
-        stdin=theirs,
-        stdout=theirs,
-        stderr=theirs,
-    )
+    command = [sys.executable, "run_tams.py", "init", str(tmp_path / "a.yaml"), "--hand=keyboard"]
+    streams = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
+    process = subprocess.Popen(command, cwd=PROJECT_DIRECTORY, **streams)
     os.close(theirs)
     shown = b""
     while b"address of its control box" not in shown:

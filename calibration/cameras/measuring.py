@@ -1,4 +1,4 @@
-"""The steps with the board: the lens of each camera, and where each is."""
+"""What is measured of cameras that are known: latency, and with the board lens and place."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from rich.text import Text
 from calibration.cameras.bench import Arm, Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
+from calibration.cameras.flashes import camera_latency
 from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
 from calibration.cameras.mount_fit import (
     HandEye,
@@ -19,8 +20,7 @@ from calibration.cameras.mount_fit import (
     fit_fixed,
     fit_hand_eye,
 )
-from calibration.cameras.taking import WANTED_VIEWS, ViewTaker
-from calibration.cameras.watching import Place, Watcher
+from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, Watcher, names_of
 from calibration.ui import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
@@ -29,9 +29,34 @@ from tams_app.session.lenses import WRIST_VIEW
 
 LENS, MOUNT = "lens", "mount"
 WANTED_POSES, WANTED_PLACES = 16, 5
-_EVERY = 5  # frames: corners cost tens of milliseconds each
-_SHOWING_S = 300.0
+_POINTING_S, _FLASHING_S, _SHOWING_S = 120.0, 20.0, 300.0
 _MOST_PLACES = 8  # that a simulated person tries
+
+
+def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> None:
+    """Light to time stamp of each view; a view that does not see the flashes is left out."""
+    with bench.screen() as flashes:
+        ui.print("A window flashes black and white.")
+        for found in views:
+            view = found.view.upper()
+            ui.print(f"{view}: point it at the window, so that it fills most of the image; Enter.")
+            bench.prompt(Task.SHOW_SCREEN, found.view)
+            for _ in until_done(ui, bench, [found.camera], _POINTING_S):
+                pass  # not pointed at it yet
+            ui.print(f"{view}: keep still for {_FLASHING_S:g} s.")
+            shots = list(bench.shots([found.camera], _FLASHING_S))
+            levels = [float(frame.image[::4, ::4].mean()) for frame in shots]
+            try:
+                found.latency = camera_latency(
+                    levels, [frame.capture_ns for frame in shots], flashes
+                )
+            except ValueError as error:
+                ui.print(f"{view}: no latency: {error}: nearer, and no other light on the screen.")
+                continue
+            ui.print(
+                f"{view}: light to time stamp {found.latency.ms:.0f} ± {found.latency.error_ms:.0f}"
+                f" ms, the display's own delay included ({found.latency.flashes} flashes)."
+            )
 
 
 def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> None:
@@ -57,10 +82,10 @@ def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> N
 
 def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
     taker: ViewTaker | None = None
-    for shot in until_done(ui, bench, [found.camera], _SHOWING_S, _EVERY):
-        height, width = shot.frame.image.shape[:2]
-        taker, found.image = taker or ViewTaker(width, height), shot.frame.image
-        said = taker.offer(board.find(shot.frame.image))
+    for frame in until_done(ui, bench, [found.camera], _SHOWING_S, EVERY):
+        height, width = frame.image.shape[:2]
+        taker, found.image = taker or ViewTaker(width, height), frame.image
+        said = taker.offer(board.find(frame.image))
         left = ", ".join(taker.open_edges) or "none"
         ui.show(
             Text(
@@ -147,40 +172,33 @@ def _beside_it(
     lenses: Mapping[str, Lens],
     hand_eye: HandEye,
 ) -> None:
-    names, wrist = ", ".join(view.upper() for view in views), WRIST_VIEW.upper()
+    names, wrist = names_of(views), WRIST_VIEW.upper()
     ui.print(
         f"{names}: put the board at {WANTED_PLACES - 1} other places, tilted otherwise each time, "
         f"where {wrist} and all of them see it, and let board and arm rest. Enter takes a place "
         "that not all of them see; Enter where none does ends it."
     )
-    places = [watcher.first_place(hand_eye.board)]
+    places: list[Place] = [(hand_eye.board, dict(watcher.beside))]
     for _ in range(_MOST_PLACES):
         bench.prompt(Task.MOVE_BOARD, "")
         place = watcher.next_place(hand_eye.mount.pose, [board for board, _ in places])
         if place is not None:
             places.append(place)
-            ui.print(f"Place {len(places)} of {WANTED_PLACES}: seen by {_names(place[1])}.")
+            ui.print(f"Place {len(places)} of {WANTED_PLACES}: seen by {names_of(place[1])}.")
         if len(places) == WANTED_PLACES or (place is None and bench.attended):
             break
     for view, found in views.items():
         try:
-            found.mount = fit_fixed(lenses[view], _seen_by(view, places))
+            seen_there = [
+                Placed(board.position + board.rotation.apply(seen[view].points), seen[view])
+                for board, seen in places
+                if view in seen
+            ]
+            found.mount = fit_fixed(lenses[view], seen_there)
         except NoMountError as error:
             ui.print(f"{view.upper()}: no mount: {error}.")
         else:
             ui.print(f"{view.upper()}: {mount_words(found.mount)}.")
-
-
-def _seen_by(view: str, places: Sequence[Place]) -> list[Placed]:
-    return [
-        Placed(board.position + board.rotation.apply(seen[view].points), seen[view])
-        for board, seen in places
-        if view in seen
-    ]
-
-
-def _names(views: Mapping[str, object]) -> str:
-    return ", ".join(view.upper() for view in views)
 
 
 def _flange(arm: Arm, figure: ArmFigure) -> Pose | None:
