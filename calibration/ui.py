@@ -154,14 +154,6 @@ def plain_table(first: str, *others: str, title: str | None = None, gap: int = 2
     return table
 
 
-def rows_table(*rows: tuple[str, str]) -> Table:
-    """What is known now, a row each: its name and how it is."""
-    table = Table(box=None, show_header=False)
-    for row in rows:
-        table.add_row(*row)
-    return table
-
-
 def as_text(*parts: RenderableType) -> str:
     """Tables as text that stays, the same on every terminal and in a file."""
     # no markup: `[s]` is a unit, not a style

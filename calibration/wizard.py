@@ -63,7 +63,8 @@ class Wizard(ABC, Generic[Options]):
                 return 0
             attended = self.ui.attended
             draw = self.draw if self.figure_beside else None
-            written = self.store.propose(self.ui, found, options.yes, draw, self.accepts_unfounded)
+            accepts = getattr(options, "accept_unfounded", False)
+            written = self.store.propose(self.ui, found, options.yes, draw, accepts)
             return 0 if written is not None or attended else 1
 
     @abstractmethod
@@ -89,11 +90,6 @@ class Wizard(ABC, Generic[Options]):
     def overrides(self) -> dict[str, Any] | None:
         """Dotted keys laid over the configuration."""
         return None
-
-    @property
-    def accepts_unfounded(self) -> bool:
-        """Whether `--yes` is to hold also for a result that its figures do not support."""
-        return False
 
     @property
     def simulated(self) -> bool:

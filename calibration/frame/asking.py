@@ -30,7 +30,7 @@ from calibration.frame.stroke import (
     fit_line,
 )
 from calibration.frame.touches import Touch, TouchFit, fit_touches
-from calibration.ui import WizardUI, as_text, bar, rows_table
+from calibration.ui import WizardUI, as_text, bar
 from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 from tams_app.teleop.motion import HandMotion
@@ -107,8 +107,10 @@ def _held(
             return held
         count += 1
         if count % SHOW_EVERY == 0:
-            rows = so_far(capture.so_far)
-            ui.show(rows_table(("controller", sample.status.value), *rows))
+            table = Table(box=None, show_header=False)
+            for row in [("controller", sample.status.value), *so_far(capture.so_far)]:
+                table.add_row(*row)
+            ui.show(table)
 
 
 def repeated(

@@ -127,7 +127,21 @@ def fit_line(stroke: Stroke) -> Line:
             break
     if direction @ (last - first) < 0:
         direction = -direction
-    return _describe(stroke, centre, direction, kept)
+    offset = points[kept] - centre
+    along, across = offset @ direction, _across(offset, direction)
+    length = float(np.ptp(along))
+    relative = 1.0 / length if length > 0 else 0.0
+    return Line(
+        axis=stroke.axis,
+        centre=centre,
+        direction=direction,
+        length_m=length,
+        scatter_m=float(np.sqrt((across**2).sum() / (2 * max(1, len(along) - 2)))),
+        bow=_sagitta(along, across) * relative,
+        backtrack=float((np.maximum.accumulate(along) - along).max()) * relative,
+        samples=count,
+        kept=kept,
+    )
 
 
 def check_line(line: Line) -> None:
@@ -159,26 +173,6 @@ def check_line(line: Line) -> None:
             f"The {line.name} stroke scatters by {1000 * line.scatter_m:.0f} mm: "
             "go to where the controller is tracked well, and move steadily.",
         )
-
-
-def _describe(stroke: Stroke, centre: Vector, direction: Vector, kept: NDArray[np.bool_]) -> Line:
-    offset = stroke.positions[kept] - centre
-    along, across = offset @ direction, _across(offset, direction)
-    length = float(np.ptp(along))
-    scatter = float(np.sqrt((across**2).sum() / (2 * max(1, len(along) - 2))))
-    backtrack = float((np.maximum.accumulate(along) - along).max())
-    relative = 1.0 / length if length > 0 else 0.0
-    return Line(
-        axis=stroke.axis,
-        centre=centre,
-        direction=direction,
-        length_m=length,
-        scatter_m=scatter,
-        bow=_sagitta(along, across) * relative,
-        backtrack=backtrack * relative,
-        samples=len(stroke.positions),
-        kept=kept,
-    )
 
 
 def _median(points: NDArray[np.float64]) -> Vector:

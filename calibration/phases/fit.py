@@ -14,10 +14,10 @@ from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
 
-SPEED_STEP_MM_S = 0.25  # the search's resolution
-DWELL_STEP_S = 0.025  # three control periods
+SEARCHED = ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
+_STEPS = (0.25, 0.25, 0.025, 0.025)  # the search's resolution; of the dwells three control periods
 
-# v_ε and v_z^min in SPEED_STEP_MM_S, T_align and T_pre in DWELL_STEP_S
+# of `SEARCHED`, in `_STEPS`
 Point: TypeAlias = tuple[int, int, int, int]
 
 # With a dwell time of 0 every motion is ALIGN or PRE_RELEASE: that abolishes a phase.
@@ -34,24 +34,16 @@ _OPEN = np.array([CODE[phase] for phase in (Phase.REACH, Phase.ALIGN, Phase.RELE
 
 def thresholds_at(point: Point, smoothing_ms: float) -> PhasesConfig:
     """A point of the search in the configuration's units."""
-    v_eps, vz_min, align, pre = point
-    return PhasesConfig(
-        v_eps_mm_s=v_eps * SPEED_STEP_MM_S,
-        vz_min_mm_s=vz_min * SPEED_STEP_MM_S,
-        align_dwell_s=round(align * DWELL_STEP_S, 6),
-        pre_release_dwell_s=round(pre * DWELL_STEP_S, 6),
-        smoothing_ms=smoothing_ms,
-    )
+    values = (round(steps * step, 6) for steps, step in zip(point, _STEPS, strict=True))
+    named = dict(zip(SEARCHED, values, strict=True))
+    return PhasesConfig.model_validate(named | {"smoothing_ms": smoothing_ms})
 
 
 def point_of(thresholds: PhasesConfig) -> Point:
     """The point of the search nearest to `thresholds`."""
-    return (
-        round(thresholds.v_eps_mm_s / SPEED_STEP_MM_S),
-        round(thresholds.vz_min_mm_s / SPEED_STEP_MM_S),
-        round(thresholds.align_dwell_s / DWELL_STEP_S),
-        round(thresholds.pre_release_dwell_s / DWELL_STEP_S),
-    )
+    steps = zip(SEARCHED, _STEPS, strict=True)
+    v_eps, vz_min, align, pre = (round(getattr(thresholds, name) / step) for name, step in steps)
+    return v_eps, vz_min, align, pre
 
 
 DEFAULT_POINT = point_of(PhasesConfig())
@@ -160,7 +152,6 @@ def _window(dwell: int, stride: int) -> list[int]:
 
 
 LEAST_TRIALS = 3
-SEARCHED = ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
 Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
 
 
@@ -194,21 +185,19 @@ def fit_thresholds(
     few or their labels cannot distinguish the phases.
     """
     check_trials(trials)
-    search = Search(trials)
-    everything = range(len(trials))
+    search, everything = Search(trials), range(len(trials))
     best = search.best(everything, lambda part: progress("searching", part))
-    folds, inferred = [], []
-    for out, trial in enumerate(trials):
+    folds = []
+    for out in everything:
         others = [place for place in everything if place != out]
-        thresholds = thresholds_at(search.best(others, lambda _: None), smoothing_ms)
-        inferred.append(infer(trial.motion, thresholds))
-        folds.append(thresholds)
+        folds.append(thresholds_at(search.best(others, lambda _: None), smoothing_ms))
         progress("leaving out each trial in turn", (out + 1) / len(trials))
     chosen = thresholds_at(best, smoothing_ms)
+    pairs = zip(trials, folds, strict=True)
     return PhaseFit(
         chosen,
         evaluate(trials, chosen),
-        score(trials, inferred),
+        score(trials, [infer(trial.motion, thresholds) for trial, thresholds in pairs]),
         evaluate(trials, PhasesConfig()),
         tuple(folds),
     )

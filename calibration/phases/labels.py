@@ -8,15 +8,14 @@ definition in words and says what in it is a judgement.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats
+from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats, stretches
 from tams_app.console.replay.marks import Mark
 from tams_app.errors import UnreadableLogError
 from tams_app.records import Phase, SceneTruth, Tick, Vector
@@ -59,7 +58,7 @@ class Geometry:
 def geometric_labels(scene: Geometry, rules: LabelRules = DEFAULT_RULES) -> Codes:
     """The true phase of every tick, NOT_COUNTED where the task knows none, shape (n,)."""
     labels = np.full(len(scene.closed), NOT_COUNTED, np.int8)
-    for start, stop in _runs(scene.closed):
+    for start, stop in stretches(scene.closed):
         part = slice(start, stop)
         if scene.closed[start]:
             _label_closed(labels[part], _cut(scene, part), rules)
@@ -115,13 +114,6 @@ def _tail(flags: Flags) -> slice:
     return slice(int(false[-1]) + 1 if len(false) else 0, len(flags))
 
 
-def _runs(closed: Flags) -> Iterator[tuple[int, int]]:
-    """Start and stop of each stretch in which the gripper's command stays the same."""
-    edges = np.flatnonzero(np.diff(closed)) + 1
-    bounds = [0, *(int(edge) for edge in edges), len(closed)]
-    yield from pairwise(bounds)
-
-
 def _cut(scene: Geometry, part: slice) -> Geometry:
     return Geometry(
         scene.tool[part],
@@ -144,7 +136,12 @@ def true_labels(
     or nothing shows where things were.
     """
     labels = np.full(len(ticks), NOT_COUNTED, np.int8)
-    start = _first_engaged(ticks)
+    engaged = (
+        place
+        for place, tick in enumerate(ticks)
+        if tick.arm is not None and tick.deadman and tick.arming == ArmingState.ENGAGED.value
+    )
+    start = next(engaged, None)
     if start is None or not scene:
         missing = "an engagement of the arm" if scene else "where the block was"
         raise UnreadableLogError(
@@ -161,19 +158,12 @@ def marked_labels(marks: Sequence[Mark], t_s: Floats) -> Codes:
     return np.array(codes, np.int8)[place]
 
 
-def _first_engaged(ticks: Sequence[Tick]) -> int | None:
-    """The first tick in which the arm followed the hand, its state known."""
-    for place, tick in enumerate(ticks):
-        if tick.arm is not None and tick.deadman and tick.arming == ArmingState.ENGAGED.value:
-            return place
-    return None
-
-
 def _geometry(ticks: Sequence[Tick], scene: Sequence[SceneTruth], sizes: TaskGeometry) -> Geometry:
     """All at the times of the ticks; an arm that reports nothing stays where it was."""
     t_ns = np.array([tick.started_ns for tick in ticks])
     scene_ns = np.array([truth.t_ns for truth in scene])
-    block = _at(t_ns, scene_ns, np.array([truth.block.position for truth in scene]))
+    known = np.array([truth.block.position for truth in scene])
+    block = np.stack([np.interp(t_ns, scene_ns, column) for column in known.T], axis=1)
     container = scene[0].container  # it stands fast
     beside = container.rotation.inv().apply(block - container.position)
     over = np.abs(beside[:, :2]).max(axis=1) <= sizes.container_inner / 2
@@ -186,9 +176,3 @@ def _geometry(ticks: Sequence[Tick], scene: Sequence[SceneTruth], sizes: TaskGeo
         before = closed[-1] if closed else False  # unknown counts as open, as in Algorithm 1
         closed.append(before if reported is None else reported)
     return Geometry(np.array(tool), block, over, np.array(closed), sizes.block_rest_height)
-
-
-def _at(t_ns: Floats, scene_ns: Floats, position: Floats) -> Floats:
-    """Positions [m], shape (n, 3), between the times at which they are known."""
-    columns = [np.interp(t_ns, scene_ns, position[:, axis]) for axis in range(3)]
-    return np.stack(columns, axis=1)

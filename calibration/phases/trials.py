@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -167,8 +168,9 @@ def switches_into(code: int, t_s: Floats, labels: Codes, inferred: Codes) -> Swi
     to no earlier one; the delay is from begin to begin. What begins where nothing was counted
     before is no switch.
     """
-    true_runs = _runs(labels == code)
-    inferred_runs = _runs(inferred == code)
+    true_runs, inferred_runs = (
+        [run for run in stretches(codes) if codes[run[0]] == code] for codes in (labels, inferred)
+    )
     taken: set[tuple[int, int]] = set()
     delays: list[float] = []
     missed = 0
@@ -188,10 +190,10 @@ def switches_into(code: int, t_s: Floats, labels: Codes, inferred: Codes) -> Swi
     return Switches(tuple(delays), missed, len(spurious))
 
 
-def _runs(flags: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Start and stop of each stretch of trues."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
-    return [(int(start), int(stop)) for start, stop in edges.reshape(-1, 2)]
+def stretches(values: Codes | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Start and stop of each stretch of one value."""
+    edges = (np.flatnonzero(np.diff(values)) + 1).tolist()
+    return list(pairwise([0, *edges, len(values)]))
 
 
 def _together(parts: Sequence[Switches]) -> Switches:

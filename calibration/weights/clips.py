@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
@@ -34,10 +34,25 @@ class Clip:
     seconds: float
 
 
-class CutSession(BaseModel):
-    """What was cut from one session; times in seconds from its start."""
+class Kept(BaseModel):
+    """What a YAML file keeps."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+Model = TypeVar("Model", bound=Kept)
+
+
+def read_kept(path: Path, model: type[Model]) -> Model:
+    """What a file keeps; ConfigError if it was spoilt."""
+    try:
+        return model.model_validate(read_yaml(path))
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {describe_validation_error(error, model)}") from error
+
+
+class CutSession(Kept):
+    """What was cut from one session; times in seconds from its start."""
 
     recorded: str  # UTC
     shows: Annotated[str, Field(alias="picture")]  # the quality of the frames, in words
@@ -49,10 +64,8 @@ class CutSession(BaseModel):
     clips: dict[Phase, ClipTimes]
 
 
-class ClipTimes(BaseModel):
+class ClipTimes(Kept):
     """Where in its session a clip is."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
 
     start_s: float
     seconds: float
@@ -64,9 +77,7 @@ def _plain_name(text: str) -> str:
     return text
 
 
-class _Index(BaseModel):
-    model_config = ConfigDict(extra="forbid")
-
+class _Index(Kept):
     sessions: dict[Annotated[str, AfterValidator(_plain_name)], CutSession] = {}
 
 
@@ -79,12 +90,7 @@ class ClipFolder:
     def sessions(self) -> dict[str, CutSession]:
         """What was cut so far, by session; ConfigError if the index was spoilt."""
         index = self.path / _INDEX
-        if not index.is_file():
-            return {}
-        try:
-            return _Index.model_validate(read_yaml(index)).sessions
-        except ValidationError as error:
-            raise ConfigError(f"{index}: {describe_validation_error(error, _Index)}") from error
+        return read_kept(index, _Index).sessions if index.is_file() else {}
 
     def there(self) -> dict[str, CutSession]:
         """The same, without the clips that were not finished or are gone."""

@@ -18,13 +18,11 @@ from typing import Annotated, Final, Literal
 import numpy as np
 import yaml
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import Field, field_validator
 
 from calibration.store import write_text
 from calibration.ui import WizardUI
-from calibration.weights.clips import Clip
-from tams_app.config.problems import describe_validation_error
-from tams_app.config.yaml_file import read_yaml
+from calibration.weights.clips import Clip, Kept, read_kept
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
@@ -35,11 +33,7 @@ SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable
 PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
-class _Kept(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-
-class Answer(_Kept):
+class Answer(Kept):
     """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
@@ -47,7 +41,7 @@ class Answer(_Kept):
     most_critical: str | None  # the one view to keep sharp under a severe bandwidth limit
 
 
-class Sheet(_Kept):
+class Sheet(Kept):
     """All that one rater has answered so far, at most one answer a phase."""
 
     rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
@@ -148,10 +142,7 @@ class RatingFolder:
         return self.path / f"{rater}{_SUFFIX}"
 
     def _read(self, file: Path) -> Sheet:
-        try:
-            sheet = Sheet.model_validate(read_yaml(file))
-        except ValidationError as error:
-            raise ConfigError(f"{file}: {describe_validation_error(error, Sheet)}") from error
+        sheet = read_kept(file, Sheet)
         if sheet.rater != file.stem:
             raise ConfigError(f"{file}: rater: is {sheet.rater}; the file must bear that name")
         phases = [answer.phase for answer in sheet.answers]

@@ -44,10 +44,6 @@ class WeightWizard(Wizard[WeightOptions]):
     _panel: str | None = None
     _built: tuple[Assessment, list[Sheet]] | None = None
 
-    @property
-    def accepts_unfounded(self) -> bool:
-        return self.options.accept_unfounded
-
     def check(self) -> None:
         ratings = self.options.ratings
         if ratings is not None and not ratings.is_dir():
@@ -172,12 +168,8 @@ class WeightWizard(Wizard[WeightOptions]):
         if not sheets:
             raise ConfigError(f"{self._ratings.path}: holds no ratings yet: let people rate first")
         sessions = self._clips.there()
-        assessment = assess(
-            sheets,
-            views,
-            self.config.policy.weights.matrix,
-            evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled),
-        )
+        remarks = evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled)
+        assessment = assess(sheets, views, self.config.policy.weights.matrix, remarks)
         self.ui.print("\n" + describe(assessment, views))
         self._built = assessment, sheets
         self.draw(self.folder / _FIGURE)

@@ -34,27 +34,15 @@ class Player:
 
 def test_a_stroke_is_what_arrives_between_squeeze_and_release():
     player = Player()
-    assert player.give(0.0, x=9.0) is None
+    # a trigger that was held from the start begins no stroke
+    assert [player.give(trigger, x=9.0) for trigger in (1.0, 1.0, 0.0)] == [None] * 3
     held = [player.give(1.0, x=n / 100) for n in range(20)]
-    assert held == [None] * 20
+    held.append(player.give(1.0, x=0.19, new_pose=False))  # it counts once
+    assert held == [None] * 21
     assert len(player.capture.so_far.poses) == 20
     done = player.give(0.0, x=9.0)
     assert done.positions[:, 0] == pytest.approx(np.arange(20) / 100)
     assert player.capture.so_far is None
-
-
-def test_a_trigger_that_was_held_from_the_start_begins_no_stroke():
-    player = Player()
-    assert [player.give(1.0) for _ in range(10)] == [None] * 10
-    assert player.give(0.0) is None
-
-
-def test_a_pose_that_did_not_change_counts_once():
-    player = Player()
-    player.give(0.0)
-    player.give(1.0, x=1.0)
-    player.give(1.0, x=1.0, new_pose=False)
-    assert len(player.give(0.0).poses) == 1
 
 
 def test_a_stroke_in_which_the_tracking_was_lost_is_refused_and_forgotten():
