@@ -34,7 +34,6 @@ from tests.synthetic_session import START_NS
 pytestmark = pytest.mark.untimed
 
 NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
-STAMP = "20261121T120000Z"
 LITE6_CONFIG = DEFAULT_CONFIG.with_name("lite6.yaml")
 THINNED = 4  # of so many ticks one: searching takes its time
 AWAY = Leg(0.7, (0.35, -0.15, 0.22))
@@ -200,26 +199,14 @@ def mark(folders: tuple[Path, ...]) -> None:
         write_marks(folder / "phases.csv", [*marks, Mark(opens + 0.4, None)])
 
 
-def test_marks_take_the_place_of_a_scene_that_nobody_recorded(own_logs) -> None:
+def test_marks_take_the_place_of_a_scene_that_nobody_recorded(logs, own_logs) -> None:
     mark(own_logs)
-    found = labelled(own_logs)
-    assert found.source == "recorded trials: trial-0 (marked), trial-1 (marked), trial-2 (marked)"
-    for trial in found.trials:
+    found = labelled((logs[0], *own_logs[1:]))
+    assert found.source == "recorded trials: trial-0, trial-1 (marked), trial-2 (marked)"
+    for trial in found.trials[1:]:
         closes = int(np.argmax([bool(closed) for _, _, closed, _ in trial.motion.inputs]))
         assert trial.labels[0] == NOT_COUNTED
         assert trial.labels[closes + 1] == CODE[Phase.GRASP]
-
-
-@pytest.mark.usefixtures("fitted")
-def test_the_file_says_which_trials_a_person_marked(logs, own_logs, config_path) -> None:
-    mark(own_logs)
-    folders = (logs[0], *own_logs[1:])
-    assert calibrate(config_path, logs=folders) == 0
-    assert load_config(config_path).calibrated_by == (f"phases-{STAMP}.yaml",)
-    content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
-    assert content["calibration"]["source"] == (
-        "recorded trials: trial-0, trial-1 (marked), trial-2 (marked)"
-    )
 
 
 def test_a_log_whose_phases_nobody_knows_says_how_to_mark_it(unlabelled, config_path) -> None:

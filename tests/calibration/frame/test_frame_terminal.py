@@ -26,13 +26,9 @@ class Terminal:
     def __init__(self, config, *options):
         self._end, other = pty.openpty()
         command = [sys.executable, str(ROOT / "run_tams.py"), "calibrate", "frame"]
-        self.process = subprocess.Popen(
-            [*command, "--no-buttons", "--config", str(config), *options],
-            stdin=other,
-            stdout=other,
-            stderr=other,
-            start_new_session=True,
-        )
+        command += ["--no-buttons", "--config", str(config), *options]
+        streams = dict.fromkeys(("stdin", "stdout", "stderr"), other)
+        self.process = subprocess.Popen(command, start_new_session=True, **streams)
         os.close(other)
         self.text = ""
 

@@ -169,22 +169,20 @@ def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch
     assert len(files(path)) == 1
 
 
-class Recentred:
-    """The hand of a person whose headset is recentred for a second after some seconds."""
+class Watched:
+    """A source of which is noted what was asked for, and whose readings `change` has a say in."""
 
-    def __init__(self, hand, after_s):
-        self._hand, self._from_ns, self.asked = hand, after_s * NS_PER_S, []
+    def __init__(self, source, change=lambda _asked, _now_ns, reading: reading):
+        self._source, self._change, self.asked = source, change, []
 
     def ask(self, prompt):
-        self.asked.append(getattr(prompt, "number", prompt))
-        self._hand.ask(prompt)
+        names = (getattr(prompt, name, None) for name in ("name", "number", "role"))
+        self.asked.append(next(filter(None, names)))
+        self._source.ask(prompt)
 
     def next(self):
-        now_ns, sample = self._hand.next()
-        if 0 <= now_ns - self._from_ns < NS_PER_S:
-            status = ControllerStatus.TRACKING_FRAME_CHANGED
-            sample = replace(sample, status=status, pose=None, trigger=0.0)
-        return now_ns, sample
+        now_ns, reading = self._source.next()
+        return now_ns, self._change(self.asked, now_ns, reading)
 
 
 @pytest.mark.parametrize(
@@ -198,8 +196,15 @@ def test_a_recentred_headset_makes_the_wizard_begin_anew_once(
     rig, measure, after_s, count, within_deg
 ):
     config, ui = load_config(rig()), ScriptedUI()
+
+    def recentred(_asked, now_ns, sample):
+        if not 0 <= now_ns - after_s * NS_PER_S < NS_PER_S:
+            return sample
+        status = ControllerStatus.TRACKING_FRAME_CHANGED
+        return replace(sample, status=status, pose=None, trigger=0.0)
+
     with SimulatedSetup(config, 0).hand(config.controller) as hand:
-        source = Recentred(hand, after_s)
+        source = Watched(hand, recentred)
         fit = measure(ui, source, config)
     assert sum("From the beginning" in text for text in ui.said) == 1
     begun = source.asked.index(source.asked[0], 1)
@@ -208,58 +213,47 @@ def test_a_recentred_headset_makes_the_wizard_begin_anew_once(
     assert turn_deg(fit.rotation, TURNED) < within_deg
 
 
-class Trial:
-    """The trial of the six directions with a hand that `change` has a say in."""
+def try_directions(path, turned_deg=0.0, presses=0, **change):
+    """Which directions lit up with a frame turned so far, what was asked for, and what was said."""
+    config, ui = load_config(path), ScriptedUI(presses=presses)
+    aside = Rotation.from_euler("z", turned_deg, degrees=True).as_matrix()
+    hand = config.hand.model_copy(update={"rotation": rows(aside @ TURNED)})
+    with SimulatedSetup(config, 0).hand(config.controller) as source:
+        watched = Watched(source, **change)
+        lit = try_six_directions(ui, watched, config, hand)
+    return {way.name: right for way, right in lit.items()}, watched.asked, ui.said
 
-    def __init__(self, path, turned_deg=0.0, change=None, presses=0):
-        config = load_config(path)
-        truth = TURNED
-        aside = Rotation.from_euler("z", turned_deg, degrees=True).as_matrix()
-        hand = config.hand.model_copy(update={"rotation": rows(aside @ truth)})
-        self.ui, self.asked = ScriptedUI(presses=presses), []
-        with SimulatedSetup(config, 0).hand(config.controller) as self._hand:
-            self._change = change or (lambda _number, sample: sample)
-            self._count = 0
-            self.lit = try_six_directions(self.ui, self, config, hand)
 
-    def ask(self, prompt):
-        self.asked.append(prompt.name)
-        self._hand.ask(prompt)
-
-    def next(self):
-        now_ns, sample = self._hand.next()
-        return now_ns, self._change(len(self.asked), sample)
+ALL_SIX = ["+x", "−x", "+y", "−y", "+z", "−z"]
 
 
 def test_a_frame_that_is_right_lights_each_direction_at_the_first_try(rig):
-    trial = Trial(rig())
-    assert list(trial.lit.values()) == [True] * 6
-    assert trial.asked == ["+x", "−x", "+y", "−y", "+z", "−z"]
+    lit, asked, _ = try_directions(rig())
+    assert lit == dict.fromkeys(ALL_SIX, True)
+    assert asked == ALL_SIX
 
 
 def test_a_frame_that_is_wrong_lights_others_however_often_it_is_tried(rig):
-    trial = Trial(rig(), turned_deg=90)
-    assert [way.name for way, right in trial.lit.items() if right] == ["+z", "−z"]
-    assert trial.asked.count("+x") == 3
-    assert "+y lit up when +x was asked for. Once more." in trial.ui.said
+    lit, asked, said = try_directions(rig(), turned_deg=90)
+    assert [name for name, right in lit.items() if right] == ["+z", "−z"]
+    assert asked.count("+x") == 3
+    assert "+y lit up when +x was asked for. Once more." in said
 
 
 def test_a_controller_lost_in_the_trial_costs_one_try_and_not_the_calibration(rig):
-    def lost(number, sample):
-        if number != 2 or sample.trigger < 0.9:
+    def lost(asked, _now_ns, sample):
+        if len(asked) != 2 or sample.trigger < 0.9:
             return sample
         return replace(sample, status=ControllerStatus.TRACKING_LOST, pose=None)
 
-    trial = Trial(rig(), change=lost)
-    assert list(trial.lit.values()) == [True] * 6
-    assert trial.asked.count("−x") == 2
-    assert any("lost while the trigger was held" in text for text in trial.ui.said)
+    lit, asked, said = try_directions(rig(), change=lost)
+    assert lit == dict.fromkeys(ALL_SIX, True)
+    assert asked.count("−x") == 2
+    assert any("lost while the trigger was held" in text for text in said)
 
 
 def test_enter_skips_a_direction(rig):
-    trial = Trial(rig(), presses=1)
-    assert "+x" not in [way.name for way in trial.lit]
-    assert list(trial.lit.values()) == [True] * 5
+    assert try_directions(rig(), presses=1)[0] == dict.fromkeys(ALL_SIX[1:], True)
 
 
 @pytest.mark.usefixtures("fitted")
@@ -287,22 +281,20 @@ def test_ctrl_c_while_the_directions_are_tried_keeps_the_frame_out_of_force(rig,
     assert load_config(path).calibrated_by == ()
 
 
-class Clumsy:
-    """The buttons of a person who does something else the first time one is asked for."""
+class Clumsy(Watched):
+    """The buttons of a person who does something else the first time `a` is asked for."""
 
-    def __init__(self, buttons, role, instead):
-        self._buttons, self._role, self._instead, self.asked = buttons, role, instead, []
+    def __init__(self, buttons, instead):
+        super().__init__(buttons)
+        self._instead = instead
 
     def ask(self, prompt):
-        first = prompt.role == self._role and self._role not in self.asked
-        self.asked.append(prompt.role)
-        if not first:
-            self._buttons.ask(prompt)
-        elif self._instead:
-            self._buttons.ask(Press(self._instead))
-
-    def next(self):
-        return self._buttons.next()
+        if prompt.role != "a" or "a" in self.asked:
+            super().ask(prompt)
+            return
+        self.asked.append("a")
+        if self._instead:
+            self._source.ask(Press(self._instead))
 
 
 @pytest.mark.parametrize(
@@ -315,29 +307,25 @@ class Clumsy:
 def test_a_press_that_goes_wrong_is_asked_for_again(rig, instead, asked, words):
     config, ui = load_config(rig()), ScriptedUI()
     with SimulatedSetup(config, 0).buttons() as buttons:
-        source = Clumsy(buttons, "a", instead)
+        source = Clumsy(buttons, instead)
         finding = ask_buttons(ui, source, config)
     assert finding.wrong == ()
     assert source.asked == asked
     assert any(re.search(words, text) for text in ui.said)
 
 
-class Dead(Clumsy):
-    """The buttons of a controller that sends nothing once a role is asked for."""
-
-    def next(self):
-        now_ns, reading = self._buttons.next()
-        if reading is not None and self._role in self.asked:
-            reading = replace(reading, values=dict.fromkeys(reading.values, 0.0))
-        return now_ns, reading
-
-
 def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
-    config, ui = load_config(rig()), ScriptedUI()
+    config = load_config(rig())
+
+    def dead(asked, _now_ns, reading):
+        if reading is None or "a" not in asked:
+            return reading
+        return replace(reading, values=dict.fromkeys(reading.values, 0.0))
+
     with SimulatedSetup(config, 0).buttons() as buttons:
-        source = Dead(buttons, "a", "")
+        source = Watched(buttons, dead)
         with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves") as caught:
-            ask_buttons(ui, source, config)
+            ask_buttons(ScriptedUI(), source, config)
     assert caught.value.reason is Reason.NO_BUTTON
     assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
 
