@@ -151,8 +151,11 @@ class SessionFace:
         face: Face,
         trial: ShownTrial | None = None,
         replay: ShownReplay | None = None,
+        **specification: Any,
     ) -> None:
+        """`specification`: what its process is started with, besides its socket."""
         self._session, self._trial, self._replay = session, trial, replay
+        self._specification = specification
         self._clock = MonotonicClock()
         self._client = FaceClient(self._clock, face)
         self._name = face.name
@@ -172,7 +175,7 @@ class SessionFace:
         """
         logs = self._session.folder / "helpers"
         logs.mkdir(exist_ok=True)
-        self._client.launch(logs, **self._specification())
+        self._client.launch(logs, **self._specification)
         self._stack.callback(self._client.close)
 
     def open(self) -> None:
@@ -186,11 +189,6 @@ class SessionFace:
         if not session.config.operator_is_simulated:
             session.displays.add(lambda view: self._client.seen_ns.get(view, self._opened_ns))
         self._listen(self._on_event)
-
-    @property
-    def pid(self) -> int | None:
-        """Of its process."""
-        return self._client.pid
 
     def notify(self, text: str) -> None:
         """A sentence for the operator."""
@@ -220,10 +218,6 @@ class SessionFace:
         self._worker = worker = Worker(self._name, self._client.body(on_event), self._on_failure)
         self._stack.callback(worker.stop)
         worker.start()
-
-    def _specification(self) -> dict[str, Any]:
-        """The arguments that its process is started with, besides its socket."""
-        return {}
 
     def _watch_silence(self) -> None:
         """A face that stands still shows old frames, by which the operator must not steer."""

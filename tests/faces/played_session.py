@@ -13,39 +13,20 @@ from msgspec.structs import replace
 
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.records import SessionState, ViewState
+from tams_app.records import SessionState
 from tams_app.robot.control import Signals
 from tams_app.robot.listener import TOO_LONG_AGO
 from tams_app.session.sentences import Sentences
 from tams_app.station.displays import Displays
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tests.faces.window import facts
 
-STATE = SessionState(
-    t_s=1.0,
+STATE = replace(
+    facts.STATE,
     arming="holding",
-    deadman=True,
-    pressed=("grip",),
-    orientation_mode=False,
-    phase="ALIGN",
     reason="stale video",
     lasting="stale video",
     last_stop="pose frozen",
-    hand="openvr",
-    tcp_mm=(350.0, 0.0, 180.0),
-    gripper_closed=False,
-    views={
-        "eih": ViewState(3000, 2950, 29.9, 74.0, 95.0),
-        "gt": ViewState(1500, 1480, 30.0, 75.0, 96.0),
-        "gs": ViewState(900, 870, 30.0, 76.0, 97.0),
-    },
-    link_kbps=5210.0,
-    capacity_kbps=6010.0,
-    queue_ms=12.0,
-    asked_fps=30,
-    primary_view="eih",
-    budget_kbps=5520.0,
-    estimate_kbps=6000.0,
-    loss=0.003,
 )
 
 
@@ -62,6 +43,7 @@ class PlayedSession:
         self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)
         self.keyboard.start()
         self.folder = folder
+        folder.mkdir(exist_ok=True)
         self.sentences = Sentences()
         self.signals = Signals()
         self.displays = Displays()

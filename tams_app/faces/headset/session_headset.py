@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from tams_app.config import Config
 from tams_app.faces.client import Face
 from tams_app.faces.session_face import (
@@ -20,16 +18,6 @@ HEADSET = Face(
 )
 
 
-class SessionHeadset(SessionFace):
-    """The views in the operator's headset."""
-
-    def __init__(self, session: FacedSession, trial: ShownTrial | None = None) -> None:
-        super().__init__(session, HEADSET, trial)
-
-    def _specification(self) -> dict[str, Any]:
-        return {"headset": self._session.config.headset.model_dump()}
-
-
 def headset_is_wanted(config: Config) -> bool:
     """True if a headset is to show the views too, where there is a window."""
     show = config.headset.show
@@ -38,7 +26,8 @@ def headset_is_wanted(config: Config) -> bool:
 
 def headset_if_wanted(
     session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
-) -> SessionHeadset | None:
+) -> SessionFace | None:
     """The headset, unless none is wanted, or for a replay, which may be of another computer."""
-    wanted = replay is None and headset_is_wanted(session.config)
-    return SessionHeadset(session, trial) if wanted else None
+    if replay is not None or not headset_is_wanted(session.config):
+        return None
+    return SessionFace(session, HEADSET, trial, headset=session.config.headset.model_dump())

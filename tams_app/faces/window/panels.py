@@ -57,7 +57,6 @@ class BannerPanel:
             self.widget.append(part)
 
     def show(self, banner: Banner) -> None:
-        """This banner from now on."""
         self._sign.set_text(banner.look.sign)
         self._word.set_text(banner.look.word)
         self._sentence.set_text(banner.sentence)
@@ -102,7 +101,6 @@ class NumbersPanel:
         self.widget.attach(hand, 1, 13, 1, 7)
 
     def show(self, facts: Facts) -> None:
-        """These facts, and the rates from the history."""
         self._state = facts.state
         for area in self._areas:
             area.queue_draw()
@@ -141,7 +139,6 @@ class TrialPanel:
         self.widget.append(self._area)
 
     def show(self, facts: Facts) -> None:
-        """The trial as it stands."""
         self._state = facts.state
         if facts.trial is not None:
             self._write(trial_texts(facts.trial))
@@ -164,11 +161,9 @@ class Timeline:
         )
 
     def set_height(self, height_px: int) -> None:
-        """The height from now on."""
         self.widget.set_content_height(height_px)
 
     def show(self, _facts: Facts) -> None:
-        """Draw anew from the history."""
         self.widget.queue_draw()
 
 
@@ -200,11 +195,9 @@ class LogBar:
         self.widget.append(self._area)
 
     def set_height(self, height_px: int) -> None:
-        """The height from now on."""
         self._area.set_content_height(height_px)
 
     def show(self, facts: Facts) -> None:
-        """Show the replay's position."""
         self._t_s = facts.state.t_s
         if facts.replay is not None:
             if (marks := facts.replay.marks) is not None:
@@ -235,7 +228,6 @@ class EpisodeStrip:
             self.widget.append(label)
 
     def show(self, facts: Facts) -> None:
-        """The episodes as they stand."""
         state = facts.state.episodes
         self.widget.set_visible(state is not None)
         if state is None:
@@ -262,7 +254,6 @@ class EndPanel:
         self._end: Ended | None = None
 
     def show(self, end: Ended | None) -> None:
-        """This end from now on."""
         if end is None or end == self._end:
             return
         self._end = end

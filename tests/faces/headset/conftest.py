@@ -15,11 +15,10 @@ from tams_app.faces.client import FaceClient
 from tams_app.faces.messages import Beat, Event, Facts
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
-from tests.faces.window.facts import FACTS
-from tests.faces.window.feeding import Feeding, feeding
+from tests.faces.window.facts import FACTS, OPENING
+from tests.faces.window.feeding import ArmElsewhere, Feeding, feeding
 from tests.faces.window.xvfb import virtual_screen, wait_for
 
 
@@ -51,16 +50,16 @@ class WornHeadset:
 
 
 @contextmanager
-def worn_headset(folder: Path, mount: MountMemory | None = None) -> Iterator[WornHeadset]:
-    """With the default configuration; `mount`: as for `FaceClient.open`."""
+def worn_headset(folder: Path, arm: ArmElsewhere | None = None) -> Iterator[WornHeadset]:
+    """With the default configuration; `arm`: whose frames it shows."""
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    video = config.video
+    layout = RingLayout(SHOWN, OPENING.views, OPENING.width, OPENING.height)
+    block, mount = (FrameBlock(layout), None) if arm is None else (arm.block, arm.mount)
     with (
         pytest.MonkeyPatch.context() as patch,
         virtual_screen(folder, patch),
         steamvr(folder, patch) as found,
     ):
-        block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         client = FaceClient(MonotonicClock(), FAKED)
         client.launch(folder, headset=HeadsetConfig().model_dump())
         client.open(config, block, blind=False, mount=mount)
@@ -68,7 +67,7 @@ def worn_headset(folder: Path, mount: MountMemory | None = None) -> Iterator[Wor
             worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
             hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
             hearing.start()
-            assert wait_for(lambda: len(found.overlays()) > len(video.views))  # and the panel
+            assert wait_for(lambda: len(found.overlays()) > len(OPENING.views))  # and the panel
             worn.show(FACTS)
             assert wait_for(lambda: found.seen("tams.panel").size > 0)
             try:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 
 import cv2
@@ -251,20 +249,3 @@ def test_only_the_view_with_a_new_frame_is_handed_over(
     assert wait_for(lambda: shows(headset, place, other))
     after = {key: one.submitted for key, one in headset.steamvr.overlays().items()}
     assert {key for key in after if after[key] != before[key]} == {place}
-
-
-def test_a_headset_that_stands_still_delays_nobody_and_shows_the_newest_when_it_goes_on(
-    headset: WornHeadset, pictures: dict[str, Image]
-) -> None:
-    assert headset.client.pid is not None
-    os.kill(headset.client.pid, signal.SIGSTOP)
-    try:
-        for _ in range(300):  # ten seconds of frames: the rings go round many times
-            headset.put(pictures)
-            tell(headset, FACTS)
-        newest = {view: np.flipud(image).copy() for view, image in pictures.items()}
-        headset.put(newest)
-    finally:
-        os.kill(headset.client.pid, signal.SIGCONT)
-    assert not headset.client.ended
-    assert wait_for(lambda: all_are_shown(headset, newest))

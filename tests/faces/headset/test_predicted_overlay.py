@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 import numpy as np
@@ -18,44 +16,24 @@ from tams_app.faces.headset.layout import BORDER_PX, HEADER_PX, Atlas
 from tams_app.faces.headset.painting import ViewCell
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.records import Image, Pose
-from tams_app.runtime.clock import MonotonicClock
-from tams_app.station.mount_memory import MountMemory
-from tams_app.units import NS_PER_MS
 from tests.faces.headset.conftest import WornHeadset, worn_headset
 from tests.faces.window.facts import FACTS, OPENING, changed
+from tests.faces.window.feeding import ELSEWHERE, LENS, RECEIVED, THERE, ArmElsewhere
 from tests.faces.window.xvfb import wait_for
-from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.prediction.wrist import above
 
 pytestmark = pytest.mark.waiting
 
-LENS = lens_of(640, 480)
 FRONT = "tams.view 0"
-LATE_NS = 120 * NS_PER_MS
-THERE, NOW = above(0.0, 0.0, 0.2), above(0.02, 0.0, 0.2)
-RECEIVED = picture(LENS, THERE)
-GREY = np.full((480, 640, 3), 90, np.uint8)
 VIEW = FACTS.state.primary_view
 
 
 @dataclass
 class Session:
-    """An arm that was at one place and is believed to be at another, and a frame of the first."""
+    """A headset, and an arm whose frames it shows."""
 
     headset: WornHeadset
-    mount: MountMemory
-    now: Pose = NOW
-    camera_fits: bool = True
-
-    def run(self, stop: threading.Event) -> None:
-        clock, index = MonotonicClock(), 0
-        while not stop.wait(0.02):
-            now_ns, index = clock.now_ns(), index + 1
-            fits = self.camera_fits
-            belief = placed(now_ns, THERE, self.now, late_ns=20 * NS_PER_MS, camera_fits=fits)
-            self.mount.put(belief)
-            for view in FACTS.state.views:
-                frame = RECEIVED if view == VIEW else GREY
-                self.headset.block.put(view, index, now_ns, frame, now_ns - LATE_NS)
+    arm: ArmElsewhere
 
     def tell(self, age_ms: float) -> None:
         """The age of what was received of the view."""
@@ -109,40 +87,20 @@ def predicted(now: Pose) -> Image:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
-    folder: Path = tmp_path_factory.mktemp("predicted")
-    mount = MountMemory({VIEW: camera_of(640, 480)})
-    with worn_headset(folder, mount) as headset:
-        session, stop = Session(headset, mount), threading.Event()
-        feeding = threading.Thread(target=session.run, args=(stop,))
-        feeding.start()
-        try:
-            yield session
-        finally:
-            stop.set()
-            feeding.join()
-    mount.close()
+    arm = ArmElsewhere()
+    arm.now = ELSEWHERE
+    with worn_headset(tmp_path_factory.mktemp("predicted"), arm) as headset, arm.running():
+        yield Session(headset, arm)
 
 
 def test_the_overlay_has_the_frame_as_it_would_look_now_and_says_so(session: Session) -> None:
     session.tell(120.0)
-    assert session.comes_to_have(predicted(NOW), " · predicted", 120.0)
-    session.now = above(-0.01, 0.01, 0.2)
-    assert session.comes_to_have(predicted(session.now), " · predicted", 120.0)
-    session.now = NOW
+    for now in (ELSEWHERE, above(-0.01, 0.01, 0.2), ELSEWHERE):
+        session.arm.now = now
+        assert session.comes_to_have(predicted(now), " · predicted", 120.0)
 
 
 def test_a_predicted_frame_is_as_old_as_what_was_received(session: Session) -> None:
     session.tell(1240.0)
-    assert session.comes_to_have(predicted(NOW), " · predicted", 1240.0)
-    assert not session.has(predicted(NOW), " · predicted", 120.0)
-
-
-def test_the_overlay_has_the_frame_as_received_where_its_calibration_is_off(
-    session: Session,
-) -> None:
-    session.tell(120.0)
-    session.camera_fits = False
-    words = " · as received: calibration off"
-    assert session.comes_to_have(RECEIVED, words, 120.0)
-    session.camera_fits = True
-    assert session.comes_to_have(predicted(NOW), " · predicted", 120.0)
+    assert session.comes_to_have(predicted(ELSEWHERE), " · predicted", 1240.0)
+    assert not session.has(predicted(ELSEWHERE), " · predicted", 120.0)

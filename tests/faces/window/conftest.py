@@ -20,7 +20,8 @@ from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
-from tests.faces.window.feeding import Feeding, feeding
+from tests.faces.window.facts import OPENING
+from tests.faces.window.feeding import ArmElsewhere, Feeding, feeding
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
 
@@ -64,14 +65,19 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShownWindow]:
 
 
 @contextmanager
-def shown_window(folder: Path, screen: Screen, title: str = "TAMS") -> Iterator[ShownWindow]:
-    """The window on the display of the environment; `title`: of what gets the focus on `screen`."""
+def shown_window(
+    folder: Path, screen: Screen, title: str = "TAMS", arm: ArmElsewhere | None = None
+) -> Iterator[ShownWindow]:
+    """The window on the display of the environment; `title`: of what gets the focus on `screen`.
+
+    `arm`: whose frames it shows.
+    """
     config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    video = config.video
-    block = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
+    layout = RingLayout(SHOWN, OPENING.views, OPENING.width, OPENING.height)
+    block, mount = (FrameBlock(layout), None) if arm is None else (arm.block, arm.mount)
     client = FaceClient(MonotonicClock(), WINDOW)
     client.launch(folder)
-    client.open(config, block, blind=False)
+    client.open(config, block, blind=False, mount=mount)
     with feeding(client) as feeder:
         shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
         hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))

@@ -33,9 +33,7 @@ class EngagedSession(PlayedSession):
 
 
 def main() -> None:
-    folder = Path(sys.argv[1])
-    folder.mkdir()
-    app.show_session(EngagedSession(folder), Console(quiet=True))
+    app.show_session(EngagedSession(Path(sys.argv[1])), Console(quiet=True))
 
 
 if __name__ == "__main__":

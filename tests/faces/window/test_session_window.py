@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -18,7 +16,7 @@ from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended, Pin, TrialFacts
 from tams_app.faces.registry import Shown, ShowsEnd
-from tams_app.faces.session_face import SILENT_NS, facts_of
+from tams_app.faces.session_face import facts_of
 from tams_app.faces.window.session_window import SessionWindow
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.robot.control import CONFIRMED_AGO_NS
@@ -38,21 +36,24 @@ def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
         yield found
 
 
+@pytest.fixture
+def session(tmp_path: Path) -> PlayedSession:
+    return PlayedSession(tmp_path / "session")
+
+
+def press(screen: Screen, *keys: str) -> None:
+    screen.focus("TAMS")
+    time.sleep(1.0)  # a key just after the focus may have been down before it
+    screen.xdotool(*(word for key in keys for word in ("key", key)))
+
+
 def show(session: PlayedSession) -> None:
     app.show_session(session, Console(quiet=True))
     assert window_processes() == []
 
 
-def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
-
-    def press() -> None:
-        screen.focus("TAMS")
-        time.sleep(1.0)  # a key just after the focus may have been down before it
-        screen.xdotool("key", "Return", "key", "space", "key", "q")
-
-    session.do = press
+def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, session: PlayedSession) -> None:
+    session.do = lambda: press(screen, "Return", "space", "q")
     show(session)
     assert session.reason == "ended by the operator"
     assert session.failure == ""
@@ -60,17 +61,13 @@ def test_the_window_s_keys_confirm_stop_and_end(screen: Screen, tmp_path: Path) 
 
 
 def test_a_confirmation_that_a_session_takes_in_too_late_is_none(
-    screen: Screen, tmp_path: Path
+    screen: Screen, session: PlayedSession
 ) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
     late_s = 0.5 + CONFIRMED_AGO_NS / NS_PER_S
     session.signals.stop_with(lambda: time.sleep(late_s))  # what comes after it waits in the socket
 
-    def press() -> None:
-        screen.focus("TAMS")
-        time.sleep(1.0)  # a key just after the focus may have been down before it
-        screen.xdotool("key", "space", "key", "Return")
+    def stop_and_confirm() -> None:
+        press(screen, "space", "Return")
         session.do = end_once_noted
 
     def end_once_noted() -> None:
@@ -79,17 +76,15 @@ def test_a_confirmation_that_a_session_takes_in_too_late_is_none(
         else:
             session.do = end_once_noted
 
-    session.do = press
+    session.do = stop_and_confirm
     show(session)
     assert session.reason == "ended by the operator"
     assert session.done == ["estop", "arm stopped, window open"]
 
 
 def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
-    screen: Screen, tmp_path: Path
+    screen: Screen, session: PlayedSession
 ) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
     session.do = lambda: session.end("the trial is over")
     found = []
 
@@ -115,9 +110,9 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
     assert window_processes() == []
 
 
-def test_a_window_that_the_operator_has_closed_shows_no_end(screen: Screen, tmp_path: Path) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
+def test_a_window_that_the_operator_has_closed_shows_no_end(
+    screen: Screen, session: PlayedSession
+) -> None:
     session.do = lambda: screen.ask_to_close("TAMS")
     found = []
 
@@ -158,16 +153,10 @@ def test_what_is_pinned_in_the_window_counts_but_in_no_trial_of_a_study(
 def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_keys_do_nothing(
     screen: Screen, tmp_path: Path
 ) -> None:
-    def press() -> None:
-        screen.focus("TAMS")
-        time.sleep(1.0)  # a key just after the focus may have been down before it
-        screen.xdotool("key", "x", "key", "x", "key", "BackSpace", "key", "p", "key", "q")
-
     found = []
     for name in ("other", "trial"):
         session = PlayedSession(tmp_path / name)
-        session.folder.mkdir()
-        session.do = press
+        session.do = lambda: press(screen, "x", "x", "BackSpace", "p", "q")
         trial = CountedTrial(session) if name == "trial" else None
         app.show_session(session, Console(quiet=True), trial=trial)
         found.append([one for one in session.done if not one.startswith("arm stopped")])
@@ -175,10 +164,8 @@ def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_
 
 
 def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_stands_still(
-    screen: Screen, tmp_path: Path
+    screen: Screen, session: PlayedSession
 ) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
     found: dict[str, ControllerSample] = {}
 
     def sample() -> ControllerSample:
@@ -219,10 +206,8 @@ def test_keys_held_in_the_window_move_the_hand_until_they_go_up_or_the_window_st
 
 
 def test_every_tap_of_the_mode_s_key_toggles_it_once_however_short_it_is(
-    screen: Screen, tmp_path: Path
+    screen: Screen, session: PlayedSession
 ) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
     clutch = Clutch(10_000 * NS_PER_MS)  # whatever the machine does meanwhile
     toggled = tapped = 0
 
@@ -274,56 +259,13 @@ def test_keys_over_ssh_move_no_real_arm(
 
 
 def test_closing_the_window_ends_the_session_and_the_arm_stops_first(
-    screen: Screen, tmp_path: Path
+    screen: Screen, session: PlayedSession
 ) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
     session.do = lambda: screen.ask_to_close("TAMS")
     show(session)
     assert session.reason == "the operator closed the window"
     assert session.failure == ""
     assert session.done == ["arm stopped, window open"]
-
-
-def test_a_window_whose_process_is_killed_fails_the_session_in_a_sentence(
-    screen: Screen, tmp_path: Path
-) -> None:
-    session = PlayedSession(tmp_path / "session")
-    session.folder.mkdir()
-    session.do = lambda: window_processes()[0].kill()
-    show(session)
-    assert session.failure.startswith("the window's process ended unasked")
-    assert session.done == ["arm stopped, no window"]
-
-
-def test_a_window_that_stands_still_is_told_of_and_stops_a_real_arm(
-    screen: Screen, tmp_path: Path
-) -> None:
-    session = PlayedSession(tmp_path / "session", "lite6.yaml")
-    session.folder.mkdir()
-    polls = silent_ns = stopped_ns = 0
-
-    def go_on() -> None:
-        nonlocal polls, silent_ns
-        polls += 1
-        if "estop" in session.done:
-            silent_ns = time.monotonic_ns() - stopped_ns
-            window_processes()[0].send_signal(signal.SIGCONT)
-            session.end("seen")
-        session.do = go_on
-
-    def stand_still() -> None:
-        nonlocal stopped_ns
-        stopped_ns = time.monotonic_ns()
-        os.kill(window_processes()[0].pid, signal.SIGSTOP)
-        session.do = go_on
-
-    session.do = stand_still
-    show(session)
-    assert session.reason == "seen"
-    assert any("the window does not answer" in note for note in session.notes)
-    assert silent_ns > 0.9 * SILENT_NS  # it reported last a moment before
-    assert polls > 10  # the session went on meanwhile
 
 
 def test_without_a_display_that_answers_one_sentence_says_what_to_do(
@@ -350,38 +292,27 @@ def test_without_a_display_there_is_no_window(
 
 def test_the_size_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with virtual_screen(tmp_path, monkeypatch, 1920, 1080) as screen:
-        assert sizes_of_two_sessions(screen, tmp_path) == [(1000, 600)]
 
+        def window() -> str:
+            return screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
 
-def sizes_of_two_sessions(screen: Screen, tmp_path: Path) -> list[tuple[int, int] | None]:
-    """The window's size in the second, after it was resized in the first."""
-    sizes: list[tuple[int, int] | None] = []
+        def has_size() -> bool:
+            shown = screen.xdotool("getwindowgeometry", "--shell", window()).split()
+            return {"WIDTH=1000", "HEIGHT=600"} <= set(shown)
 
-    def resize() -> None:
-        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
-        screen.xdotool("windowsize", window, "1000", "600")
-        assert wait_for(lambda: size_now() == (1000, 600))
-        screen.ask_to_close("TAMS")
+        def resize() -> None:
+            screen.xdotool("windowsize", window(), "1000", "600")
+            assert wait_for(has_size)
+            screen.ask_to_close("TAMS")
 
-    def look() -> None:
-        assert wait_for(lambda: size_now() is not None)
-        sizes.append(size_now())
-        screen.ask_to_close("TAMS")
+        def look() -> None:
+            assert wait_for(has_size)
+            screen.ask_to_close("TAMS")
 
-    def size_now() -> tuple[int, int] | None:
-        window = screen.xdotool("search", "--sync", "--onlyvisible", "--name", "TAMS")
-        words = dict(
-            line.split("=")
-            for line in screen.xdotool("getwindowgeometry", "--shell", window).split()
-        )
-        return int(words["WIDTH"]), int(words["HEIGHT"])
-
-    for number, do in enumerate((resize, look)):
-        session = PlayedSession(tmp_path / f"session{number}")
-        session.folder.mkdir()
-        session.do = do
-        show(session)
-    return sizes
+        for number, do in enumerate((resize, look)):
+            session = PlayedSession(tmp_path / f"session{number}")
+            session.do = do
+            show(session)
 
 
 def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
