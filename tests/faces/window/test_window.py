@@ -46,18 +46,6 @@ def test_what_was_received_is_what_is_seen_and_banner_and_border_tell_the_state(
     assert wait_for(lambda: banner_is(window.screen.photograph(), arming))
 
 
-def test_the_picture_changes_when_another_frame_comes(
-    window: ShownWindow, pictures: dict[str, Image]
-) -> None:
-    window.put(pictures)
-    assert wait_for(lambda: all_are_shown(window, pictures))
-    others = {view: 255 - image for view, image in pictures.items()}
-    assert not all_are_shown(window, others)
-    window.put(others)
-    assert wait_for(lambda: all_are_shown(window, others))
-    assert not all_are_shown(window, pictures)
-
-
 def test_a_frame_whose_drawing_is_put_off_is_not_seen_before_it_is_on_the_screen(
     window: ShownWindow, pictures: dict[str, Image]
 ) -> None:
@@ -197,15 +185,6 @@ def width_and_height(window: ShownWindow) -> tuple[int, int]:
     assert place is not None
     rows, columns = place
     return columns.stop - columns.start, rows.stop - rows.start
-
-
-def test_keys_that_are_held_together_are_told_as_they_are(window: ShownWindow) -> None:
-    window.screen.xdotool("keydown", "w", "keydown", "a")
-    assert wait_for(
-        lambda: window.client.keys is not None and window.client.keys.held == ("w", "a")
-    )
-    window.screen.xdotool("keyup", "w", "keyup", "a")
-    assert wait_for(lambda: window.client.keys is not None and window.client.keys.held == ())
 
 
 def test_a_key_that_goes_up_with_or_without_shift_is_up(window: ShownWindow) -> None:
