@@ -144,12 +144,8 @@ def test_an_operator_who_sees_the_scene_reaches_and_lets_go_when_the_images_free
     assert seeing.until(lambda sample: sample.trigger == 0.0) is not None, "they moved on blindly"
     last = seeing.glances[-1]
     assert any(set(glance.hanging) == set(VIEWS) for glance in seeing.glances), last
-
-
-def test_glances_come_back_while_they_look(seeing: Person) -> None:
-    seeing.images = stored_views()
-    assert seeing.until(lambda _: len(seeing.glances) >= 5) is not None
     times = [glance.t_ns for glance in seeing.glances]
+    assert len(times) >= 5
     assert times == sorted(set(times))
     assert seeing.failures == []
 
