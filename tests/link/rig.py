@@ -7,7 +7,7 @@ import struct
 from collections.abc import Callable, Sequence
 from itertools import count
 
-from tams_app.link.ends import Heard, RobotEnd
+from tams_app.link.ends import LET_GO_NS, Heard, RobotEnd
 from tams_app.link.handshake import BUSY, COOKIE, INITIATION, RESPONSE
 from tams_app.link.keys import Key
 from tams_app.link.operator_end import OperatorEnd
@@ -18,6 +18,8 @@ KEY, OTHER_KEY = Key("kim", b"k" * 32), Key("kay", b"k" * 31 + b"l")
 KINDS = (INITIATION, COOKIE, BUSY, RESPONSE, MESSAGE, 0x80, 0x81, 0xBF)
 ROBOT: Address = ("10.0.0.1", 5000)
 DESK: Address = ("10.0.0.2", 40_000)
+THIEF: Address = ("203.0.113.9", 666)
+LET_GO_MS = LET_GO_NS / NS_PER_MS
 STEP_NS = 10 * NS_PER_MS
 
 _RUNS = count()  # each robot's end draws numbers of its own
@@ -44,6 +46,12 @@ def rtp(sequence: int, ssrc: int = 7, size: int = 40) -> bytes:
 def rtcp(ssrc: int = 7) -> bytes:
     """An RTCP receiver report with one block."""
     return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(24)
+
+
+def datagram_of(addressed: tuple[bytes, Address] | None) -> bytes:
+    """What an end sends, which has a session to send it in."""
+    assert addressed is not None
+    return addressed[0]
 
 
 def spoilt(datagram: bytes, draw: random.Random) -> bytes:

@@ -27,13 +27,16 @@ from tams_app.link.peer import MESSAGE, Address
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
     KEY,
+    LET_GO_MS,
     OTHER_KEY,
     ROBOT,
     STEP_NS,
+    THIEF,
     Deliver,
     Desk,
     Rig,
     connected,
+    datagram_of,
     everything,
     nothing,
     robot,
@@ -43,8 +46,6 @@ from tests.link.rig import (
 
 pytestmark = pytest.mark.untimed
 
-THIEF: Address = ("203.0.113.9", 666)
-LET_GO_MS = LET_GO_NS / NS_PER_MS
 REDIAL_MS = REDIAL_NS / NS_PER_MS
 
 
@@ -174,12 +175,15 @@ def test_initiations_keep_step_with_nothing() -> None:
     assert len(set(gaps_ms)) > 50
 
 
-def test_a_stranger_is_not_answered() -> None:
+def test_a_stranger_is_not_answered_and_the_robots_side_can_say_who_called() -> None:
     rig, stranger = Rig(), Desk(key=OTHER_KEY)
     rig.run_ms(2000, stranger)
     assert rig.answers == []
     assert (stranger.end.connected, rig.robot.connected, rig.sessions) == (False, False, 0)
     assert rig.robot.counts == {"initiations that no key made": stranger.calls}
+    where = f"{stranger.address[0]}:{stranger.address[1]}"
+    because = "is not answered: the key of who calls is not accepted here"
+    assert rig.robot.refusal == f"{where} {because}"
     desk = other_desk()
     rig.run_ms(1500, stranger, desk)
     assert rig.gets_through(desk)
@@ -191,14 +195,6 @@ def test_who_scans_the_port_is_not_answered(first: int) -> None:
     for length in (0, 1, 8, 40, 90, 1199):
         assert rig.at_robot(bytes((first,)) + draw.randbytes(length), THIEF).replies == []
     assert rig.at_robot(b"", THIEF).replies == []
-
-
-@pytest.mark.parametrize("first", [0xC1, 0xC2, 0xC3, 0xC4])
-def test_a_peer_of_the_first_version_is_not_answered(first: int) -> None:
-    rig, desk = Rig(), Desk()
-    old = bytes((first,)) + bytes(91)
-    assert rig.at_robot(old, THIEF).replies == desk.end.receive(old, ROBOT, 0).replies == []
-    assert rig.robot.counts == desk.end.counts == {"of no known kind": 1}
 
 
 def test_no_answer_is_longer_than_the_initiation_that_it_answers() -> None:
@@ -372,9 +368,8 @@ def test_what_changes_nothing_at_the_operators_side_is_counted_by_its_reason() -
     rig.up = everything
     rig.run_ms(50, desk)
     desk.end.counts.clear()
-    addressed = rig.robot.message(b"state", rig.now_ns)
-    assert addressed is not None
-    last = addressed[0]
+    addressed = datagram_of(rig.robot.message(b"state", rig.now_ns))
+    last = addressed
     changed = last[:-1] + bytes((last[-1] ^ 1,))
     rig.at_desk(desk, last)
     for number in (1, 2, 3):
@@ -519,38 +514,27 @@ def test_a_second_operator_is_told_that_the_first_is_there() -> None:
     assert rig.sessions == 1
     assert rig.gets_through(first)
     assert {len(one) for one in rig.answers if one[0] == BUSY} == {1 + TAG_BYTES + MAC_BYTES}
-
-
-def test_an_operator_who_waits_leaves_nothing_behind() -> None:
-    rig, first = connected()
-    second = other_desk()
-    rig.run_ms(10_000, first, second)
     assert second.calls <= 51
-    assert (rig.robot.counts, len(rig.robot._calls)) == ({}, 0)
+    assert (rig.robot.counts, len(rig.robot._calls)) == ({}, 0), "it leaves nothing behind"
 
 
-def test_a_second_operator_gets_in_when_the_first_has_let_go() -> None:
+@pytest.mark.parametrize("second", [other_desk(), Desk(seed=5)], ids=["another", "restarted"])
+def test_a_second_operator_gets_in_when_the_first_has_let_go_and_is_the_only_one(
+    second: Desk,
+) -> None:
     rig, first = connected()
-    second = other_desk()
     rig.run_ms(LET_GO_MS - 50, second)
     assert (second.end.busy, rig.sessions) == (True, 1)
     rig.run_ms(400, second)
+    heard = len(rig.heard)
+    rig.say(first, b"from the one before")
+    assert len(rig.heard) == heard
     assert rig.gets_through(second)
     assert second.end.busy is False
     rig.run_ms(5000, first, second)
     assert first.end.busy is True
     assert rig.gets_through(second)
     assert rig.sessions == 2
-
-
-def test_the_robot_hears_only_the_operator_who_is_there() -> None:
-    rig, first = connected()
-    second = other_desk()
-    rig.run_ms(LET_GO_MS + 350, second)
-    heard = len(rig.heard)
-    rig.say(first, b"from the one before")
-    assert len(rig.heard) == heard
-    assert rig.gets_through(second)
 
 
 def test_a_goodbye_makes_room_at_once() -> None:
@@ -586,17 +570,6 @@ def test_after_the_robots_goodbye_the_operator_calls_again() -> None:
     assert rig.gets_through(desk)
 
 
-def test_an_operator_whose_computer_was_restarted_gets_in_when_the_former_session_is_silent() -> (
-    None
-):
-    rig, _ = connected()
-    again = Desk(seed=5)
-    rig.run_ms(LET_GO_MS - 50, again)
-    assert again.end.busy
-    rig.run_ms(400, again)
-    assert rig.gets_through(again)
-
-
 # --- silence --------------------------------------------------------------------------------------
 
 
@@ -611,9 +584,8 @@ def test_video_alone_is_a_sign_of_life() -> None:
     for number in range(600):
         rig.now_ns += STEP_NS
         rig.say(desk, b"hand")
-        addressed = rig.robot.media(rtp(number), rig.now_ns)
-        assert addressed is not None
-        rig.at_desk(desk, addressed[0])
+        addressed = datagram_of(rig.robot.media(rtp(number), rig.now_ns))
+        rig.at_desk(desk, addressed)
         assert desk.end.step(rig.now_ns) == []
 
 
@@ -651,11 +623,6 @@ def test_a_session_goes_on_after_an_outage_of_both_directions() -> None:
     rig.up = rig.down = everything
     rig.run_ms(20, desk)
     assert rig.gets_through(desk)
-    assert rig.sessions == 1
-
-
-def test_a_session_that_is_heard_again_is_no_new_one() -> None:
-    rig, desk = connected()
     rig.now_ns += LET_GO_NS
     assert rig.gets_through(desk)
     assert rig.sessions == 1
@@ -693,21 +660,14 @@ def test_ends_find_each_other_through_any_loss(seed: int, up_loss: float, down_l
 # --- who calls in vain ----------------------------------------------------------------------------
 
 
-def test_the_robots_side_can_say_who_called_with_a_key_that_it_does_not_accept() -> None:
-    rig, desk = Rig(), Desk(OTHER_KEY)
-    rig.step(desk)
-    where = f"{desk.address[0]}:{desk.address[1]}"
-    assert (
-        rig.robot.refusal == f"{where} is not answered: the key of who calls is not accepted here"
-    )
-    assert rig.answers == []
-
-
-@pytest.mark.parametrize("kind", [0xC1, 0xC4])
-def test_the_robots_side_can_say_that_another_version_called(kind: int) -> None:
-    rig = Rig()
-    heard = rig.robot.receive(bytes((kind,)) * 100, THIEF, rig.now_ns)
-    assert heard.replies == []
+@pytest.mark.parametrize("kind", [0xC1, 0xC2, 0xC3, 0xC4])
+def test_another_version_is_not_answered_and_the_robots_side_can_say_that_it_called(
+    kind: int,
+) -> None:
+    rig, desk = Rig(), Desk()
+    old = bytes((kind,)) * 92
+    assert rig.at_robot(old, THIEF).replies == desk.end.receive(old, ROBOT, 0).replies == []
+    assert rig.robot.counts == desk.end.counts == {"of no known kind": 1}
     assert "another version of TAMS calls" in rig.robot.refusal
     assert rig.robot.refusal.startswith(f"{THIEF[0]}:{THIEF[1]} ")
 

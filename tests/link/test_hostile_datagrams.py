@@ -19,9 +19,11 @@ from tests.link.rig import (
     KINDS,
     OTHER_KEY,
     ROBOT,
+    THIEF,
     Desk,
     Rig,
     connected,
+    datagram_of,
     hostile,
     nothing,
     rtcp,
@@ -31,7 +33,6 @@ from tests.link.rig import (
 
 pytestmark = pytest.mark.untimed
 
-THIEF: Address = ("203.0.113.9", 666)
 GETS_IN_MS = 1000
 Attack = Iterator[tuple[bytes, Address]]
 
@@ -123,9 +124,8 @@ def test_twenty_thousand_hostile_datagrams_leave_a_session_as_it_is() -> None:
     assert sum(rig.robot.counts.values()) > 15_000
     assert sum(desk.end.counts.values()) > 15_000
     for end, other in ((desk.end, rig.robot), (rig.robot, desk.end)):
-        addressed = end.media(rtp(100), rig.now_ns)
-        assert addressed is not None
-        assert other.receive(addressed[0], desk.address, rig.now_ns).media == rtp(100)
+        addressed = datagram_of(end.media(rtp(100), rig.now_ns))
+        assert other.receive(addressed, desk.address, rig.now_ns).media == rtp(100)
 
 
 def test_hostile_datagrams_before_a_call_begin_no_session() -> None:

@@ -23,11 +23,14 @@ from tams_app.link.peer import OVERLAP_NS, Address
 from tams_app.link.sealing import HAND_BYTES, LINK_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
+    LET_GO_MS,
     ROBOT,
     STEP_NS,
+    THIEF,
     Desk,
     Rig,
     connected,
+    datagram_of,
     everything,
     nothing,
     rtcp,
@@ -37,11 +40,9 @@ from tests.link.rig import (
 
 pytestmark = pytest.mark.untimed
 
-THIEF: Address = ("203.0.113.9", 666)
 ELSEWHERE: Address = ("192.168.7.7", 1234)
 SECOND_MS = 1000.0
 REKEY_MS = REKEY_NS / NS_PER_MS
-LET_GO_MS = LET_GO_NS / NS_PER_MS
 REFUSED_MS = REFUSED_NS / NS_PER_MS
 
 
@@ -77,9 +78,8 @@ def test_the_keys_of_a_session_are_replaced_every_two_minutes_and_nothing_is_los
         rig.step(desk)
         packet = rtp(next(sequence))
         assert shown(rig, desk, packet) == packet
-        feedback = desk.end.media(rtcp(), rig.now_ns)
-        assert feedback is not None
-        assert rig.at_robot(feedback[0], desk.address).media == rtcp()
+        feedback = datagram_of(desk.end.media(rtcp(), rig.now_ns))
+        assert rig.at_robot(feedback, desk.address).media == rtcp()
         rig.now_ns += 4 * STEP_NS
     assert rig.robot.renewals == desk.end.renewals >= 9
     assert len(rig.heard) - heard == len(desk.heard) - told == steps // 5
@@ -240,9 +240,8 @@ def test_video_and_feedback_go_on_while_nothing_comes_under_the_new_keys_yet() -
     for sequence in range(1, 200):
         rig.step(desk)
         assert shown(rig, desk, rtp(sequence)) == rtp(sequence)
-        feedback = desk.end.media(rtcp(), rig.now_ns)
-        assert feedback is not None
-        assert rig.at_robot(feedback[0], desk.address).media == rtcp()
+        feedback = datagram_of(desk.end.media(rtcp(), rig.now_ns))
+        assert rig.at_robot(feedback, desk.address).media == rtcp()
         for packet in (rtp(sequence), rtcp()):  # a stranger's
             rig.at_desk(desk, packet + bytes(16))
             rig.at_robot(packet + bytes(16), THIEF)
@@ -286,9 +285,8 @@ def test_new_keys_are_made_once_however_often_they_are_asked_for() -> None:
 def test_what_is_no_request_for_new_keys_is_counted_and_not_answered() -> None:
     rig, desk = connected()
     for number, content in enumerate((b"", b"c" * 47, b"c" * 48, b"c" * 100), 1):
-        addressed = desk.end.message(REKEY + content, rig.now_ns)
-        assert addressed is not None
-        heard = rig.at_robot(addressed[0], desk.address)
+        addressed = datagram_of(desk.end.message(REKEY + content, rig.now_ns))
+        heard = rig.at_robot(addressed, desk.address)
         assert (heard.message, heard.replies) == (None, [])
         assert rig.robot.counts == {"new keys that came to nothing": number}
     let_keys_age(rig, desk)
@@ -351,13 +349,11 @@ def test_the_length_of_what_is_sent_tells_nothing_of_what_is_said(
 ) -> None:
     rig, desk = connected()
     for said, size in ((b"h" + hand[1:], HAND_BYTES), (b"\0" + hand[:50], LINK_BYTES)):
-        sent = desk.end.message(said, rig.now_ns)
-        assert sent is not None
-        assert len(sent[0]) == sealed_bytes(0, size)
+        sent = datagram_of(desk.end.message(said, rig.now_ns))
+        assert len(sent) == sealed_bytes(0, size)
     for said, size in ((b"s" + state[1:], STATE_BYTES), (b"\0" + state[:50], LINK_BYTES)):
-        sent = rig.robot.message(said, rig.now_ns)
-        assert sent is not None
-        assert len(sent[0]) == sealed_bytes(0, size)
+        sent = datagram_of(rig.robot.message(said, rig.now_ns))
+        assert len(sent) == sealed_bytes(0, size)
 
 
 # --- consent --------------------------------------------------------------------------------------
@@ -400,9 +396,8 @@ def test_an_operator_who_moves_to_another_address_is_followed() -> None:
 
 def test_one_datagram_that_was_caught_and_redirected_moves_nothing() -> None:
     rig, desk = connected()
-    caught = desk.end.message(b"hand", rig.now_ns)
-    assert caught is not None
-    heard = rig.at_robot(caught[0], THIEF)
+    caught = datagram_of(desk.end.message(b"hand", rig.now_ns))
+    heard = rig.at_robot(caught, THIEF)
     assert heard.message == b"hand"  # it is theirs, and new
     for _ in range(100):
         rig.now_ns += 20 * NS_PER_MS
@@ -419,10 +414,9 @@ def test_a_victim_to_whose_address_every_message_is_redirected_gets_little() -> 
     sent = received = 0
     for _ in range(1000):
         rig.now_ns += STEP_NS
-        message = desk.end.message(b"h" * 180, rig.now_ns)
-        assert message is not None
-        sent += len(message[0])
-        received += sum(len(reply) for reply, _ in rig.at_robot(message[0], THIEF).replies)
+        message = datagram_of(desk.end.message(b"h" * 180, rig.now_ns))
+        sent += len(message)
+        received += sum(len(reply) for reply, _ in rig.at_robot(message, THIEF).replies)
         assert sent_to(rig) == desk.address
     assert 0 < received < sent / 20
 
@@ -434,9 +428,8 @@ def test_however_many_addresses_messages_are_redirected_to_ten_questions_a_secon
     asked = 0
     for number in range(1000):
         rig.now_ns += STEP_NS
-        message = desk.end.message(b"hand", rig.now_ns)
-        assert message is not None
-        asked += len(rig.at_robot(message[0], (f"10.0.1.{number % 250}", 1)).replies)
+        message = datagram_of(desk.end.message(b"hand", rig.now_ns))
+        asked += len(rig.at_robot(message, (f"10.0.1.{number % 250}", 1)).replies)
     assert asked == 100
 
 
@@ -458,14 +451,13 @@ def test_only_a_newer_message_asks_at_another_address() -> None:
 
 def test_what_answers_a_question_from_elsewhere_moves_nothing() -> None:
     rig, desk = connected()
-    caught = desk.end.message(b"hand", rig.now_ns)
-    assert caught is not None
-    ((question, to),) = rig.at_robot(caught[0], THIEF).replies
+    caught = datagram_of(desk.end.message(b"hand", rig.now_ns))
+    ((question, to),) = rig.at_robot(caught, THIEF).replies
     assert to == THIEF
     ((answer, _),) = desk.end.receive(question, THIEF, rig.now_ns).replies
     rig.at_robot(answer, ELSEWHERE)
     assert sent_to(rig) == desk.address
-    assert len(question) == sealed_bytes(len(QUESTION) + 8) <= len(caught[0])
+    assert len(question) == sealed_bytes(len(QUESTION) + 8) <= len(caught)
 
 
 def test_an_operator_whose_answers_take_long_is_followed_too() -> None:
@@ -474,9 +466,8 @@ def test_an_operator_whose_answers_take_long_is_followed_too() -> None:
     questions: list[tuple[bytes, Address]] = []
     for number in range(60):
         rig.now_ns += STEP_NS
-        hand = desk.end.message(b"hand", rig.now_ns)
-        assert hand is not None
-        questions += rig.at_robot(hand[0], THIEF if number < 10 else ELSEWHERE).replies
+        hand = datagram_of(desk.end.message(b"hand", rig.now_ns))
+        questions += rig.at_robot(hand, THIEF if number < 10 else ELSEWHERE).replies
     assert [to for _, to in questions] == [THIEF] + [ELSEWHERE] * 5
     answers = [desk.end.receive(one, ROBOT, rig.now_ns).replies[0][0] for one, _ in questions]
     rig.at_robot(answers[0], ELSEWHERE)  # to the question that was asked elsewhere
