@@ -58,9 +58,17 @@ def gate(arm, notes):
     return ArmGate(arm, BOUNDARY, lambda level, text: notes.append(text))
 
 
-def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, arm):
-    gate.request(Request.ENABLE)
-    gate.serve()
+@pytest.fixture
+def enable(gate):
+    def asked():
+        gate.request(Request.ENABLE)
+        gate.serve()
+
+    return asked
+
+
+def test_enabling_makes_the_arm_ready_until_it_is_stopped(gate, enable, arm):
+    enable()
     assert gate.ready
     gate.stop()
     assert not gate.ready
@@ -84,59 +92,53 @@ def test_each_stop_outdates_what_was_asked_since_the_one_before(gate, arm):
     assert not gate.ready
 
 
-def test_a_stop_while_enabling_is_repeated_and_leaves_the_arm_not_ready(gate, arm):
+def test_a_stop_while_enabling_is_repeated_and_leaves_the_arm_not_ready(gate, enable, arm):
     arm.during = gate.stop
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert arm.calls == ["enable", "stop", "stop"]
     assert not gate.ready
 
 
-def test_a_second_enable_is_left_out_while_the_first_waits(gate, arm):
+def test_a_second_enable_is_left_out_while_the_first_waits(gate, enable, arm):
     gate.request(Request.ENABLE)
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     gate.serve()
     assert arm.calls == ["enable"]
 
 
-def test_after_a_stop_the_arm_can_be_enabled_again(gate, arm):
+def test_after_a_stop_the_arm_can_be_enabled_again(gate, enable, arm):
     gate.request(Request.ENABLE)
     gate.stop()
     gate.serve()
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert gate.ready
 
 
-def test_an_arm_that_refuses_is_noted_and_not_ready(gate, arm, notes):
+def test_an_arm_that_refuses_is_noted_and_not_ready(gate, enable, arm, notes):
     def refuse():
         raise DeviceError("the brakes stay on")
 
     arm.during = refuse
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert notes == ["the brakes stay on"]
     assert not gate.ready
     arm.during = lambda: None
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert gate.ready
 
 
-def test_a_refusal_of_what_a_stop_has_outdated_is_no_error(gate, arm, notes):
+def test_a_refusal_of_what_a_stop_has_outdated_is_no_error(gate, enable, arm, notes):
     def stop_and_refuse():
         gate.stop()
         raise DeviceError("stopped meanwhile")
 
     arm.during = stop_and_refuse
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert notes == []
     assert not gate.ready
 
 
-def test_an_enable_after_a_stop_is_taken_while_the_one_before_is_under_way(gate, arm):
+def test_an_enable_after_a_stop_is_taken_while_the_one_before_is_under_way(gate, enable, arm):
     def stop_and_ask_again():
         arm.during = lambda: None
         gate.stop()
@@ -144,10 +146,8 @@ def test_an_enable_after_a_stop_is_taken_while_the_one_before_is_under_way(gate,
         gate.request(Request.ENABLE)
 
     arm.during = stop_and_ask_again
-    gate.request(Request.ENABLE)
-    gate.serve()
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
+    enable()
     gate.serve()
     assert arm.calls == ["enable", "stop", "stop", "enable"]
     assert gate.ready
@@ -172,21 +172,19 @@ def test_clearing_errors_is_carried_out(gate, arm):
     assert arm.calls == ["clear", "clear"]
 
 
-def test_clearing_that_hangs_is_asked_for_once_and_keeps_no_enable_out(gate, arm):
+def test_clearing_that_hangs_is_asked_for_once_and_keeps_no_enable_out(gate, enable, arm):
     for _ in range(10):
         gate.request(Request.CLEAR_ERRORS)
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert arm.calls == ["clear", "enable"]
     assert gate.ready
 
 
-def test_a_request_that_found_no_room_can_be_made_again(gate, arm, monkeypatch):
+def test_a_request_that_found_no_room_can_be_made_again(gate, enable, arm, monkeypatch):
     with monkeypatch.context() as full:
         full.setattr(BoundedQueue, "put", lambda queue, item: False)
         gate.request(Request.ENABLE)
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert gate.ready
 
 
@@ -205,24 +203,21 @@ def test_clearing_that_failed_can_be_asked_for_again(gate, arm, notes):
     assert notes[0] == "the emergency stop is pressed"
 
 
-def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(gate, arm, notes):
+def test_an_arm_outside_the_workspace_is_not_enabled_until_it_is_inside(gate, enable, arm, notes):
     arm.tcp_m = (0.6, 0.0, 0.118)
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert (arm.calls, gate.ready) == ([], False)
     assert notes == [
         "the TCP is at (600, 0, 118) mm, outside the workspace: run `run_tams.py home` first"
     ]
     arm.tcp_m = (0.3, 0.0, 0.118)
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert (arm.calls, gate.ready) == (["enable"], True)
 
 
-def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(gate, arm):
+def test_an_arm_without_a_report_is_enabled_and_held_by_the_loop(enable, arm):
     arm.tcp_m = None
-    gate.request(Request.ENABLE)
-    gate.serve()
+    enable()
     assert arm.calls == ["enable"]
 
 

@@ -47,14 +47,47 @@ class ScriptedLink:
         return self.fresh
 
 
-def guarding(tmp_path, signals):
-    made = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
-    made._link = GuardLink(GuardMemory(new_block_name()), SILENCE_NS, lambda: True)  # it is silent
-    return made
+@pytest.fixture
+def signals():
+    return Signals()
 
 
-def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
-    guard = guarding(tmp_path, Signals())
+@pytest.fixture
+def notes():
+    return []
+
+
+@pytest.fixture
+def guard(tmp_path, signals, notes):
+    return Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
+
+
+@pytest.fixture
+def link(guard):
+    guard._link = ScriptedLink()
+    return guard._link
+
+
+@pytest.fixture
+def silent(guard):
+    guard._link = GuardLink(GuardMemory(new_block_name()), SILENCE_NS, lambda: True)
+    yield guard
+    guard.close()
+
+
+@pytest.fixture
+def faults(guard, link, signals):
+    """What a tick finds of a guard whose link has these attributes."""
+
+    def found(**attributes):
+        vars(link).update(attributes)
+        guard.before_tick(0)
+        return signals.take(0).faults
+
+    return found
+
+
+def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(silent):
     armed = []
     for arming, stopping in (
         (ArmingState.DISARMED, True),
@@ -62,80 +95,45 @@ def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(tmp_path):
         (ArmingState.FAULT, True),
         (ArmingState.FAULT, False),
     ):
-        guard.on_output(0, replace(output(arming), stop=stopping), None)
-        armed.append(guard._link.armed)
-    guard.close()
+        silent.on_output(0, replace(output(arming), stop=stopping), None)
+        armed.append(silent._link.armed)
     assert armed == [False, True, True, False]
 
 
-def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(tmp_path):
-    signals, notes = Signals(), []
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
-    guard._link = ScriptedLink()
-    taken = []
-    for latched in (False, True, True, False, True):
-        guard._link.latched = latched
-        guard.before_tick(0)
-        taken.append(signals.take(0).faults)
+def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(faults, notes):
+    taken = [faults(latched=latched) for latched in (False, True, True, False, True)]
     stopped = (Reason.GUARD_STOPPED,)
     assert taken == [(), stopped, (), (), stopped]
     assert len(notes) == 2
 
 
-def test_a_guard_that_does_not_answer_is_a_fault(tmp_path):
-    signals = Signals()
-    guard = guarding(tmp_path, signals)
-    guard.on_output(0, output(ArmingState.READY), None)
-    guard.before_tick(0)
+def test_a_guard_that_does_not_answer_is_a_fault(silent, signals):
+    silent.on_output(0, output(ArmingState.READY), None)
+    silent.before_tick(0)
     assert signals.take(0).faults == ()
-    guard.before_tick(SILENCE_NS + 1)
-    guard.close()
+    silent.before_tick(SILENCE_NS + 1)
     assert signals.take(0).faults == (Reason.GUARD_SILENT,)
 
 
-def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(tmp_path):
-    signals = Signals()
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
-    guard._link = link = ScriptedLink()
-    taken = []
-    for armed, fresh in ((True, False), (True, False), (False, False), (False, True), (True, True)):
-        link.armed, link.fresh = armed, fresh
-        guard.before_tick(0)
-        taken.append(signals.take(0).faults)
+def test_silence_while_armed_is_a_fault_until_the_guard_answers_again_armed_or_not(faults):
+    states = ((True, False), (True, False), (False, False), (False, True), (True, True))
+    taken = [faults(armed=armed, fresh=fresh) for armed, fresh in states]
     silent = (Reason.GUARD_SILENT,)
     assert taken == [silent, silent, silent, (), ()]
 
 
-def test_silence_while_disarmed_is_none(tmp_path):
-    signals = Signals()
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
-    guard._link = link = ScriptedLink()
-    link.armed = link.fresh = False
-    guard.before_tick(0)
-    assert signals.take(0).faults == ()
+def test_silence_while_disarmed_is_none(faults):
+    assert faults(armed=False, fresh=False) == ()
 
 
-def test_a_guard_whose_process_has_ended_is_a_fault_for_good(tmp_path):
-    signals = Signals()
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
-    guard._link = link = ScriptedLink()
-    link.ended = True
+def test_a_guard_whose_process_has_ended_is_a_fault_for_good(faults):
     for armed in (True, False):
-        link.armed = armed
-        guard.before_tick(0)
-        assert signals.take(0).faults == (Reason.GUARD_LOST,)
+        assert faults(ended=True, armed=armed) == (Reason.GUARD_LOST,)
 
 
-def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tmp_path):
-    signals = Signals()
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: None)
-    guard._link = ScriptedLink()
-    taken = []
-    for lost in (False, True, True, False):
-        guard._link.arm_lost = lost
-        guard.before_tick(0)
-        taken.append(signals.take(0).faults)
+def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(faults):
     blind = (Reason.GUARD_BLIND,)
+    taken = [faults(arm_lost=lost) for lost in (False, True, True, False)]
     assert taken == [(), blind, blind, ()]
 
 
@@ -148,29 +146,17 @@ def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(tm
         (Cause.OUTSIDE, Reason.ARM_OUTSIDE),
     ],
 )
-def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(tmp_path, cause, reason):
-    signals, notes = Signals(), []
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, signals, lambda level, text: notes.append(text))
-    guard._link = ScriptedLink()
-    guard._link.latched, guard._link.cause = True, cause
-    guard.before_tick(0)
-    assert signals.take(0).faults == (reason,)
+def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(faults, notes, cause, reason):
+    assert faults(latched=True, cause=cause) == (reason,)
     assert notes == [f"the guard process has stopped the arm: {reason.label}"]
 
 
-def test_each_beat_says_what_the_tick_before_commanded(tmp_path):
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None)
-    guard._link = link = ScriptedLink()
+def test_each_beat_says_what_the_tick_before_commanded(guard, link):
     ready = replace(output(ArmingState.READY), deadman=False, twist=None)
     engaged = output(ArmingState.ENGAGED)
     moving = Twist((0.03, 0.0, -0.04), (0.0, 0.0, 0.0))
-    for now_ns, each in enumerate(
-        (
-            replace(ready, twist=Twist.zero()),
-            replace(engaged, twist=moving, deadman=True),
-            ready,
-        )
-    ):
+    still, follows = replace(ready, twist=Twist.zero()), replace(engaged, twist=moving)
+    for now_ns, each in enumerate((still, replace(follows, deadman=True), ready)):
         guard.on_output(now_ns * 10_000_000, each, None)
         guard.before_tick(now_ns)
     motions, deadmen, speeds = zip(*link.beats, strict=True)
@@ -205,15 +191,14 @@ def test_on_the_way_home_a_beat_says_so_and_how_fast_a_joint_may_turn(tmp_path):
     ],
 )
 def test_the_guard_watches_once_it_has_answered_and_while_it_has_no_cause_to_stop(
-    tmp_path, acknowledged, latched, after_ms, watches
+    guard, acknowledged, latched, after_ms, watches
 ):
-    guard = Guarding(*ARM_AND_LIMITS, tmp_path, Signals(), lambda level, text: None)
     assert not guard.watches(0)
-    guard._link = ScriptedLink()
-    guard._link.acknowledged = acknowledged
+    guard._link = link = ScriptedLink()
+    link.acknowledged = acknowledged
     beat_ns = 1_000_000_000
     guard.before_tick(beat_ns)
-    guard._link.latched = latched
+    link.latched = latched
     assert guard.watches(beat_ns + after_ms * 1_000_000) is watches
 
 

@@ -98,84 +98,66 @@ def test_a_refusal_without_a_confirmation_is_not_noted(notes):
     assert notes == []
 
 
+class Tried:
+    """A trial whose block is in its place, and what it tells; the gripper is closed at first."""
+
+    def __init__(self, limited, block_z_m):
+        self.clock, self.told, self.records, self.closed = VirtualClock(), [], [], True
+        here = Pose(np.zeros(3), Rotation.identity())
+        block = Pose(np.array([0.0, 0.0, block_z_m]), Rotation.identity())
+        scene = SceneTruth(0, block, here, here, 0.0, 0.016)
+        arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=self.closed))
+        self.trial = TrialObserver(
+            TrialConfig(),
+            self.clock,
+            arm,
+            lambda: scene,
+            self.records.append,
+            lambda: self.told.append("ended"),
+            lambda: limited,
+            lambda: self.told.append("placed"),
+        )
+
+    def begin(self):
+        self.trial.on_output(self.clock.now_ns(), output(ArmingState.ENGAGED), None)
+
+
 @pytest.mark.parametrize("limited", [True, False])
 def test_only_a_limited_trial_ends_when_its_time_is_over(limited):
-    clock, ended = VirtualClock(), []
-    here = Pose(np.zeros(3), Rotation.identity())
-    scene = SceneTruth(0, here, here, here, 0.0, 0.016)
-    arm = SimpleNamespace(state=lambda: None)
-    trial = TrialObserver(
-        TrialConfig(),
-        clock,
-        arm,
-        lambda: scene,
-        lambda _scene: None,
-        lambda: ended.append(True),
-        lambda: limited,
-    )
-    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
-    clock.advance_ns(round(TrialConfig().limit_s * 1e9) + 1)
-    assert trial.look() is limited
-    assert ended == [True] * limited
+    tried = Tried(limited, 0.0)
+    tried.begin()
+    tried.clock.advance_ns(round(TrialConfig().limit_s * 1e9) + 1)
+    assert tried.trial.look() is limited
+    assert tried.told == ["ended"] * limited
 
 
 @pytest.mark.parametrize("limited", [True, False])
 def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
-    clock, told, records = VirtualClock(), [], []
-    geometry = build.task_geometry()
-    here = Pose(np.zeros(3), Rotation.identity())
-    inside = Pose(np.array([0.0, 0.0, geometry.block_rest_height]), Rotation.identity())
-    scene = SceneTruth(0, inside, here, here, 0.0, 0.016)
-    closed = [True]
-    arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=closed[0]))
-    trial = TrialObserver(
-        TrialConfig(),
-        clock,
-        arm,
-        lambda: scene,
-        records.append,
-        lambda: told.append("ended"),
-        lambda: limited,
-        lambda: told.append("placed"),
-    )
-    trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
-    assert not trial.look()
-    closed[0] = False
-    assert not trial.look()
+    tried = Tried(limited, build.task_geometry().block_rest_height)
+    tried.begin()
+    assert not tried.trial.look()
+    tried.closed = False
+    assert not tried.trial.look()
     for _ in range(3):
-        clock.advance_ns(NS_PER_S)
-        assert trial.look() is limited
+        tried.clock.advance_ns(NS_PER_S)
+        assert tried.trial.look() is limited
         if limited:
             break
-    assert told == (["placed", "ended"] if limited else ["placed"])
-    assert len(records) == (3 if limited else 5)
-    assert trial.outcome("ended by q").completion_time_s == 0.0
+    assert tried.told == (["placed", "ended"] if limited else ["placed"])
+    assert len(tried.records) == (3 if limited else 5)
+    assert tried.trial.outcome("ended by q").completion_time_s == 0.0
 
 
 def test_a_block_that_is_put_back_is_judged_anew_and_the_first_placed_trial_is_the_verdict():
-    clock, told, geometry = VirtualClock(), [], build.task_geometry()
-    here = Pose(np.zeros(3), Rotation.identity())
-    inside = Pose(np.array([0.0, 0.0, geometry.block_rest_height]), Rotation.identity())
-    scene = SceneTruth(0, inside, here, here, 0.0, 0.016)
-    closed = [True]
-    arm = SimpleNamespace(state=lambda: SimpleNamespace(gripper_closed=closed[0]))
-    trial = TrialObserver(
-        TrialConfig(),
-        clock,
-        arm,
-        lambda: scene,
-        lambda _scene: None,
-        lambda: told.append("ended"),
-        lambda: False,
-        lambda: told.append("placed"),
-    )
+    tried = Tried(False, build.task_geometry().block_rest_height)
+    trial, clock, told = tried.trial, tried.clock, tried.told
 
     def places(after_s):
-        closed[0] = True
-        trial.on_output(clock.now_ns(), output(ArmingState.ENGAGED), None)
+        tried.closed = True
+        tried.begin()
         trial.look()
         clock.advance_ns(after_s * NS_PER_S)
-        closed[0] = False
+        tried.closed = False
         for _ in range(3):
             trial.look()
             clock.advance_ns(NS_PER_S)

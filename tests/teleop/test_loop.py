@@ -186,15 +186,13 @@ def test_leaving_a_fault_takes_a_confirmation_with_the_trigger_up(engaged: Bench
     assert engaged.run(100).arming is DISARMED
 
 
-def test_a_lost_link_says_why(engaged: Bench) -> None:
-    output = engaged.tick(link=link(engaged, failure="The arm closed the connection."))
-    assert output.reason is Reason.ARM_LINK_LOST
-    assert output.detail == "The arm closed the connection."
-
-
 @pytest.mark.parametrize(
     ("fault", "reason"),
-    [(LinkFault.REFUSED, Reason.ARM_REFUSES), (LinkFault.GRIPPER, Reason.GRIPPER_FAILED)],
+    [
+        (LinkFault.NONE, Reason.ARM_LINK_LOST),
+        (LinkFault.REFUSED, Reason.ARM_REFUSES),
+        (LinkFault.GRIPPER, Reason.GRIPPER_FAILED),
+    ],
 )
 def test_a_failed_link_is_confirmed_away_once_it_works_again(
     engaged: Bench, fault: LinkFault, reason: Reason
@@ -304,14 +302,6 @@ def test_a_confirmation_that_counts_is_told_nothing(bench: Bench) -> None:
 def test_a_fault_that_still_holds_is_not_named_twice(engaged: Bench) -> None:
     engaged.hand.status = ControllerStatus.RUNTIME_QUIT
     assert engaged.run(3).detail == ""
-
-
-def test_what_the_guard_stopped_is_confirmed_away(engaged: Bench) -> None:
-    output = engaged.tick(faults=(Reason.GUARD_STOPPED,))
-    assert (output.reason, output.stop) == (Reason.GUARD_STOPPED, True)
-    engaged.hand.trigger = 0.0
-    engaged.run(2)
-    assert engaged.tick(confirm=True).arming is DISARMED
 
 
 @pytest.mark.parametrize(

@@ -84,42 +84,6 @@ def test_an_arrow_of_the_table_is_taken(
     assert arming.state is end
 
 
-@pytest.mark.parametrize(
-    ("start", "given"),
-    [
-        (DISARMED, UP),
-        (DISARMED, PRESS),
-        (DISARMED, {"confirm": True, **DOWN}),
-        (DISARMED, {"confirm": True, **UNKNOWN}),
-        (DISARMED, {"confirm": True, "arm_ready": False, **UP}),
-        (DISARMED, {"confirm": True, **UP, **STALE}),
-        (READY, UP),
-        (READY, DOWN),  # held, but not pressed just now
-        (READY, UNKNOWN),
-        (READY, {**PRESS, **STALE}),
-        (READY, {"confirm": True, **UP}),
-        (ENGAGED, DOWN),
-        (ENGAGED, {"confirm": True, **DOWN}),
-        (HOLDING, DOWN),
-        (HOLDING, PRESS),
-        (HOLDING, UNKNOWN),
-        (HOLDING, {**UP, **STALE}),
-        (HOLDING, {"confirm": True, **DOWN}),
-        (FAULT, UP),
-        (FAULT, PRESS),
-        (FAULT, {"confirm": True, **DOWN}),
-        (FAULT, {"confirm": True, **UNKNOWN}),
-        (FAULT, {"confirm": True, **UP, **LOST}),
-    ],
-)
-def test_an_arrow_the_table_lacks_is_not_taken(
-    start: ArmingState, given: dict[str, object]
-) -> None:
-    arming = arming_in(start)
-    arming.step(events(**given))
-    assert arming.state is start
-
-
 # --- all of them ----------------------------------------------------------------------------------
 
 HOLDS = ((), (Reason.ARM_NOT_READY,), (Reason.STALE_VIDEO,), (Reason.ARM_NOT_READY, *STALE_HOLDS))
