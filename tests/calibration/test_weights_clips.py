@@ -15,7 +15,6 @@ from calibration.weights.cutting import (
     SHORTEST_S,
     STRIP_HEIGHT,
     cut_session,
-    instants,
     newest_at,
     select,
     side_by_side,
@@ -143,8 +142,11 @@ def test_a_session_that_is_left_half_way_is_given_up_without_a_complaint(tmp_pat
     frames.close()
 
 
-def test_lossless_captures_are_taken_where_there_are_some(tmp_path):
+def test_lossless_captures_are_taken_where_there_are_some_else_a_narrow_network_is_told(tmp_path):
     folder = record_session(tmp_path / "s1", [(0.0, Phase.REACH), (0.5, Phase.ALIGN)], 0.6, "s3")
+    session = open_session(folder, VIEWS)
+    assert session.is_constrained
+    assert session.shows == "as sent over s3"
     add_captures(folder, 15)
     session = open_session(folder, VIEWS)
     assert not session.is_constrained
@@ -168,12 +170,6 @@ def test_captures_that_end_before_the_session_do_not_stand_still_for_the_rest(tm
     assert list(clips.there()["s1"].clips) == [Phase.REACH, Phase.ALIGN]
 
 
-def test_frames_that_a_network_narrowed_are_called_so(tmp_path):
-    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5, "s3"), VIEWS)
-    assert session.is_constrained
-    assert session.shows == "as sent over s3"
-
-
 def test_what_is_cut_already_is_not_cut_again_and_what_is_missing_is(tmp_path):
     session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
     folder = ClipFolder(tmp_path / "clips")
@@ -181,10 +177,13 @@ def test_what_is_cut_already_is_not_cut_again_and_what_is_missing_is(tmp_path):
     reach, align = (folder.file(phase, "s1") for phase in (Phase.REACH, Phase.ALIGN))
     untouched, whole = reach.stat().st_mtime_ns, frames_of(align)
     align.unlink()
-    cut_session(session, folder, quiet)
+    cut = cut_session(session, folder, quiet)
     assert reach.stat().st_mtime_ns == untouched
     assert len(frames_of(align)) == len(whole)
     assert np.array_equal(frames_of(align)[-1], whole[-1])
+    other = cut.model_copy(update={"recorded": "2020-01-01T00:00:00.000+00:00"})
+    with pytest.raises(ConfigError, match="another session named s1: rename one folder"):
+        folder.add("s1", other)
 
 
 def test_an_interrupted_clip_leaves_no_half_file_and_is_cut_the_next_time(tmp_path):
@@ -230,15 +229,6 @@ def test_context_makes_segments_longer_and_leaves_none_out(phases, context_s):
         assert one.end_ns <= other.end_ns <= 50 * S
 
 
-def test_two_sessions_of_one_name_are_not_taken_for_each_other(tmp_path):
-    session = open_session(record_session(tmp_path / "s1", TWO_PHASES, 1.5), VIEWS)
-    folder = ClipFolder(tmp_path / "clips")
-    cut = cut_session(session, folder, quiet)
-    other = cut.model_copy(update={"recorded": "2020-01-01T00:00:00.000+00:00"})
-    with pytest.raises(ConfigError, match="another session named s1: rename one folder"):
-        folder.add("s1", other)
-
-
 def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(tmp_path):
     with pytest.raises(LogError, match="give a session folder"):
         open_session(tmp_path, VIEWS)
@@ -259,16 +249,13 @@ def test_a_session_without_frames_is_refused_with_what_would_have_kept_them(tmp_
         cut_session(open_session(empty, VIEWS), ClipFolder(tmp_path / "clips"), quiet)
 
 
-def test_a_session_of_another_version_is_refused_with_the_key(tmp_path):
+def test_a_session_of_another_version_or_of_flickering_phases_only_is_refused(tmp_path):
     changes = {"video": {"colour": "grey"}}
     folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
     with pytest.raises(LogError, match=r"another version of TAMS: video\.colour: no such key"):
         open_session(folder, VIEWS)
-
-
-def test_a_session_of_flickering_phases_only_is_refused(tmp_path):
     phases = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
-    session = open_session(record_session(tmp_path / "s1", phases, 0.5), VIEWS)
+    session = open_session(record_session(tmp_path / "s2", phases, 0.5), VIEWS)
     with pytest.raises(LogError, match="no phase lasts long enough"):
         cut_session(session, ClipFolder(tmp_path / "clips"), quiet)
 
@@ -276,10 +263,6 @@ def test_a_session_of_flickering_phases_only_is_refused(tmp_path):
 def test_a_clip_that_cannot_be_written_is_told(tmp_path):
     with pytest.raises(SetupError, match=r"x\.mp4"):
         ClipWriter(tmp_path / "nowhere" / "x.mp4", WIDTH, HEIGHT, FPS)
-
-
-def test_a_segment_needs_a_frame_for_every_frame_time_within_it():
-    assert instants(Segment(Phase.REACH, S, 2 * S), 30) == [S + n * S // 30 for n in range(30)]
 
 
 def test_a_clip_is_played_to_its_end_in_a_window(tmp_path, monkeypatch, screen):
