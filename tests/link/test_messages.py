@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from contextlib import suppress
-from typing import Any
+from types import UnionType
+from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import pytest
@@ -20,7 +21,6 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
-from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
 
 pytestmark = pytest.mark.untimed
 
@@ -31,108 +31,34 @@ NUMBER = st.floats(allow_nan=False)
 TEXT = st.text(max_size=20)
 STRANGE = (math.nan, math.inf, -math.inf)
 
-settings_of_video = st.dictionaries(TEXT, st.none() | st.booleans() | COUNT | TEXT, max_size=3)
-welcomes = st.builds(
-    Welcome,
-    protocol=COUNT,
-    version=TEXT,
-    session=TEXT,
-    name=TEXT,
-    strategy=TEXT,
-    network=TEXT,
-    seed=COUNT,
-    feedback=st.booleans(),
-    simulated=st.booleans(),
-    video=settings_of_video,
-    repair=settings_of_video,
-    hand_rotation=st.tuples(*[st.tuples(NUMBER, NUMBER, NUMBER)] * 3),
-    workspace=settings_of_video,
-    driving=st.none() | st.dictionaries(TEXT, settings_of_video, max_size=3),
-    stopped_after_ms=NUMBER,
-)
-hands = st.builds(
-    HandMessage,
-    operator=NS,
-    simulated=st.booleans(),
-    sent_ns=NS,
-    echo_ns=NS,
-    echo_heard_ns=NS,
-    status=TEXT,
-    pose=st.none() | st.tuples(*[NUMBER] * 7),
-    pose_ns=NS,
-    buttons_ns=NS,
-    trigger=NUMBER,
-    grip=NUMBER,
-    a=st.booleans(),
-    b=st.booleans(),
-    menu=st.booleans(),
-    shown=st.lists(st.none() | st.integers(0, 2**32 - 1), max_size=3).map(tuple),
-    confirms=COUNT,
-    confirmed_ns=NS,
-    stops=COUNT,
-    presses=st.tuples(COUNT, COUNT, COUNT, COUNT),
-    hand=TEXT,
-    episodes=st.tuples(*[COUNT] * 5),
-    pinned=st.none() | COUNT,
-)
-KNOWN = st.none() | NUMBER
-OWN = st.none() | st.builds(LatencyState, COUNT, TEXT, COUNT)
-session_states = st.builds(
-    SessionState,
-    t_s=NUMBER,
-    arming=TEXT,
-    reason=TEXT,
-    lasting=st.none() | TEXT,
-    last_stop=TEXT,
-    deadman=st.none() | st.booleans(),
-    orientation_mode=st.booleans(),
-    gripper_closed=st.none() | st.booleans(),
-    hand=TEXT,
-    pressed=st.lists(TEXT, max_size=4).map(tuple),
-    phase=TEXT,
-    primary_view=TEXT,
-    tcp_mm=st.none() | st.tuples(NUMBER, NUMBER, NUMBER),
-    views=st.dictionaries(TEXT, st.builds(ViewState, *(KNOWN,) * 6, OWN, KNOWN, KNOWN), max_size=3),
-    link_kbps=KNOWN,
-    budget_kbps=KNOWN,
-    capacity_kbps=KNOWN,
-    estimate_kbps=KNOWN,
-    queue_ms=KNOWN,
-    loss=KNOWN,
-    asked_fps=KNOWN,
-    now_ns=NS,
-    heard_ns=st.none() | NS,
-    episodes=st.none()
-    | st.builds(
-        EpisodesState,
-        COUNT,
-        TEXT,
-        NUMBER,
-        TEXT,
-        COUNT,
-        COUNT,
-        st.lists(
-            st.builds(EpisodeState, COUNT, NUMBER, st.booleans(), st.none() | st.booleans()),
-            max_size=5,
-        ).map(tuple),
-    ),
-)
-states = st.builds(
-    StateMessage,
-    sent_ns=NS,
-    echo_ns=NS,
-    echo_heard_ns=NS,
-    state=session_states,
-    first_capture_ns=st.lists(st.none() | NS, max_size=3).map(tuple),
-    haptics=COUNT,
-    haptic=TEXT,
-    confirms=COUNT,
-    stops=COUNT,
-    noted=COUNT,
-    notes=st.lists(TEXT, max_size=4).map(tuple),
-    ended=TEXT,
-    failed=st.booleans(),
-)
+PLAIN = {type(None): st.none(), bool: st.booleans(), float: NUMBER, str: TEXT}
+
+
+def built(kind: type[Any]) -> st.SearchStrategy[Any]:
+    """Messages of that kind, or what is in one, with any values that their fields may have."""
+    fields = get_type_hints(kind).items()
+    return st.builds(kind, **{name: whatever(hint, name) for name, hint in fields})
+
+
+def whatever(hint: Any, name: str) -> st.SearchStrategy[Any]:
+    """What a field of that type may hold."""
+    arguments = get_args(hint)
+    if get_origin(hint) in (Union, UnionType):
+        return st.one_of([whatever(one, name) for one in arguments])
+    if get_origin(hint) is dict:
+        return st.dictionaries(TEXT, whatever(arguments[1], name), max_size=3)
+    if get_origin(hint) is tuple:
+        if arguments[-1] is ...:
+            return st.lists(whatever(arguments[0], name), max_size=4).map(tuple)
+        return st.tuples(*[whatever(one, name) for one in arguments])
+    if hint is object:
+        return st.none() | st.booleans() | COUNT | TEXT
+    if hint is int:
+        return NS if name.endswith("_ns") or name == "operator" else COUNT
+    return PLAIN[hint] if hint in PLAIN else built(hint)
+
+
+welcomes, hands, states = map(built, KINDS)
 
 HAND = HandMessage(
     operator=4711,
@@ -229,11 +155,6 @@ def test_a_whole_number_of_which_a_difference_may_not_fit_into_64_bits_is_refuse
         decode(with_field(name, value), HandMessage)
 
 
-def test_the_same_of_an_rtp_timestamp_is_refused() -> None:
-    with pytest.raises(MessageError):
-        decode(with_field("shown", [2**64 - 1]), HandMessage)
-
-
 @given(st.binary(max_size=300), st.sampled_from(KINDS))
 def test_nonsense_is_refused_or_a_message_and_raises_nothing_else(
     nonsense: bytes, kind: type[HandMessage]
@@ -267,6 +188,8 @@ def test_a_message_of_another_kind_is_refused(kind: type[HandMessage]) -> None:
         ("menu", None),
         ("shown", 7),
         ("shown", [0.5]),
+        ("shown", [2**64 - 1]),
+        *(("sent_ns", value) for value in STRANGE),
         ("stops", "1"),
         ("presses", [1, 2, 3]),
         ("presses", [1, 2, 3, 4, 5]),
@@ -287,12 +210,6 @@ def test_numbers_that_are_none_arrive_as_such_for_the_safety_logic_to_judge(valu
     assert message.pose is not None
     assert repr(message.pose[0]) == repr(value)
     assert repr(decode(with_field("trigger", value), HandMessage).trigger) == repr(value)
-
-
-@pytest.mark.parametrize("value", STRANGE)
-def test_a_time_that_is_no_whole_number_is_refused(value: float) -> None:
-    with pytest.raises(MessageError):
-        decode(with_field("sent_ns", value), HandMessage)
 
 
 def test_fields_that_a_later_version_adds_are_left_out() -> None:

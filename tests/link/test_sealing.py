@@ -69,6 +69,12 @@ def rtcp(ssrc: int = 7) -> bytes:
     return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(range(24))
 
 
+def protected_by(out: Media, packet: bytes) -> bytes:
+    protected = out.protect(packet)
+    assert protected is not None
+    return protected
+
+
 def by_hand(key: bytes, session: bytes, number: int, whole: bytes) -> bytes:
     """The datagram whose encrypted part is `whole`, as the module's documentation has it."""
     head = bytes((KIND,)) + session + number.to_bytes(8)
@@ -173,17 +179,11 @@ def test_lost_messages_do_not_stop_those_that_follow() -> None:
     assert opener.open(sealer.seal(b"here")) == b"here"
 
 
-def test_every_flipped_bit_of_a_message_is_refused_and_changes_nothing() -> None:
+def test_a_message_of_which_a_bit_or_the_length_is_another_is_refused_and_changes_nothing() -> None:
     sealer, opener = messages()
     datagram = sealer.seal(b"move")
     assert [opener.open(spoilt) for spoilt in flipped(datagram)] == [None] * (8 * len(datagram))
     assert opener.late == 0
-    assert opener.open(datagram) == b"move"
-
-
-def test_a_message_of_any_other_length_is_refused() -> None:
-    sealer, opener = messages()
-    datagram = sealer.seal(b"move")
     for length in range(len(datagram)):
         assert opener.open(datagram[:length]) is None
     assert opener.open(datagram + b"\0") is None
@@ -210,8 +210,7 @@ SHORTEST = struct.pack("!BBHI", 0x80, 201, 1, 7)  # a receiver report that repor
 @pytest.mark.parametrize("packet", [rtp(), rtcp(), rtp(size=12), rtp(size=268), SHORTEST], ids=len)
 def test_packets_come_back_as_they_were(packet: bytes) -> None:
     out, back = media()
-    protected = out.protect(packet)
-    assert protected is not None
+    protected = protected_by(out, packet)
     assert len(packet) + MEDIA_OVERHEAD_BYTES <= len(protected) <= len(packet) + 20
     assert packet[12:] == b"" or packet[12:] not in protected
     assert back.unprotect(protected) == packet
@@ -231,8 +230,7 @@ def test_streams_go_on_over_the_wrap_of_their_sequence_numbers() -> None:
     for number in range(65_500, 65_600):
         for ssrc in (7, 8):
             packet = rtp(number, ssrc=ssrc)
-            protected = out.protect(packet)
-            assert protected is not None
+            protected = protected_by(out, packet)
             assert back.unprotect(protected) == packet
 
 
@@ -250,19 +248,12 @@ def test_packets_that_were_overtaken_are_taken_once() -> None:
 
 
 @pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
-def test_every_flipped_bit_of_a_packet_is_refused_and_changes_nothing(packet: bytes) -> None:
+def test_a_packet_of_which_a_bit_or_the_length_is_another_is_refused_and_changes_nothing(
+    packet: bytes,
+) -> None:
     out, back = media()
-    protected = out.protect(packet)
-    assert protected is not None
+    protected = protected_by(out, packet)
     assert set(map(back.unprotect, flipped(protected))) == {None}
-    assert back.unprotect(protected) == packet
-
-
-@pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
-def test_a_packet_of_another_length_is_refused(packet: bytes) -> None:
-    out, back = media()
-    protected = out.protect(packet)
-    assert protected is not None
     for length in range(len(protected)):
         assert back.unprotect(protected[:length]) is None
     assert back.unprotect(protected + b"\0") is None
@@ -272,8 +263,7 @@ def test_a_packet_of_another_length_is_refused(packet: bytes) -> None:
 @pytest.mark.parametrize("packet", [rtp(), rtcp()], ids=["rtp", "rtcp"])
 def test_a_packet_of_the_other_direction_or_session_is_refused(packet: bytes) -> None:
     out, _ = media()
-    protected = out.protect(packet)
-    assert protected is not None
+    protected = protected_by(out, packet)
     assert out.unprotect(protected) is None
     assert media()[1].unprotect(protected) is None
 
@@ -281,8 +271,7 @@ def test_a_packet_of_the_other_direction_or_session_is_refused(packet: bytes) ->
 def test_a_packet_that_is_too_long_to_be_protected_is_left_out() -> None:
     out, back = media()
     longest = rtp(size=12) + bytes(LONGEST_PLAIN_BYTES - 12)
-    protected = out.protect(longest)
-    assert protected is not None
+    protected = protected_by(out, longest)
     assert back.unprotect(protected) == longest
     for number, length in enumerate(range(LONGEST_PLAIN_BYTES + 1, 1600), 2):
         assert out.protect(rtp(number, 12) + bytes(length - 12)) is None
@@ -299,8 +288,7 @@ def test_nonsense_of_any_length_changes_nothing() -> None:
             assert back.unprotect(packet) is None
             assert opener.open(packet) is None
         assert opener.open((bytes((KIND,)) + nonsense)[:length]) is None
-    protected = out.protect(rtp())
-    assert protected is not None
+    protected = protected_by(out, rtp())
     assert back.unprotect(protected) == rtp()
     assert opener.open(sealer.seal(b"move")) == b"move"
     assert opener.late == 0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hw.lite6.kinematics import HOME_JOINTS
-from tams_app.config import Config, load_config
+from tams_app.config import load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmFault, ArmState, CommandLink, LinkFault, Pose
 from tams_app.robot.control import Signals
@@ -338,35 +338,30 @@ def test_what_to_do_fits_a_command_that_has_ended(reason: Reason) -> None:
 # --- the path -----------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def config() -> Config:
-    return load_config(None)
-
-
-def test_the_path_from_the_factorys_home_is_planned(config: Config) -> None:
-    path = path_to_ready(config, HOME_JOINTS)
-    np.testing.assert_allclose(np.degrees(path.goal), config.arm.ready_joints_deg)
+def test_the_path_from_the_factorys_home_is_planned() -> None:
+    path = path_to_ready(CONFIG, HOME_JOINTS)
+    np.testing.assert_allclose(np.degrees(path.goal), CONFIG.arm.ready_joints_deg)
     assert np.degrees(path.travel_rad) == pytest.approx(86.74 - 31.8, abs=0.1)
     assert 0.15 < path.tcp_path_m < 0.5
     assert path.lowest_m > 0.05
     assert path.duration_s(np.radians(10)) == pytest.approx(5.5, abs=0.1)
 
 
-def test_a_path_that_dips_under_the_floor_is_refused(config: Config) -> None:
+def test_a_path_that_dips_under_the_floor_is_refused() -> None:
     above_the_floor = np.radians([0.0, 96.0, 12.0, 180.0, -24.0, 0.0])
     with pytest.raises(DeviceError, match=r"dip to -\d+ mm"):
-        path_to_ready(config, above_the_floor)
+        path_to_ready(CONFIG, above_the_floor)
 
 
-def test_an_arm_that_is_under_the_floor_may_rise(config: Config) -> None:
-    goal = np.radians(config.arm.ready_joints_deg)
-    limits = config.limits.model_copy(update={"floor_mm": 200.0})  # above the ready pose even
-    path = path_to_ready(config.model_copy(update={"limits": limits}), goal)
+def test_an_arm_that_is_under_the_floor_may_rise() -> None:
+    goal = np.radians(CONFIG.arm.ready_joints_deg)
+    limits = CONFIG.limits.model_copy(update={"floor_mm": 200.0})  # above the ready pose even
+    path = path_to_ready(CONFIG.model_copy(update={"limits": limits}), goal)
     assert path.travel_rad == 0.0
 
 
-def test_a_path_passes_what_lies_on_it_and_nothing_else(config: Config) -> None:
-    path = path_to_ready(config, HOME_JOINTS)
+def test_a_path_passes_what_lies_on_it_and_nothing_else() -> None:
+    path = path_to_ready(CONFIG, HOME_JOINTS)
     way = path.goal - path.start
     aside = np.array([0.05, 0.0, 0.0, 0.0, 0.0, 0.0])
     for fraction in (0.0, 0.4, 1.0):
@@ -376,7 +371,7 @@ def test_a_path_passes_what_lies_on_it_and_nothing_else(config: Config) -> None:
     assert not path.passes(path.goal + 0.1 * way)
 
 
-def test_the_path_of_an_arm_that_is_there_passes_only_there(config: Config) -> None:
-    path = path_to_ready(config, np.radians(config.arm.ready_joints_deg))
+def test_the_path_of_an_arm_that_is_there_passes_only_there() -> None:
+    path = path_to_ready(CONFIG, np.radians(CONFIG.arm.ready_joints_deg))
     assert path.passes(path.goal)
     assert not path.passes(path.goal + 0.05)

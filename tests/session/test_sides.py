@@ -165,6 +165,14 @@ class Sides:
         self.cut(False)
 
 
+@pytest.fixture
+def sides() -> Sides:
+    """Both sides, which have been connected for a second."""
+    sides = Sides()
+    sides.run(1.0)
+    return sides
+
+
 def test_a_sample_arrives_with_its_times_on_the_robots_clock():
     sides = Sides()
     sides.hand.trigger = 0.7
@@ -185,9 +193,7 @@ def test_before_it_has_heard_an_echo_nothing_counts():
     assert {one.refusal for one in sides.robot_log.of(HandHeard)} == {"without an echo"}
 
 
-def test_a_lost_link_is_told_as_one_and_found_again():
-    sides = Sides()
-    sides.run(1.0)
+def test_a_lost_link_is_told_as_one_and_found_again(sides: Sides):
     sides.cut(True)
     sides.run(0.3)
     assert sides.sample.status is ControllerStatus.LINK_GAP
@@ -217,9 +223,7 @@ def test_each_request_about_episodes_arrives_once_and_a_lost_link_makes_no_secon
     assert sides.signals.episodes() == [EpisodeRequest.DISCARD]
 
 
-def test_an_emergency_stop_pressed_while_nothing_arrives_stops_once_when_it_does():
-    sides = Sides()
-    sides.run(1.0)
+def test_an_emergency_stop_pressed_while_nothing_arrives_stops_once_when_it_does(sides: Sides):
     sides.cut(True)
     sides.requests.estop()
     sides.run(5.0)
@@ -327,13 +331,11 @@ def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():
     assert len(sizes) == 2
 
 
-def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
-    sides = Sides()
-    sides.run(1.0)
+def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram(sides: Sides):
     fault = output(ArmingState.FAULT, Reason.ARM_ERROR)
     sides.robot.on_output(0, replace(fault, detail="d" * 400), None)
-    for _ in range(3):
-        sides.robot.note("ü" * 400)
+    for _ in range(5):
+        sides.robot.note("ü" * 5000)
     sides.run(0.01)
     sides.robot.end("r" * 400, failed=True)
     sizes = [len(content) for content in sides.there.sent]
@@ -344,9 +346,7 @@ def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram():
     assert told.ended.startswith("rrr")
 
 
-def test_a_confirmation_arms_only_while_it_is_fresh():
-    sides = Sides()
-    sides.run(1.0)
+def test_a_confirmation_arms_only_while_it_is_fresh(sides: Sides):
     sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(0.5)
     assert sides.confirmed == 1
@@ -359,9 +359,9 @@ def test_a_confirmation_arms_only_while_it_is_fresh():
     assert TOO_LONG_AGO in sides.robot_log.notes
 
 
-def test_a_confirmation_that_waits_for_a_robots_side_that_stands_still_ages_meanwhile() -> None:
-    sides = Sides()
-    sides.run(1.0)
+def test_a_confirmation_that_waits_for_a_robots_side_that_stands_still_ages_meanwhile(
+    sides: Sides,
+) -> None:
     sides.requests.confirm(sides.operator_clock.now_ns() - 1_500 * NS_PER_MS)
     sides.run(0.9, robot=False)  # fresh when it arrives, and 2.4 s old when it is taken in
     sides.run(0.5)
@@ -383,23 +383,14 @@ def test_what_a_confirmation_waited_for_at_the_operators_side_counts_towards_its
     assert sides.confirmed == 1
 
 
-def test_what_was_acknowledged_is_not_asked_for_again_in_a_new_session_of_the_link():
-    sides = Sides()
-    sides.run(1.0)
+@pytest.mark.parametrize("acknowledged", [True, False])
+def test_a_stop_is_asked_for_until_it_is_acknowledged_also_in_the_next_session_of_the_link(
+    sides: Sides, acknowledged: bool
+):
+    sides.cut(not acknowledged)
     sides.requests.estop()
     sides.run(0.5)
     sides.cut(True)
-    sides.run(3.0)
-    sides.reconnect()
-    sides.run(1.0)
-    assert sides.stopped == 1
-
-
-def test_a_stop_that_was_not_acknowledged_is_asked_for_in_the_next_session_of_the_link():
-    sides = Sides()
-    sides.run(1.0)
-    sides.cut(True)
-    sides.requests.estop()
     sides.run(3.0)
     sides.reconnect()
     sides.run(1.0)
@@ -417,9 +408,7 @@ def test_where_the_operators_side_fails_the_hand_is_put_down_at_once():
     assert sides.sample.trigger == 0.0
 
 
-def test_each_pulse_is_felt_once():
-    sides = Sides()
-    sides.run(1.0)
+def test_each_pulse_is_felt_once(sides: Sides):
     sides.controller.pulse(Haptic.ENGAGE)
     sides.run(0.5)
     sides.controller.pulse(Haptic.FAULT)
@@ -427,9 +416,7 @@ def test_each_pulse_is_felt_once():
     assert sides.hand.pulses == [Haptic.ENGAGE, Haptic.FAULT]
 
 
-def test_each_sentence_is_read_once_although_messages_are_lost():
-    sides = Sides()
-    sides.run(1.0)
+def test_each_sentence_is_read_once_although_messages_are_lost(sides: Sides):
     sides.robot.note("fault, link lost")
     sides.there.cut = True
     sides.run(0.1)
@@ -442,19 +429,7 @@ def test_each_sentence_is_read_once_although_messages_are_lost():
     assert told == ["fault, link lost", "ready"]
 
 
-def test_a_long_sentence_leaves_room_in_the_datagram():
-    sides = Sides()
-    for _ in range(5):
-        sides.robot.note("x" * 5000)
-    sizes: list[int] = []
-    sides.there.send = lambda message: sizes.append(len(message))
-    sides.run(0.1)
-    assert 0 < max(sizes) < 1150
-
-
-def test_the_operators_side_knows_what_the_uplink_carries():
-    sides = Sides()
-    sides.run(1.0)
+def test_the_operators_side_knows_what_the_uplink_carries(sides: Sides):
     state = sides.operator.state.state
     assert [state.views[view].sent_kbps for view in VIEWS] == [None] * 3
     assert (state.budget_kbps, state.link_kbps) == (None, None)
@@ -492,9 +467,7 @@ def test_the_robots_side_knows_which_frames_are_shown():
     assert sides.robot.age_ns(VIEWS[1], now_ns) == now_ns - start_ns - NS_PER_S, "it gets older"
 
 
-def test_the_operators_side_is_told_why_the_session_ended():
-    sides = Sides()
-    sides.run(1.0)
+def test_the_operators_side_is_told_why_the_session_ended(sides: Sides):
     assert not sides.operator.state.state.placed
     sides.board.placed = True  # which ends the session before another state is sent
     sides.robot.end("the trial is over", failed=False)
@@ -505,9 +478,7 @@ def test_the_operators_side_is_told_why_the_session_ended():
     assert sides.there.farewells == 1
 
 
-def test_bytes_that_are_no_message_change_nothing_but_a_count():
-    sides = Sides()
-    sides.run(1.0)
+def test_bytes_that_are_no_message_change_nothing_but_a_count(sides: Sides):
     for content in (b"", b"\x90", b"\xc1", bytes(900)):
         sides.there.arrive(sides.robot_clock.now_ns(), 1, content)
         sides.here.arrive(sides.operator_clock.now_ns(), 1, content)
@@ -516,10 +487,8 @@ def test_bytes_that_are_no_message_change_nothing_but_a_count():
     assert sides.controller.refused["not understood"] == 4
 
 
-def test_numbers_beyond_all_clocks_and_counts_change_nothing_but_a_count():
+def test_numbers_beyond_all_clocks_and_counts_change_nothing_but_a_count(sides: Sides):
     """Of one who has the key: their stamps would end in records, figures and other languages."""
-    sides = Sides()
-    sides.run(1.0)
     told = sides.operator._hand
 
     def odd(sample: ControllerSample) -> HandMessage:
@@ -608,9 +577,7 @@ def test_a_simulated_operator_moves_no_real_arm():
     assert sum("no real arm" in note for note in sides.robot_log.notes) == 1
 
 
-def test_a_sentence_is_repeated_until_it_was_heard():
-    sides = Sides()
-    sides.run(1.0)
+def test_a_sentence_is_repeated_until_it_was_heard(sides: Sides):
     sides.there.cut = True
     sides.robot.note("fault, link lost")
     sides.run(5.0)
@@ -622,10 +589,8 @@ def test_a_sentence_is_repeated_until_it_was_heard():
 # --- suspended computers --------------------------------------------------------------------------
 
 
-def test_what_was_sent_before_the_robots_computer_slept_counts_for_nothing():
+def test_what_was_sent_before_the_robots_computer_slept_counts_for_nothing(sides: Sides):
     """It lies in the socket, and is heard in the first instant after: our clock stood still."""
-    sides = Sides()
-    sides.run(1.0)
     sides.requests.confirm(sides.operator_clock.now_ns())
     sides.run(2 / 120, robot=False)  # on their way
     heard = len(sides.robot_log.of(HandHeard))
@@ -639,9 +604,7 @@ def test_what_was_sent_before_the_robots_computer_slept_counts_for_nothing():
     assert sides.confirmed == 0
 
 
-def test_an_operators_computer_that_slept_sends_nothing_of_before():
-    sides = Sides()
-    sides.run(1.0)
+def test_an_operators_computer_that_slept_sends_nothing_of_before(sides: Sides):
     sides.hand.trigger = 1.0
     sides.run(0.1)
     assert sides.sample.trigger == 1.0

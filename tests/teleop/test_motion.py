@@ -34,6 +34,12 @@ def motion() -> HandMotion:
     return HandMotion(HandConfig(rotation=PLAIN), HOLD_NS)
 
 
+def anchored() -> HandMotion:
+    hand = motion()
+    hand.anchor(sample((0, 0, 0), 0))
+    return hand
+
+
 def moved(hand: HandMotion, velocity: float, period_ms: float = 8.0) -> np.ndarray:
     """The twist after one pose that is `period_ms` later and moved at `velocity`."""
     period_ns = round(period_ms * NS_PER_MS)
@@ -51,8 +57,7 @@ def test_speeds_pass_are_clamped_or_rejected(speed: float, expected: float) -> N
 
 @pytest.mark.parametrize(("speed", "expected"), [(5.9, 5.9), (7.0, 6.0), (15.1, 0.0)])
 def test_turning_speeds_pass_are_clamped_or_rejected(speed: float, expected: float) -> None:
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     turn = Rotation.from_rotvec([0, speed * 0.008, 0])
     twist = hand.update(sample((0, 0, 0), 8 * NS_PER_MS, turn), 8 * NS_PER_MS, 1.0)
     np.testing.assert_allclose(twist.angular, [0, expected, 0], atol=1e-9)
@@ -79,15 +84,13 @@ def test_an_unchanged_pose_keeps_its_velocity_for_the_hold_time_and_no_longer() 
 
 @pytest.mark.parametrize(("gap_ns", "speed"), [(50 * NS_PER_MS, 0.2), (50 * NS_PER_MS + 1, 0.0)])
 def test_after_a_gap_of_more_than_50_ms_the_hand_begins_anew(gap_ns: int, speed: float) -> None:
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     twist = hand.update(sample((0.01, 0, 0), gap_ns), gap_ns, 1.0)
     assert twist.linear[0] == pytest.approx(speed)
 
 
 def test_rejects_in_a_row_become_impossible_and_one_good_pose_forgives() -> None:
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     for k in range(1, 3):
         hand.update(sample((k % 2, 0, 0), k * 8 * NS_PER_MS), k * 8 * NS_PER_MS, 0.008)
     assert (hand.rejects, hand.impossible) == (2, False)
@@ -100,8 +103,7 @@ def test_rejects_in_a_row_become_impossible_and_one_good_pose_forgives() -> None
 
 
 def test_a_single_jump_moves_nothing() -> None:
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     for k in range(1, 20):
         at = (0.5, 0, 0) if k >= 3 else (0, 0, 0)
         twist = hand.update(sample(at, k * 8 * NS_PER_MS), k * 8 * NS_PER_MS, 0.008)
@@ -122,8 +124,7 @@ def test_smoothing_does_not_depend_on_the_tick_rate(
     monkeypatch: pytest.MonkeyPatch, ticks: int
 ) -> None:
     monkeypatch.setattr(of_hand, "SMOOTHING_S", 0.04)
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     moving = sample((0.0016, 0, 0), 8 * NS_PER_MS)
     for _ in range(ticks):
         twist = hand.update(moving, 8 * NS_PER_MS, 0.02 / ticks)
@@ -138,8 +139,7 @@ def test_a_pose_older_than_the_last_is_left_out() -> None:
 
 
 def test_poses_at_almost_the_same_time_do_not_make_a_huge_speed() -> None:
-    hand = motion()
-    hand.anchor(sample((0, 0, 0), 0))
+    hand = anchored()
     twist = hand.update(sample((0.001, 0, 0), 1000), 1000, 1.0)
     assert twist.linear[0] == pytest.approx(0.5)  # 1 mm over the least interval, 2 ms
 

@@ -28,6 +28,14 @@ def predictor_after(ticks: int) -> TcpPredictor:
     return predictor
 
 
+@pytest.fixture
+def target() -> Target:
+    """One that is anchored `HERE`."""
+    target = Target(LimitsConfig())
+    target.anchor(HERE)
+    return target
+
+
 @pytest.mark.parametrize(
     ("received_ms", "delay_ms", "unseen_ms"), [(100, 0, 0), (80, 0, 20), (85, 0, 15), (80, 12, 32)]
 )
@@ -49,27 +57,21 @@ def test_nothing_sent_means_the_report_is_the_prediction() -> None:
     assert now == HERE
 
 
-def test_the_target_integrates_velocity_and_rotation() -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
+def test_the_target_integrates_velocity_and_rotation(target: Target) -> None:
     for _ in range(10):
         target.advance(np.array([0.1, 0, 0]), np.array([0, 0, 0.5]), 0.01)
     assert target.tcp.position[0] == pytest.approx(0.31)
     assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.05)
 
 
-def test_the_target_never_gets_further_from_the_arm_than_its_leash() -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
+def test_the_target_never_gets_further_from_the_arm_than_its_leash(target: Target) -> None:
     target.advance(np.array([1.0, 0, 0]), np.array([0, 0, 10.0]), 0.02)
     target.pull_back(HERE)
     assert target.tcp.position[0] == pytest.approx(0.315)
     assert IDENTITY.turn_to(target.tcp.rotation)[2] == pytest.approx(0.05)
 
 
-def test_a_target_within_its_leash_is_left_alone() -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
+def test_a_target_within_its_leash_is_left_alone(target: Target) -> None:
     target.advance(np.array([0.0149, 0, 0]), np.array([0, 0, 0.0499]), 1.0)
     before = target.tcp
     target.pull_back(HERE)
@@ -80,10 +82,8 @@ def test_a_target_within_its_leash_is_left_alone() -> None:
     ("linear", "angular", "asked_at_most"), [(0.1, 0.0, 0.061), (0.0, 0.5, 0.201)]
 )
 def test_an_arm_that_does_not_follow_is_out_of_reach_although_the_target_waits(
-    linear: float, angular: float, asked_at_most: float
+    target: Target, linear: float, angular: float, asked_at_most: float
 ) -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
     asked = 0.0
     while not target.is_out_of_reach:
         target.advance((linear, 0, 0), (0, 0, angular), 0.01)
@@ -95,9 +95,7 @@ def test_an_arm_that_does_not_follow_is_out_of_reach_although_the_target_waits(
 
 
 @pytest.mark.parametrize(("way", "turn"), [(0.05, 0.0), (0.0, 0.15)])
-def test_an_arm_that_catches_up_is_forgiven(way: float, turn: float) -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
+def test_an_arm_that_catches_up_is_forgiven(target: Target, way: float, turn: float) -> None:
     for _ in range(3):
         behind = target.tcp
         target.advance((way, 0, 0), (0, 0, turn), 1.0)
@@ -126,9 +124,9 @@ def test_what_was_kept_back_is_forgiven_once_the_arm_is_nearly_where_it_should_b
     assert target.is_out_of_reach
 
 
-def test_an_arm_at_its_target_is_forgiven_what_was_kept_back_when_it_is_anchored_anew() -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
+def test_an_arm_at_its_target_is_forgiven_what_was_kept_back_when_it_is_anchored_anew(
+    target: Target,
+) -> None:
     target.advance((0.07, 0, 0), (0, 0, 0.4), 1.0)
     target.pull_back(HERE)
     target.watch(HERE)
@@ -143,10 +141,8 @@ def test_an_arm_at_its_target_is_forgiven_what_was_kept_back_when_it_is_anchored
     ("within", "beyond"), [((0.05999, 0), (0.06001, 0)), ((0, 0.19999), (0, 0.20001))]
 )
 def test_an_arm_that_jumps_or_turns_away_is_out_of_reach_at_once(
-    within: tuple[float, float], beyond: tuple[float, float]
+    target: Target, within: tuple[float, float], beyond: tuple[float, float]
 ) -> None:
-    target = Target(LimitsConfig())
-    target.anchor(HERE)
     target.watch(at(*within))
     assert not target.is_out_of_reach
     target.watch(at(*beyond))

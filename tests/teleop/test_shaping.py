@@ -23,6 +23,11 @@ def norms(rows: list[np.ndarray]) -> np.ndarray:
     return np.linalg.norm(np.array(rows), axis=1)
 
 
+@pytest.fixture
+def shaper() -> VelocityShaper:
+    return VelocityShaper(V, MOTION, STOP)
+
+
 @given(plans(), st.floats(0, 0.1))
 def test_braking_never_goes_further_than_its_reach(case: Case, held_s: float) -> None:
     shaper = VelocityShaper(case.top, case.motion, case.stop)
@@ -33,8 +38,7 @@ def test_braking_never_goes_further_than_its_reach(case: Case, held_s: float) ->
         assert np.linalg.norm(way) <= reach + 1e-9
 
 
-def test_the_reach_is_no_idle_bound() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_the_reach_is_no_idle_bound(shaper: VelocityShaper) -> None:
     fast = np.array([0, V, 0])
     way = shaper.braking_trajectory(fast, np.zeros(3)).at(1.0).displacement[1]
     assert shaper.braking_reach(fast, np.zeros(3), 0.0) < 2 * way
@@ -74,8 +78,7 @@ def test_any_targets_at_any_rate_keep_speed_acceleration_and_jerk(
         assert swing <= profile.jerk * (1 + 1e-6)
 
 
-def test_a_target_is_reached_exactly_and_kept() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_a_target_is_reached_exactly_and_kept(shaper: VelocityShaper) -> None:
     target = np.array([0.1, -0.2, 0.05])
     for _ in range(60):
         shaper.step(target, PERIOD_S)
@@ -83,8 +86,7 @@ def test_a_target_is_reached_exactly_and_kept() -> None:
     assert not any(shaper.acceleration)
 
 
-def test_turning_a_corner_at_full_speed_does_not_exceed_the_speed() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_turning_a_corner_at_full_speed_does_not_exceed_the_speed(shaper: VelocityShaper) -> None:
     fastest = 0.0
     for k in range(200):
         corner = np.array([V, 0, 0]) if k % 40 < 20 else np.array([0.18, 0.17, 0])
@@ -93,8 +95,7 @@ def test_turning_a_corner_at_full_speed_does_not_exceed_the_speed() -> None:
     assert V * 0.95 < fastest <= V * (1 + 1e-9)
 
 
-def test_braking_runs_to_exactly_zero_before_any_target_is_followed() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_braking_runs_to_exactly_zero_before_any_target_is_followed(shaper: VelocityShaper) -> None:
     target = np.array([0.2, 0.1, 0])
     for _ in range(60):
         shaper.step(target, PERIOD_S)
@@ -108,8 +109,7 @@ def test_braking_runs_to_exactly_zero_before_any_target_is_followed() -> None:
     assert shaper.at_rest
 
 
-def test_braking_goes_on_as_it_began_however_often_it_is_asked_for() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_braking_goes_on_as_it_began_however_often_it_is_asked_for(shaper: VelocityShaper) -> None:
     shaper.brake()
     assert not shaper.braking  # at rest there is nothing to brake
     for _ in range(10):
@@ -123,8 +123,7 @@ def test_braking_goes_on_as_it_began_however_often_it_is_asked_for() -> None:
         np.testing.assert_allclose(velocity, plan.at(k * PERIOD_S).velocity, atol=1e-12)
 
 
-def test_a_state_that_is_refused_makes_it_brake() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_a_state_that_is_refused_makes_it_brake(shaper: VelocityShaper) -> None:
     for _ in range(30):
         shaper.step(np.array([V, 0, 0]), PERIOD_S)
     before = shaper.velocity[0]
@@ -133,8 +132,7 @@ def test_a_state_that_is_refused_makes_it_brake() -> None:
     assert shaper.velocity[0] < before
 
 
-def test_an_acceleration_all_across_the_wanted_change_finds_its_way() -> None:
-    shaper = VelocityShaper(V, MOTION, STOP)
+def test_an_acceleration_all_across_the_wanted_change_finds_its_way(shaper: VelocityShaper) -> None:
     shaper.velocity, shaper.acceleration = np.array([0, 0.1, 0]), np.array([0, 0, 1.5])
     for _ in range(120):
         shaper.step(np.array([0, 0.2, 0]), PERIOD_S)
