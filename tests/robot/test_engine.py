@@ -34,22 +34,10 @@ from tams_app.station.fresh_video import FreshVideo
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.networks import resolve_network
 from tests.robot.test_control import PERIOD_NS, HeldController
+from tests.session.exchange import MemoryLog
 
 pytestmark = pytest.mark.untimed
 CONFIG = load_config(None, {"network": "s2"})
-
-
-class ListLog:
-    """Keeps what it is given, in order."""
-
-    def __init__(self):
-        self.items = []
-
-    def record(self, item):
-        self.items.append(item)
-
-    def of(self, kind):
-        return [item for item in self.items if isinstance(item, kind)]
 
 
 class Unseen:
@@ -136,7 +124,7 @@ class Guard(Listener):
 
 class Bench:
     def __init__(self):
-        self.clock, self.log, self.heard = VirtualClock(), ListLog(), []
+        self.clock, self.log, self.heard = VirtualClock(), MemoryLog(), []
         ready = np.radians(np.array(CONFIG.arm.ready_joints_deg))
         self.model = ControllerModel(IdealPlant(), start_joints=ready)
         self.arm = InProcessArm(CONFIG.arm, self.clock, self.model)
@@ -208,7 +196,7 @@ def test_the_guard_follows_the_arming_before_anyone_is_told_of_it(bench):
 def test_a_phase_change_reaches_the_encoders_through_the_listeners_alone(bench):
     bench.engage()
     bench.engine.policy.step_if_due()
-    bench.log.items.clear()
+    bench.log.records.clear()
     bench.hand.a = True  # closes the gripper
     while not bench.log.of(PhaseChange):
         bench.tick()
@@ -220,20 +208,20 @@ def test_a_phase_change_reaches_the_encoders_through_the_listeners_alone(bench):
 
 def test_the_log_has_a_tick_after_everything_that_followed_from_it(bench):
     bench.engage()
-    bench.log.items.clear()
+    bench.log.records.clear()
     bench.hand.a = True
     bench.tick(24)
-    kinds = [type(item) for item in bench.log.items]
+    kinds = [type(item) for item in bench.log.records]
     change = kinds.index(PhaseChange)
     assert kinds[change + 1] is Tick
-    assert bench.log.items[change + 1].phase is Phase.GRASP
+    assert bench.log.records[change + 1].phase is Phase.GRASP
 
 
 def test_a_frame_is_logged_and_remembered_before_it_is_sent_so_that_its_age_is_known(bench):
     bench.video.push(Frame("gt", 7, 1000, np.zeros((2, 2, 3), np.uint8)))
     assert bench.person.age_ns("gt", 1500) == 500
     assert bench.person.age_ns("eih", 1500) is None
-    assert [type(item) for item in bench.log.items] == [Frame, ShownFrame]
+    assert [type(item) for item in bench.log.records] == [Frame, ShownFrame]
     assert bench.quality.indices == [("captured", 7), ("shown", 7)]
 
 
