@@ -112,6 +112,11 @@ class Pair:
                 meanwhile()
             time.sleep(0.005)
 
+    def routed(self, operator: Gateway) -> None:
+        """Both sides have taken in where packets are to go: a message that was sent later came."""
+        self.passes(operator, self.robot, b"after the routes")
+        self.passes(self.robot, operator, b"after the routes")
+
     def passes(self, sender: Gateway, receiver: Gateway, message: bytes) -> None:
         """Send `message` until it has arrived: a full buffer may lose one."""
         heard = self.heard[receiver]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-from contextlib import ExitStack
 from typing import Any
 
 import pytest
@@ -14,7 +13,6 @@ from tams_app.errors import ConfigError
 from tams_app.link import addresses
 from tams_app.link.addresses import addresses_of, called, is_loopback, named
 from tams_app.link.ends import RobotEnd
-from tams_app.link.gateway import _MEDIA_CLASS, Carrier, Streams
 from tams_app.link.handshake import COOKIE, RESPONSE
 from tams_app.link.operator_end import OperatorEnd
 from tests.link.rig import DESK, KEY, robot
@@ -114,21 +112,3 @@ def test_forged_answers_from_one_address_do_not_keep_the_other_from_answering() 
     rig.goes(sent)
     assert rig.end.address == MAPPED
     assert rig.end.counts["answers that are not authentic"] == 2
-
-
-def test_datagrams_to_a_mapped_address_have_their_traffic_class() -> None:
-    with ExitStack() as stack:
-        outer = stack.enter_context(socket.socket(socket.AF_INET6, socket.SOCK_DGRAM))
-        other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-        outer.bind(("::", 0))
-        other.bind(("127.0.0.1", 0))
-        other.settimeout(30.0)
-        other.setsockopt(socket.IPPROTO_IP, socket.IP_RECVTOS, 1)
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-        stack.callback(theirs.close)
-        carrier = Carrier(RobotEnd({}, b"", os.urandom), outer, ours, Streams())
-        stack.callback(carrier.close)
-        port = other.getsockname()[1]
-        carrier._send((b"video", ("::ffff:127.0.0.1", port, 0, 0)), _MEDIA_CLASS)
-        _, ancillary, _, _ = other.recvmsg(100, 100)
-        assert [data[0] for _, _, data in ancillary] == [_MEDIA_CLASS]

@@ -37,6 +37,8 @@ from tests.link.rig import hostile, rtcp, rtp
 pytestmark = pytest.mark.waiting
 
 OTHERS_SSRC = 99
+IPV4_CLASS = ((socket.IPPROTO_IP, socket.IP_RECVTOS), socket.IP_TOS)
+IPV6_CLASS = ((socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS), socket.IPV6_TCLASS)
 BATCH = 500  # hostile datagrams, then a message must pass
 
 
@@ -106,22 +108,25 @@ def test_seconds_of_messages_wait_for_an_application_that_stalls(stack: ExitStac
 
 
 @pytest.mark.parametrize(
-    ("family", "host", "asked", "option"),
+    ("families", "host", "address", "asked", "option"),
     [
-        (socket.AF_INET, LOOPBACK, (socket.IPPROTO_IP, socket.IP_RECVTOS), socket.IP_TOS),
-        (
-            socket.AF_INET6,
-            "::1",
-            (socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS),
-            socket.IPV6_TCLASS,
-        ),
+        ((socket.AF_INET, socket.AF_INET), LOOPBACK, LOOPBACK, *IPV4_CLASS),
+        ((socket.AF_INET6, socket.AF_INET), LOOPBACK, f"::ffff:{LOOPBACK}", *IPV4_CLASS),
+        ((socket.AF_INET6, socket.AF_INET6), "::1", "::1", *IPV6_CLASS),
     ],
+    ids=["IPv4", "mapped", "IPv6"],
 )
 def test_messages_have_a_higher_traffic_class_than_video(
-    stack: ExitStack, family: int, host: str, asked: tuple[int, int], option: int
+    stack: ExitStack,
+    families: tuple[int, int],
+    host: str,
+    address: str,
+    asked: tuple[int, int],
+    option: int,
 ) -> None:
-    outer, other = (stack.enter_context(socket.socket(family, socket.SOCK_DGRAM)) for _ in "ab")
-    outer.bind((host, 0))
+    outer, other = (
+        stack.enter_context(socket.socket(family, socket.SOCK_DGRAM)) for family in families
+    )
     other.bind((host, 0))
     other.settimeout(30.0)
     other.setsockopt(*asked, 1)
@@ -136,9 +141,9 @@ def test_messages_have_a_higher_traffic_class_than_video(
         (value,) = (data for level, kind, data in ancillary if (level, kind) == (asked[0], option))
         return value[0]
 
-    address = other.getsockname()
-    carrier._send((b"a message", address))
-    carrier._send((b"a packet", address), _MEDIA_CLASS)
+    to = (address, other.getsockname()[1])
+    carrier._send((b"a message", to))
+    carrier._send((b"a packet", to), _MEDIA_CLASS)
     assert (traffic_class(), traffic_class()) == (0xB8, 0x88)
 
 
@@ -154,8 +159,7 @@ def test_streams_reach_the_ports_that_their_sources_have(stack: ExitStack, pair:
         )
     )
     source = streams_of(stack, pair.robot)
-    pair.passes(operator, pair.robot, b"after the routes")
-    pair.passes(pair.robot, operator, b"after the routes")
+    pair.routed(operator)
     for number in range(50):
         for ssrc in (7, 8):
             for packet, name in ((rtp(number, ssrc), f"rtp {ssrc}"), (rtcp(ssrc), f"rtcp {ssrc}")):
@@ -174,8 +178,7 @@ def test_feedback_goes_the_other_way(stack: ExitStack, pair: Pair) -> None:
     pair.passes(operator, pair.robot, b"there")
     feedback, source = udp(stack), streams_of(stack, operator)
     pair.robot.follow(Routes(rtp={}, rtcp={7: port_of(feedback)}))
-    pair.passes(operator, pair.robot, b"after the routes")
-    pair.passes(pair.robot, operator, b"after the routes")
+    pair.routed(operator)
     source.sendto(rtcp(7), (LOOPBACK, operator.entrance_port))
     assert feedback.recv(2000) == rtcp(7)
 
@@ -187,8 +190,7 @@ def test_packets_of_another_program_of_this_computer_are_counted_and_not_sent(
     operator = pair.operator()
     end, source, thief = udp(stack), streams_of(stack, pair.robot), udp(stack)
     operator.follow(Routes(rtp={7: port_of(end)}, rtcp={}))
-    pair.passes(operator, pair.robot, b"after the routes")
-    pair.passes(pair.robot, operator, b"after the routes")
+    pair.routed(operator)
     entrance = (LOOPBACK, pair.robot.entrance_port)
     for number in range(1, 51):
         source.sendto(rtp(number), entrance)
@@ -207,8 +209,7 @@ def test_the_other_sides_packets_come_from_the_port_to_which_streams_send(
     operator = pair.operator()
     end, source = udp(stack), streams_of(stack, pair.robot)
     operator.follow(Routes(rtp={7: port_of(end)}, rtcp={}))
-    pair.passes(operator, pair.robot, b"after the routes")
-    pair.passes(pair.robot, operator, b"after the routes")
+    pair.routed(operator)
     source.sendto(rtp(1), (LOOPBACK, pair.robot.entrance_port))
     assert end.recvfrom(2000) == (rtp(1), (LOOPBACK, operator.entrance_port))
 

@@ -7,7 +7,6 @@ import errno
 import os
 import stat
 import tracemalloc
-from collections.abc import Callable
 from pathlib import Path
 from typing import NoReturn
 
@@ -147,19 +146,10 @@ def test_of_a_large_file_no_more_is_read_than_a_key_can_be(path: Path) -> None:
         tracemalloc.stop()
 
 
-def _absent(path: Path) -> None:
-    pass
-
-
-def _directory(path: Path) -> None:
-    path.mkdir()
-
-
-@pytest.mark.parametrize("make", [_absent, _directory])
-def test_what_cannot_be_read_is_refused_with_what_to_do(
-    path: Path, make: Callable[[Path], None]
-) -> None:
-    make(path)
+@pytest.mark.parametrize("is_folder", [False, True])
+def test_what_cannot_be_read_is_refused_with_what_to_do(path: Path, is_folder: bool) -> None:
+    if is_folder:
+        path.mkdir()
     with pytest.raises(ConfigError, match=r"cannot be read \(.+\); name a file that key new FILE"):
         read_key(path)
 
