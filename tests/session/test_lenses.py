@@ -1,6 +1,5 @@
 """What a session knows of its cameras: exactly of the rig's, by calibration of real ones."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,13 +8,14 @@ import pytest
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
 from tams_app.recording.journal import Journal
-from tams_app.records import Note, PacketRecord, Record
+from tams_app.records import Note
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.lenses import known_cameras
 from tams_app.session.predicting import as_received, linked_present, predicted_cameras
 from tams_app.session.viewing import scene_of
 from tams_app.station.mount_memory import MountMemory
+from tests.session.exchange import MemoryLog
 
 pytestmark = pytest.mark.untimed
 
@@ -102,30 +102,16 @@ def test_a_calibration_that_cannot_be_is_refused_in_one_sentence(
         config({"eih": keys})
 
 
-class Kept:
-    """A log that is a list."""
-
-    def __init__(self) -> None:
-        self.records: list[Record] = []
-
-    def record(self, item: Record) -> None:
-        self.records.append(item)
-
-    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
-        raise AssertionError("no packets here")
-
-
 def test_a_session_says_of_each_view_that_is_not_predicted_why_it_is_not() -> None:
-    kept, clock = Kept(), VirtualClock()
+    kept: Any = MemoryLog()
     cameras = {"eih": {"lens": LENS}, "gt": {}, "gs": {"lens": LENS, "mount": BESIDE}}
     ours = config(cameras, **{"view.predict": "all"})
     memory = MountMemory(predicted_cameras(ours))
     try:
-        linked_present(ours, None, Journal(clock, kept), memory)
+        linked_present(ours, None, Journal(VirtualClock(), kept), memory)
     finally:
         memory.close()
-    notes = [one.text for one in kept.records if isinstance(one, Note)]
-    assert notes == [
+    assert [one.text for one in kept.of(Note)] == [
         "EIH is shown as received: where it is was not measured; measure it: run_tams.py calibrate "
         "cameras --only lens,mount",
         "GT is shown as received: its lens was not measured; measure it: run_tams.py calibrate "

@@ -18,24 +18,14 @@ from tams_app.session.session import Session
 pytestmark = pytest.mark.waiting
 
 
-class Noted:
-    """A gate: notes what is asked of it."""
-
-    def __init__(self, order: list[str]) -> None:
-        self._order = order
-
-    def stop(self) -> None:
-        self._order.append("stop")
-
-
 def test_a_failure_stops_the_arm_before_it_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = run(load_config(None), VirtualClock(), tmp_path)
     order: list[str] = []
-    gate, log = Noted(order), SimpleNamespace(note=lambda _level, text: order.append(text))
+    log = SimpleNamespace(note=lambda _level, text: order.append(text))
     assert isinstance(session.signals, Signals)
-    session.signals.stop_with(gate.stop)
+    session.signals.stop_with(lambda: order.append("stop"))
     monkeypatch.setattr(session, "_log", log)
     session.fail("the relay has ended")
     session.fail("so has the log")
