@@ -95,18 +95,6 @@ def test_a_turn_towards_a_singularity_ends_before_it() -> None:
     assert turns(0.025) > 0.0
 
 
-def test_what_leaves_nothing_is_named() -> None:
-    on_floor = Tcp(np.array([0.33, 0, 0.005]), MIDDLE.rotation)
-    down = Twist(np.array([0, 0, -0.1]), NOTHING)
-    assert limits().limit(down, on_floor, JOINTS, 1.0).limited_by is Reason.WORKSPACE
-    assert limits().limit(down, MIDDLE, JOINTS, 1.0).limited_by is None
-    tilted = Tcp(MIDDLE.position, MIDDLE.rotation.turned((0, np.radians(36), 0)))
-    out = Twist(NOTHING, np.array([0, 0.3, 0]))
-    assert limits().limit(out, tilted, JOINTS, 1.0).limited_by is Reason.ROTATION_LIMIT
-    still = Twist(np.array([0, 0, -0.004]), np.array([0, 0.01, 0]))
-    assert limits().limit(still, on_floor, JOINTS, 1.0).limited_by is None
-
-
 def test_shaping_brakes_before_a_state_it_could_not_stop_from() -> None:
     shaper = limits()
     down = Twist(np.array([0, 0, -0.25]), NOTHING)
@@ -144,18 +132,17 @@ def test_the_posture_that_is_judged_is_the_reported_one() -> None:
     assert 0.0 < np.abs(model.heard[1] - joints).max() < 0.01  # where it is about to go
 
 
-def test_a_hand_that_asks_for_just_enough_is_told_what_stops_it() -> None:
+def test_a_hand_that_goes_or_turns_just_fast_enough_is_told_what_stops_it() -> None:
     on_floor = Tcp(np.array([0.33, 0, 0.005]), MIDDLE.rotation)
-    for speed, told in ((0.005, Reason.WORKSPACE), (0.004999, None)):
-        asked = Twist(np.array([0, 0, -speed]), NOTHING)
-        assert limits().limit(asked, on_floor, JOINTS, 1.0).limited_by is told
-
-
-def test_a_hand_that_turns_just_enough_is_told_what_stops_it() -> None:
     tilted = Tcp(MIDDLE.position, MIDDLE.rotation.turned((0, np.radians(36), 0)))
-    for speed, told in ((0.02, Reason.ROTATION_LIMIT), (0.01999, None)):
-        asked = Twist(NOTHING, np.array([0, speed, 0]))
-        assert limits().limit(asked, tilted, JOINTS, 1.0).limited_by is told
+    for tcp, down, turn, told in (
+        (on_floor, 0.005, 0.0, Reason.WORKSPACE),
+        (on_floor, 0.004999, 0.01, None),
+        (tilted, 0.0, 0.02, Reason.ROTATION_LIMIT),
+        (tilted, 0.0, 0.01999, None),
+    ):
+        asked = Twist(np.array([0, 0, -down]), np.array([0, turn, 0]))
+        assert limits().limit(asked, tcp, JOINTS, 1.0).limited_by is told
 
 
 @pytest.mark.parametrize(("scale", "told"), [(0.021, None), (0.019, Reason.SINGULARITY)])
