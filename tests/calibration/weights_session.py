@@ -37,13 +37,13 @@ def seen(image: Image) -> tuple[str, int]:
     return VIEWS[code // 64], code % 64
 
 
-def _encoded(view: str, count: int) -> Iterator[EncodedFrame]:
+def encoded(view: str, count: int, keyframe_interval: int = 600) -> Iterator[EncodedFrame]:
     """`count` images through x264, as a sender does it: no B-frames."""
     pipeline = gst.parse_pipeline(
         "appsrc name=in format=time max-bytes=0 "
         f'caps="video/x-raw,format=BGR,width={WIDTH},height={HEIGHT},framerate={FPS}/1" '
         "! videoconvert ! video/x-raw,format=I420 ! x264enc tune=zerolatency threads=1 "
-        f"pass=quant quantizer=20 key-int-max=600 option-string=scenecut=0 "
+        f"pass=quant quantizer=20 key-int-max={keyframe_interval} option-string=scenecut=0 "
         "! video/x-h264,stream-format=byte-stream,alignment=au ! appsink name=out sync=false"
     )
     entrance, end = pipeline.get_by_name("in"), pipeline.get_by_name("out")
@@ -53,7 +53,7 @@ def _encoded(view: str, count: int) -> Iterator[EncodedFrame]:
         buffer = end.emit("pull-sample").get_buffer()
         data = buffer.extract_dup(0, buffer.get_size())
         t_ns = capture_ns(index)
-        yield EncodedFrame(view, index, t_ns, t_ns + 1, index == 0, data)
+        yield EncodedFrame(view, index, t_ns, t_ns + 1, index % keyframe_interval == 0, data)
     gst.shut_down(pipeline)
 
 
@@ -78,7 +78,7 @@ def record_session(
     for start_s, phase in phases:
         recorder.record(PhaseChange(START_NS + round(start_s * NS_PER_S), phase, "by hand"))
     for view in VIEWS:
-        for frame in _encoded(view, round(seconds * FPS)):
+        for frame in encoded(view, round(seconds * FPS)):
             recorder.record(frame)
     recorder.close()
     return folder

@@ -210,7 +210,7 @@ def test_wrong_use_and_what_is_missing_is_a_sentence(
     assert [path.name for path in (session / "lerobot").iterdir()] == ["mine"]
     monkeypatch.setattr("tams_app.errors.find_spec", lambda name: name if name != "av" else None)
     code, _, error = export(session)
-    assert (code, error) == (1, "tams: --format lerobot needs av: pip install 'tams[export]'\n")
+    assert (code, error) == (1, "tams: --format lerobot needs av: make extras\n")
 
 
 @pytest.mark.parametrize("limit_bytes", [1_000, 2_000, 20_000])

@@ -178,7 +178,7 @@ def test_wrong_use_and_what_is_missing_is_one_sentence_and_leaves_no_bag(
     assert (code, "'rosbag1' is not one of rosbag2" in error) == (2, True)
     monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
     code, error = refused(session)
-    needs = "--format rosbag2 needs cyclonedds and rosbags: pip install 'tams[ros2]'"
+    needs = "--format rosbag2 needs cyclonedds and rosbags: make extras"
     assert (code, needs in error) == (1, True)
 
 

@@ -8,7 +8,6 @@ from unittest.mock import MagicMock
 
 import pytest
 
-import tams_app.study.commands as commands
 from tams_app.cli import _main
 from tams_app.errors import SetupError
 from tams_app.study.commands import (
@@ -103,6 +102,8 @@ def test_the_tracking_example_is_drawn_from_a_fitting_trial_s_log(
 def test_a_report_without_its_extra_says_how_to_get_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(commands, "find_spec", lambda name: None if name == "pyarrow" else name)
-    with pytest.raises(SetupError, match=r"pyarrow missing: pip install 'tams\[study\]'"):
+    monkeypatch.setattr(
+        "tams_app.errors.find_spec", lambda name: None if name == "pyarrow" else name
+    )
+    with pytest.raises(SetupError, match=r"^study report needs pyarrow: make extras$"):
         report_study(tmp_path, ScriptedConsole())
