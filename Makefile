@@ -176,6 +176,7 @@ COMPILE := $(PY) -m uv pip compile --universal --fork-strategy fewest --generate
 
 lock: $(READY)
 	$(PY) -m pip install --quiet uv
+	@mkdir -p build
 	cat requirements.lock requirements-extras.lock > build/all.lock
 	$(COMPILE) --extra study --extra ros2 --extra dask --extra export --extra dev \
 		-o build/all.lock pyproject.toml
