@@ -9,6 +9,5 @@ WORKDIR /tams
 COPY Makefile setup.sh apt-packages.txt requirements.lock requirements-build.lock \
     requirements-girepository-2.lock ./
 RUN make setup
-RUN .venv/bin/python -m compileall -qq -j 0 .venv/lib
 COPY . .
 CMD ["make", "run", "ARGS=--headless"]

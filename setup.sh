@@ -109,6 +109,11 @@ all_others() {  # those whose names do not match
     awk -v name="^($1)==" '/^[^ #]/ { wanted = $0 !~ name } wanted' "$2"
 }
 
+# On all processors: pip would take one, and a first start would have to do it within its time limits.
+compile_all() {
+    stage "Python packages: compiling" '' "$environment/bin/python" -m compileall -qq -j 0 "$environment/lib"
+}
+
 list=apt-packages${extras:+-tests}.txt
 if command -v apt-get >/dev/null; then
     install_debian_packages "$list"
@@ -118,8 +123,7 @@ fi
 if [ -n "$extras" ]; then
     install_pinned "Python packages: extras and what tests need, 0.8 GB in $environment" \
         --only-binary :all: --no-deps --requirement requirements-extras.lock
-    # Here once and for all; what a session loads is compiled by its first start otherwise.
-    stage "Python packages: compiling" '' "$environment/bin/python" -m compileall -qq -j 0 "$environment/lib"
+    compile_all
     touch "$environment/.ready-extras"
     exit
 fi
@@ -141,4 +145,5 @@ for package in pycairo pygobject; do  # in this order: PyGObject is built with p
 done
 install_pinned "Python packages: all others, 0.7 GB in $environment" \
     --only-binary :all: --no-deps --requirement <(all_others 'pycairo|pygobject' requirements.lock)
+compile_all
 touch "$environment/.ready"

@@ -46,13 +46,34 @@ def test_that_fails():
 """
 
 
+SKIPS_THEN = """
+
+@pytest.fixture(autouse=True)
+def busy():
+    if Path(__file__).with_name("ran").exists():
+        pytest.skip("measured beforehand: this machine is busy")
+"""
+
+
+@pytest.fixture
+def run(pytester, monkeypatch):
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent.parent))
+
+    def run(body, standstill_ms):
+        pytester.makeconftest(PLUGIN.format(ms=standstill_ms))
+        pytester.makepyfile(body)
+        return pytester.runpytest_subprocess("-p", "no:cacheprovider").parseoutcomes()
+
+    return run
+
+
 @pytest.mark.parametrize(("standstill_ms", "times"), [(None, 1), (49.9, 1), (143, 3)])
 def test_a_test_that_fails_is_repeated_only_after_a_standstill_and_at_most_twice(
-    pytester, monkeypatch, standstill_ms, times
+    run, pytester, standstill_ms, times
 ):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent.parent))
-    pytester.makeconftest(PLUGIN.format(ms=standstill_ms))
-    pytester.makepyfile(FAILS)
-    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
-    assert result.parseoutcomes() == {"failed": 1}
+    assert run(FAILS, standstill_ms) == {"failed": 1}
     assert (pytester.path / "ran").read_text() == "x" * times
+
+
+def test_one_that_has_failed_does_not_end_as_skipped(run):
+    assert run(FAILS + SKIPS_THEN, 143) == {"failed": 1}
