@@ -23,7 +23,8 @@ from tests.faces.window.photographs import is_colour
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 from tests.golden_logs import golden_log
 
-pytestmark = pytest.mark.waiting
+# a window takes keys only while it was painted within 150 ms
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 LAST_S = 14.0
 ROW, BAR = 659, slice(186, 1274)  # of the marks, in a window of 1280x720

@@ -21,7 +21,8 @@ from tests.faces.window.photographs import banner_is, is_colour
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 from tests.golden_logs import golden_log
 
-pytestmark = pytest.mark.waiting
+# a window takes keys only while it was painted within 150 ms
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 LENGTH_S = 14.0  # of the log
 BAR_LEFT, BAR_RIGHT, BAR_ROW = 186, 1274, 692  # of a window of 1280x720; the row is that of states

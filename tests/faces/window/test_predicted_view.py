@@ -16,7 +16,8 @@ from tests.faces.window.photographs import SAME, difference
 from tests.faces.window.xvfb import virtual_screen, wait_for
 from tests.prediction.wrist import picture
 
-pytestmark = pytest.mark.waiting
+# a window takes keys only while it was painted within 150 ms
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 Shown = tuple[ShownWindow, ArmElsewhere]
 

@@ -26,7 +26,8 @@ from tests.faces.window.photographs import (
 from tests.faces.window.xvfb import wait_for
 
 # a window that does not paint for 150 ms takes no key
-pytestmark = [pytest.mark.waiting, pytest.mark.second_chance(standstill_ms=100)]
+# a window takes keys only while it was painted within 150 ms
+pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 
 def all_are_shown(window: ShownWindow, published: dict[str, Image]) -> bool:
