@@ -14,8 +14,9 @@ import pytest
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.client import WINDOW, FaceClient
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import CommandRequest, Event, Facts
+from tams_app.faces.messages import CommandRequest, Event, Facts, Keys
 from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.faces.window.sight import PAINTED_NS
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
@@ -35,6 +36,7 @@ class ShownWindow:
     feeder: Feeding
     events: list[Event] = field(default_factory=list)
     _index: int = 0
+    _away_ns: int = 0  # when it last had no focus, or was not seen
 
     def put(self, frames: dict[str, Image]) -> int:
         """New frames of views, decoded now; when that is [ns]."""
@@ -46,6 +48,19 @@ class ShownWindow:
     def show(self, facts: Facts) -> None:
         """As by a session that lives, until others are shown."""
         self.feeder.show(facts)
+
+    def hear(self, event: Event) -> None:
+        self.events.append(event)
+        if isinstance(event, Keys) and not event.focused:
+            self._away_ns = event.t_ns
+
+    def key(self, *keys: str) -> None:
+        """Press each, once a press counts: one sooner may have been down before the focus.
+
+        Which the window lacks while it draws a new layout for longer than 150 ms.
+        """
+        assert wait_for(lambda: time.monotonic_ns() - self._away_ns > REPEAT_NS + 2 * PAINTED_NS)
+        self.screen.xdotool("key", *keys)
 
     def commands(self) -> list[Command]:
         """What was asked for, in order."""
@@ -80,7 +95,7 @@ def shown_window(
     client.open(config, block, blind=False, mount=mount)
     with feeding(client) as feeder:
         shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
-        hearing = threading.Thread(target=client.body(shown.events.append), args=(stop,))
+        hearing = threading.Thread(target=client.body(shown.hear), args=(stop,))
         hearing.start()
         screen.focus(title)
         assert wait_for(lambda: client.keys is not None and client.keys.focused)

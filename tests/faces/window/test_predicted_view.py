@@ -54,7 +54,7 @@ def test_f2_shows_the_frame_as_received_and_predicted_again(shown: Shown) -> Non
     arm.now = ELSEWHERE
     assert wait_for(lambda: sees(window, ELSEWHERE))
     for flange in (THERE, ELSEWHERE):
-        window.screen.xdotool("key", "F2")
+        window.key("F2")
         assert wait_for(lambda: sees(window, flange))  # noqa: B023
 
 

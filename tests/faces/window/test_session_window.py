@@ -27,7 +27,6 @@ from tests.faces.played_session import STATE, PlayedSession, window_processes
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
 # a window that does not paint for 150 ms takes no key
-# a window takes keys only while it was painted within 150 ms
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 

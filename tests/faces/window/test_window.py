@@ -26,7 +26,6 @@ from tests.faces.window.photographs import (
 from tests.faces.window.xvfb import wait_for
 
 # a window that does not paint for 150 ms takes no key
-# a window takes keys only while it was painted within 150 ms
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 
@@ -85,16 +84,16 @@ def test_a_pinned_view_is_large_whatever_is_primary_until_its_key_comes_again(
     window.put(pictures)
     window.show(changed(FACTS, primary_view="eih", t_s=time.monotonic()))
     assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
-    window.screen.xdotool("key", "2")
+    window.key("2")
     assert wait_for(lambda: width_of(window.screen.photograph(), "gt") > 600)
     assert wait_for(lambda: all_are_shown(window, pictures))
     time.sleep(1.0)  # by when the primary view would have taken the large place
     assert width_of(window.screen.photograph(), "gt") > 600
-    window.screen.xdotool("key", "Tab")
+    window.key("Tab")
     assert wait_for(lambda: width_of(window.screen.photograph(), "gt") < 400)
-    window.screen.xdotool("key", "Tab")
+    window.key("Tab")
     assert wait_for(lambda: width_of(window.screen.photograph(), "gt") > 600)
-    window.screen.xdotool("key", "2")
+    window.key("2")
     assert wait_for(lambda: width_of(window.screen.photograph(), "eih") > 600)
     pins = [event.view for event in window.events if isinstance(event, Pin)]
     assert pins in (["gt", small, "gt", ""] for small in ("eih", "gs"))
@@ -132,18 +131,18 @@ def test_enter_confirms_once_however_long_it_is_held(window: ShownWindow) -> Non
     assert wait_for(lambda: window.client.keys is not None and window.client.keys.held == ())
     assert window.commands() == [Command.CONFIRM]
     assert set(since) == {("Return",)}  # while it repeats it stays held
-    window.screen.xdotool("key", "Return")
+    window.key("Return")
     assert wait_for(lambda: window.commands() == [Command.CONFIRM, Command.CONFIRM])
 
 
 def test_space_escape_and_the_button_stop_and_q_ends(window: ShownWindow) -> None:
     window.events.clear()
-    window.screen.xdotool("key", "space")
-    window.screen.xdotool("key", "Escape")
+    window.key("space")
+    window.key("Escape")
     window.screen.xdotool("mousemove", "1210", "43", "click", "1")
     assert wait_for(lambda: len(window.commands()) == 3)
-    window.screen.xdotool("key", "space")  # the button has not taken the keys
-    window.screen.xdotool("key", "q")
+    window.key("space")  # the button has not taken the keys
+    window.key("q")
     assert wait_for(lambda: len(window.commands()) == 5)
     assert window.commands() == [Command.EMERGENCY_STOP] * 4 + [Command.QUIT]
 
@@ -153,7 +152,7 @@ def test_keys_and_pedals_ask_about_episodes_once_for_each_press(window: ShownWin
     window.screen.xdotool("keydown", "e")
     time.sleep(1.5)  # the server repeats it after 0.66 s
     window.screen.xdotool("keyup", "e", "key", "Next", "key", "z", "key", "Prior")
-    window.screen.xdotool("key", "u", "key", "y", "key", "n")
+    window.key("u", "y", "n")
     assert wait_for(lambda: len(window.commands()) == 7)
     assert window.commands() == [
         *[Command.EPISODE] * 2,
@@ -208,13 +207,13 @@ def test_a_key_that_goes_up_with_or_without_shift_is_up(window: ShownWindow) -> 
 
 def test_f1_lists_the_keys_and_hides_them_again(window: ShownWindow) -> None:
     before = window.screen.photograph()
-    window.screen.xdotool("key", "F1")
+    window.key("F1")
 
     def changed() -> float:
         return float((window.screen.photograph() != before)[200:500, 300:900].mean())
 
     assert wait_for(lambda: changed() > 0.3)
-    window.screen.xdotool("key", "F1")
+    window.key("F1")
     assert wait_for(lambda: changed() < 0.01)
 
 
