@@ -85,12 +85,12 @@ def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
     for frame in until_done(ui, bench, [found.camera], _SHOWING_S, EVERY):
         height, width = frame.image.shape[:2]
         taker, found.image = taker or ViewTaker(width, height), frame.image
-        said = taker.offer(board.find(frame.image))
+        outcome = taker.offer(board.find(frame.image))
         left = ", ".join(taker.open_edges) or "none"
         ui.show(
             Text(
                 f"{found.view.upper()} {len(taker.views)} of {WANTED_VIEWS} views; edges without "
-                f"corners: {left}; {said}"
+                f"corners: {left}; {outcome}"
             )
         )
         if taker.is_complete:

@@ -27,8 +27,8 @@ DEADMAN, MODE, CLOSE, OPEN = "shift", "m", "c", "o"
 KEYS = frozenset((*_AXES, DEADMAN, MODE, CLOSE, OPEN))  # that mean something here
 TAP_M = 0.0015  # that one press of a key moves the hand, and no more until it counts as held
 TAP_NS = 250 * NS_PER_MS  # a tap of 100 ms whose release is read 150 ms late is still one
-LATE_NS = 100 * NS_PER_MS  # what is told so late counts as new: as a window may draw in between
-SILENT_NS = 100 * NS_PER_MS  # a window that lives tells the keys far more often
+LATE_NS = 100 * NS_PER_MS  # a report so late counts as new: a window may draw in between
+SILENT_NS = 100 * NS_PER_MS  # a running window reports far more often
 _NOTHING = ControllerSample(
     ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
 )
@@ -36,10 +36,10 @@ _NOTHING = ControllerSample(
 
 @dataclass(frozen=True, slots=True)
 class HeldKeys:
-    """Which keys are down in the window, told again and again while it lives.
+    """Which keys are down in the window, reported again and again while it runs.
 
     keys: by the names in `KEYS`. focused: whether the window gets what is typed. t_ns: when the
-    window's process said so. presses: how often each key has gone down.
+    window's process reported it. presses: how often each key has gone down.
     """
 
     keys: frozenset[str]
@@ -90,10 +90,10 @@ class Taps:
 class KeyboardController(Controller):
     """A hand that the held keys move; Shift is the deadman. It cannot be felt.
 
-    `feed` is called with what the window tells, by any thread. A window without focus is a
-    controller that is laid down, as is one that has not told anything yet; pose and buttons of one
-    that tells nothing any more freeze. A hand that rests is no frozen pose: while the window tells
-    anything, the pose is as new as the tick.
+    `feed` is called with what the window reports, by any thread. A window without focus is a
+    controller that is laid down, as is one that has not reported yet; pose and buttons of one that
+    no longer reports freeze. A resting hand does not count as frozen: while the window reports, the
+    pose is as new as the tick.
     """
 
     def __init__(self, config: DeskConfig, rotation: tuple[Floats3, Floats3, Floats3]) -> None:
