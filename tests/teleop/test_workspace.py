@@ -87,16 +87,9 @@ def test_the_outward_speed_shrinks_smoothly_to_zero_and_along_the_wall_stays_fre
 def test_the_ring_caps_towards_the_base_and_away_from_it() -> None:
     for x, sign in ((0.18, -1.0), (0.425, 1.0)):
         for gap, most in ((0.0, 0.0), (0.005, 0.05)):
-            at = np.array([0.0, x - sign * gap, 0.2])
-            ringed = Workspace(
-                LIMITS.model_copy(
-                    update={"box_min_mm": (-500, -500, 5), "box_max_mm": (500, 500, 400)}
-                ),
-                MOTION,
-                DEADMAN_S,
-            )
-            assert 0.0 <= sign * ringed.cap(np.array([0, sign * 0.25, 0]), at)[1] <= most
-            assert ringed.cap(np.array([0, -sign * 0.25, 0]), at)[1] == pytest.approx(-sign * 0.25)
+            at, out = np.array([0.0, x - sign * gap, 0.2]), np.array([0, sign * 0.25, 0])
+            assert 0.0 <= sign * ring_alone().cap(out, at)[1] <= most
+            assert ring_alone().cap(-out, at)[1] == pytest.approx(-out[1])
 
 
 def test_on_the_base_axis_the_ring_has_no_direction_and_the_box_still_counts() -> None:
@@ -111,11 +104,6 @@ def test_the_slow_down_distance_of_the_configuration_counts() -> None:
     assert -wide.cap(down, at)[2] == pytest.approx(0.25 * (0.04 - 5e-4) / 0.12)
 
 
-def test_the_floor_counts_when_it_is_above_the_box() -> None:
-    raised = Workspace(LIMITS.model_copy(update={"floor_mm": 50.0}), MOTION, DEADMAN_S)
-    assert raised.cap(np.array([0, 0, -0.1]), np.array([0.33, 0, 0.05]))[2] == 0.0
-
-
 @given(positions, velocities, st.integers(0, 12))
 def test_what_is_admitted_brakes_inside_even_after_the_deadman_time(
     position: np.ndarray, velocity: np.ndarray, late: int
@@ -128,13 +116,6 @@ def test_what_is_admitted_brakes_inside_even_after_the_deadman_time(
     path = [position + held + plan.at(float(t)).displacement for t in np.linspace(0, 0.12, 40)]
     worst = excesses(SPACE, path).max(axis=0)
     assert (worst <= np.maximum(now, 0.0) + 2e-4).all()
-
-
-def test_a_slow_state_is_admitted_and_one_that_cannot_stop_is_not() -> None:
-    at, along = np.array([0.33, 0, 0.02]), np.array([0, 0, -1.0])
-    for speed, fits in ((0.05, True), (0.2, False)):
-        plan = VelocityTrajectory(speed * along, np.zeros(3), np.zeros(3), STOP)
-        assert SPACE.admits(at, speed * along, plan) is fits
 
 
 def test_far_is_measured_to_the_nearest_bound() -> None:
@@ -164,14 +145,14 @@ def test_on_a_bound_and_beyond_it_no_speed_leads_out(distance: float) -> None:
 
 
 def test_the_bounds_are_where_the_configuration_puts_them() -> None:
-    space = Workspace(LIMITS, MOTION, DEADMAN_S)
     corners = np.array([[0.15, -0.33, 0.005], [0.42, 0.33, 0.4], [0.18, 0, 0.1], [0, 0.425, 0.1]])
-    excess = excesses(space, corners)
+    excess = excesses(SPACE, corners)
     np.testing.assert_allclose(excess[0, :3], 0.0, atol=1e-12)
     np.testing.assert_allclose(excess[1, 3:6], 0.0, atol=1e-12)
     np.testing.assert_allclose([excess[2, 6], excess[3, 7]], 0.0, atol=1e-12)
     raised = Workspace(LIMITS.model_copy(update={"floor_mm": 50.0}), MOTION, DEADMAN_S)
     np.testing.assert_allclose(raised.excess((0.3, 0, 0.05))[2], 0.0, atol=1e-12)
+    assert raised.cap(np.array([0, 0, -0.1]), np.array([0.33, 0, 0.05]))[2] == 0.0
 
 
 def test_the_cap_allows_for_the_deadman_the_jerk_and_the_reaction() -> None:
@@ -312,10 +293,7 @@ def test_what_the_cone_admits_brakes_inside(offset: np.ndarray, angular: np.ndar
         assert angle <= bound + 1e-4
 
 
-def test_the_cone_admits_slow_turning_and_refuses_what_cannot_stop() -> None:
-    for speed, fits in ((0.05, True), (0.5, False)):
-        plan = VelocityTrajectory(np.array([0, speed, 0]), np.zeros(3), np.zeros(3), TURN_STOP)
-        assert CONE.admits(offset_of(33), np.array([0, speed, 0]), plan) is fits
+def test_far_from_the_edge_of_the_cone_is_a_turn_about_any_axis() -> None:
     assert CONE.is_far(offset_of(10), math.radians(24))
     assert not CONE.is_far(offset_of(10), math.radians(26))
 
