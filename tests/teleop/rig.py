@@ -49,11 +49,7 @@ class RoomyModel:
 class IntegratingArm:
     """Follows twists exactly, `delay_ticks` late, and reports at once."""
 
-    def __init__(
-        self,
-        position: tuple[float, ...] = READY_POSITION,
-        delay_ticks: int = 0,
-    ) -> None:
+    def __init__(self, position: tuple[float, ...] = READY_POSITION, delay_ticks: int = 0) -> None:
         self.pose = Pose(np.array(position), READY_ROTATION)
         self.servo: ServoMode | None = ServoMode.VELOCITY
         self.activity = Activity.IDLE

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -19,11 +18,7 @@ from tams_app.records import (
 )
 from tams_app.teleop.records import Refusal
 from tams_app.teleop.safety import ArmingState, Reason, Request
-from tests.teleop.rig import (
-    PERIOD_NS,
-    Bench,
-    make_config,
-)
+from tests.teleop.rig import PERIOD_NS, Bench, make_config
 
 pytestmark = pytest.mark.waiting
 
@@ -243,28 +238,17 @@ def test_what_the_link_says_goes_on_with_what_else_is_in_the_way(engaged: Bench)
 
 
 def test_what_of_a_stop_is_still_there_is_told_until_it_is_gone(engaged: Bench) -> None:
-    engaged.hand.status = ControllerStatus.TRACKING_LOST
-    held = engaged.tick()
-    assert (held.arming, held.reason, held.lasting) == (
-        ArmingState.HOLDING,
-        Reason.TRACKING_LOST,
-        Reason.TRACKING_LOST,
-    )
-    engaged.hand.status = ControllerStatus.OK
-    back = engaged.tick()
-    assert (back.arming, back.reason, back.lasting) == (
-        ArmingState.HOLDING,
-        Reason.TRACKING_LOST,
-        None,
-    )
-    engaged.hand.status = ControllerStatus.DISCONNECTED
-    lost = engaged.tick()
-    assert lost.lasting is Reason.CONTROLLER_DISCONNECTED
-    engaged.hand.status = ControllerStatus.ROLE_SWAPPED
-    assert engaged.tick().lasting is Reason.ROLE_SWAPPED, "another cause is in the way now"
-    engaged.hand.status = ControllerStatus.OK
-    over = engaged.tick()
-    assert (over.reason, over.lasting) == (Reason.CONTROLLER_DISCONNECTED, None)
+    lost, gone = Reason.TRACKING_LOST, Reason.CONTROLLER_DISCONNECTED
+    for status, arming, reason, lasting in (
+        (ControllerStatus.TRACKING_LOST, HOLDING, lost, lost),
+        (ControllerStatus.OK, HOLDING, lost, None),
+        (ControllerStatus.DISCONNECTED, FAULT, gone, gone),
+        (ControllerStatus.ROLE_SWAPPED, FAULT, gone, Reason.ROLE_SWAPPED),  # in the way now
+        (ControllerStatus.OK, FAULT, gone, None),
+    ):
+        engaged.hand.status = status
+        output = engaged.tick()
+        assert (output.arming, output.reason, output.lasting) == (arming, reason, lasting)
 
 
 def test_a_confirmation_that_does_not_count_is_told_what_is_in_the_way(bench: Bench) -> None:
@@ -346,7 +330,6 @@ def test_pressing_the_menu_while_armed_stops_at_once_and_never_confirms(
     bench.make_ready()
     if engage:
         bench.engage()
-    bench.hand.trigger = 0.0 if not engage else 1.0
     bench.hand.menu = True
     output = bench.tick()
     assert (output.arming, output.reason, output.stop) == (FAULT, Reason.EMERGENCY_STOP, True)
@@ -424,12 +407,10 @@ def test_the_hand_feels_what_happens(bench: Bench) -> None:
     ],
 )
 def test_the_hand_feels_that_it_was_the_link(
-    bench: Bench, status: ControllerStatus, haptic: Haptic
+    engaged: Bench, status: ControllerStatus, haptic: Haptic
 ) -> None:
-    bench.make_ready()
-    bench.engage()
-    bench.hand.status = status
-    assert bench.tick().haptic is haptic
+    engaged.hand.status = status
+    assert engaged.tick().haptic is haptic
 
 
 # --- staleness and limits -------------------------------------------------------------------------
@@ -497,32 +478,20 @@ def test_an_arm_that_does_not_carry_out_a_motion_is_a_following_error(
     assert engaged.outputs[-1].reason is Reason.FOLLOWING_ERROR
 
 
-def steady(_tick: int) -> float:
-    return 0.02
-
-
-def with_pauses(tick: int) -> float:
-    return 0.2 if tick % 120 < 48 else 0.0
-
-
-def back_and_forth(tick: int) -> float:
-    return 0.3 if tick % 60 < 42 else -0.1
-
-
-def jittery(tick: int) -> float:
-    return 0.1 if tick % 50 < 41 else -0.1
-
-
 @pytest.mark.parametrize("noise_rad", [0.0, 1e-4])
-@pytest.mark.parametrize("hand", [steady, with_pauses, back_and_forth, jittery])
+@pytest.mark.parametrize(
+    ("fast", "ticks", "slow", "period"),
+    [(0.02, 1, 0.0, 1), (0.2, 48, 0.0, 120), (0.3, 42, -0.1, 60), (0.1, 41, -0.1, 50)],
+    ids=["steady", "with pauses", "back and forth", "jittery"],
+)
 def test_a_stuck_wrist_is_noticed_whatever_pauses_the_hand_makes(
-    engaged: Bench, hand: Callable[[int], float], noise_rad: float
+    engaged: Bench, fast: float, ticks: int, slow: float, period: int, noise_rad: float
 ) -> None:
     engaged.hand.grip = 1.0
     engaged.tick()
     stuck = engaged.arm.report(engaged.now_ns)
     for tick in range(15 * 120):
-        engaged.ask_turn(0, hand(tick), 0)
+        engaged.ask_turn(0, fast if tick % period < ticks else slow, 0)
         turned = stuck.tcp.rotation.turned((0, noise_rad * (-1) ** tick, 0))
         report = replace(stuck, tcp=replace(stuck.tcp, rotation=turned))
         engaged.tick(arm=replace(report, received_ns=engaged.now_ns + PERIOD_NS))
