@@ -74,6 +74,7 @@ FAR_POSE = Pose(np.array([0, 0, -100.1]), Rotation.identity())  # 1e300 would ov
         (with_sample(buttons_ns=NOW - 101 * MS), Reason.BUTTONS_STALE),
         (replace(FINE, arm=None), Reason.ARM_STATE_STALE),
         (with_arm(received_ns=NOW - 101 * MS), Reason.ARM_STATE_STALE),
+        (with_arm(received_ns=NOW - NS_PER_S), Reason.ARM_STATE_STALE),  # not yet silent
         (with_arm(joints=np.full(6, np.inf)), Reason.ARM_STATE_INVALID),
         (with_arm(tcp=NAN_POSE), Reason.ARM_STATE_INVALID),
         (with_arm(tcp=FAR_POSE), Reason.ARM_STATE_INVALID),
@@ -117,7 +118,7 @@ def test_what_is_just_fresh_enough_does_not_hold(tick: TeleopInput) -> None:
         (with_sample(status=ControllerStatus.DISCONNECTED), Reason.CONTROLLER_DISCONNECTED),
         (with_sample(status=ControllerStatus.RUNTIME_QUIT), Reason.RUNTIME_QUIT),
         (with_arm(fault=ArmFault(24, "C24")), Reason.ARM_ERROR),
-        (with_arm(received_ns=NOW - 1001 * MS), Reason.ARM_SILENT),
+        (with_arm(received_ns=NOW - NS_PER_S - 1), Reason.ARM_SILENT),
         (with_sample(status=ControllerStatus.ROLE_SWAPPED), Reason.ROLE_SWAPPED),
         (
             with_sample(status=ControllerStatus.TRACKING_FRAME_CHANGED),
@@ -227,8 +228,3 @@ def test_a_lost_controller_is_not_told_twice() -> None:
     tick = with_sample(status=ControllerStatus.DISCONNECTED, pose=None, buttons_ns=0, pose_ns=0)
     assert WATCH.faults(tick, ENGAGED) == [Reason.CONTROLLER_DISCONNECTED]
     assert WATCH.holds(tick, ENGAGED) == []
-
-
-def test_an_arm_is_silent_after_a_second_and_not_before() -> None:
-    assert WATCH.faults(with_arm(received_ns=NOW - NS_PER_S), ENGAGED) == []
-    assert WATCH.faults(with_arm(received_ns=NOW - NS_PER_S - 1), ENGAGED) == [Reason.ARM_SILENT]
