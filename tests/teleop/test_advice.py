@@ -20,11 +20,6 @@ def test_every_reason_has_a_sentence_while_it_lasts_and_one_once_it_is_gone(reas
         assert what_to_do(told, "", hand) == reason.sentence(hand, lasts=False)
 
 
-def test_what_is_back_need_not_be_waited_for():
-    assert "wait until it is back" in what_to_do("stale video", "stale video", KEYBOARD)
-    assert what_to_do("stale video", "", KEYBOARD) == "The video is back: release Shift."
-
-
 def test_a_log_that_does_not_tell_what_lasts_has_the_whole_sentence():
     assert what_to_do("stale video", None, OPENVR) == Reason.STALE_VIDEO.sentence(OPENVR)
 
@@ -32,14 +27,6 @@ def test_a_log_that_does_not_tell_what_lasts_has_the_whole_sentence():
 def test_another_cause_that_is_still_there_comes_before_what_is_left():
     told = "emergency stop: and guard blind"
     assert what_to_do(told, "guard blind", OPENVR) == Reason.GUARD_BLIND.sentence(OPENVR)
-
-
-def test_a_detail_that_is_a_sentence_needs_only_how_to_go_on():
-    def does(told):
-        return what_to_do(told, "arm refuses", OPENVR)
-
-    assert does("arm refuses: Free the joint.") == "Release the trigger, then confirm."
-    assert does("arm refuses: Free the joint, then confirm.") == ""
 
 
 def test_words_that_are_no_reason_have_no_advice():
