@@ -61,29 +61,6 @@ def arming_in(state: ArmingState) -> Arming:
     return arming
 
 
-@pytest.mark.parametrize(
-    ("start", "given", "end"),
-    [
-        (DISARMED, {"confirm": True, **UP}, READY),
-        (READY, PRESS, ENGAGED),
-        (ENGAGED, UP, READY),
-        (ENGAGED, UNKNOWN, READY),
-        (ENGAGED, {**STALE, **DOWN}, HOLDING),
-        (ENGAGED, {**STALE, **UP}, HOLDING),
-        (HOLDING, UP, READY),
-        (FAULT, {"confirm": True, **UP}, DISARMED),
-        *((state, {**LOST, **UP}, FAULT) for state in ArmingState),
-        *((state, {**LOST, **PRESS, "confirm": True}, FAULT) for state in ArmingState),
-    ],
-)
-def test_an_arrow_of_the_table_is_taken(
-    start: ArmingState, given: dict[str, object], end: ArmingState
-) -> None:
-    arming = arming_in(start)
-    arming.step(events(**given))
-    assert arming.state is end
-
-
 # --- all of them ----------------------------------------------------------------------------------
 
 HOLDS = ((), (Reason.ARM_NOT_READY,), (Reason.STALE_VIDEO,), (Reason.ARM_NOT_READY, *STALE_HOLDS))
