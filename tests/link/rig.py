@@ -37,7 +37,7 @@ def nothing(_: bytes) -> bool:
     return False
 
 
-def rtp(sequence: int, ssrc: int = 7, size: int = 40) -> bytes:
+def rtp(sequence: int = 1, ssrc: int = 7, size: int = 40) -> bytes:
     """An RTP packet with an empty payload of `size` bytes, header included."""
     head = struct.pack("!BBHII", 0x80, 96, sequence & 0xFFFF, 3000 * sequence, ssrc)
     return head + bytes(size - len(head))
@@ -52,6 +52,12 @@ def datagram_of(addressed: tuple[bytes, Address] | None) -> bytes:
     """What an end sends, which has a session to send it in."""
     assert addressed is not None
     return addressed[0]
+
+
+def flipped(datagram: bytes, step: int = 1) -> list[bytes]:
+    """Copies of it with one bit changed, every `step`-th."""
+    whole, bits = int.from_bytes(datagram, "big"), range(0, 8 * len(datagram), step)
+    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in bits]
 
 
 def spoilt(datagram: bytes, draw: random.Random) -> bytes:

@@ -30,7 +30,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.noise import Initiator, Responder, Split
 from tams_app.units import NS_PER_S
-from tests.link.rig import DESK, KEY, OTHER_KEY, ROBOT
+from tests.link.rig import DESK, KEY, OTHER_KEY, ROBOT, flipped
 
 pytestmark = pytest.mark.untimed
 
@@ -54,12 +54,6 @@ def shake(seed: int = 0) -> tuple[SessionKeys, SessionKeys]:
 
 def all_keys(keys: SessionKeys) -> list[bytes]:
     return [keys.send.messages, keys.send.media, keys.receive.messages, keys.receive.media]
-
-
-def flipped(datagram: bytes, step: int = 1) -> list[bytes]:
-    """Copies of it with one bit changed, every `step`-th."""
-    whole, bits = int.from_bytes(datagram, "big"), range(0, 8 * len(datagram), step)
-    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in bits]
 
 
 # --- keys -----------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.link.noise import OVERHEAD_BYTES, Initiator, NoiseError, Responder, _first
+from tests.link.rig import flipped
 
 pytestmark = pytest.mark.untimed
 
@@ -49,12 +50,6 @@ def begun(payload: bytes = b"") -> Initiator:
 
 def answered(message: bytes, payload: bytes = b"") -> bytes:
     return Responder(SECRET, PROLOGUE, message).answer(OTHER_EPHEMERAL, payload)[0]
-
-
-def flipped(message: bytes) -> list[bytes]:
-    """Every copy of it with one bit changed."""
-    whole = int.from_bytes(message, "big")
-    return [(whole ^ 1 << bit).to_bytes(len(message), "big") for bit in range(8 * len(message))]
 
 
 def test_the_messages_are_those_of_the_published_vectors() -> None:

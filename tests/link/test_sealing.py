@@ -30,6 +30,7 @@ from tams_app.link.sealing import (
     session_number,
     ssrc_of,
 )
+from tests.link.rig import flipped, rtcp, rtp
 
 pytestmark = pytest.mark.untimed
 
@@ -59,16 +60,6 @@ def media() -> tuple[Media, Media]:
     return Media(ours), Media(theirs)
 
 
-def rtp(sequence: int = 1, size: int = 60, ssrc: int = 7) -> bytes:
-    head = struct.pack("!BBHII", 0x80, 96, sequence & 0xFFFF, 3000 * sequence, ssrc)
-    return head + bytes(range(size - len(head)))
-
-
-def rtcp(ssrc: int = 7) -> bytes:
-    """A receiver report with one block."""
-    return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(range(24))
-
-
 def protected_by(out: Media, packet: bytes) -> bytes:
     protected = out.protect(packet)
     assert protected is not None
@@ -79,11 +70,6 @@ def by_hand(key: bytes, session: bytes, number: int, whole: bytes) -> bytes:
     """The datagram whose encrypted part is `whole`, as the module's documentation has it."""
     head = bytes((KIND,)) + session + number.to_bytes(8)
     return head + ChaCha20Poly1305(key).encrypt(bytes(4) + number.to_bytes(8), whole, head)
-
-
-def flipped(datagram: bytes) -> list[bytes]:
-    whole = int.from_bytes(datagram, "big")
-    return [(whole ^ 1 << bit).to_bytes(len(datagram), "big") for bit in range(8 * len(datagram))]
 
 
 # --- messages -------------------------------------------------------------------------------------
@@ -274,7 +260,7 @@ def test_a_packet_that_is_too_long_to_be_protected_is_left_out() -> None:
     protected = protected_by(out, longest)
     assert back.unprotect(protected) == longest
     for number, length in enumerate(range(LONGEST_PLAIN_BYTES + 1, 1600), 2):
-        assert out.protect(rtp(number, 12) + bytes(length - 12)) is None
+        assert out.protect(rtp(number, size=12) + bytes(length - 12)) is None
 
 
 def test_nonsense_of_any_length_changes_nothing() -> None:
