@@ -368,8 +368,7 @@ def test_what_changes_nothing_at_the_operators_side_is_counted_by_its_reason() -
     rig.up = everything
     rig.run_ms(50, desk)
     desk.end.counts.clear()
-    addressed = datagram_of(rig.robot.message(b"state", rig.now_ns))
-    last = addressed
+    last = datagram_of(rig.robot.message(b"state", rig.now_ns))
     changed = last[:-1] + bytes((last[-1] ^ 1,))
     rig.at_desk(desk, last)
     for number in (1, 2, 3):
@@ -456,10 +455,8 @@ def test_a_recorded_call_is_no_way_in_when_the_operator_has_gone() -> None:
 @pytest.mark.parametrize("address", [THIEF, Desk().address])
 def test_a_recorded_session_changes_only_counters(later_ns: int, address: Address) -> None:
     rig, desk = connected()
-    media = [desk.end.media(packet, rig.now_ns) for packet in (rtp(1), rtp(2), rtcp())]
-    for addressed in media:
-        assert addressed is not None
-        rig.send_up(desk, addressed[0])
+    for packet in (rtp(1), rtp(2), rtcp()):
+        rig.send_up(desk, datagram_of(desk.end.media(packet, rig.now_ns)))
     assert len(rig.media) == 3
     rig.now_ns += later_ns
     heard, peer = list(rig.heard), rig.robot._peer
@@ -584,8 +581,7 @@ def test_video_alone_is_a_sign_of_life() -> None:
     for number in range(600):
         rig.now_ns += STEP_NS
         rig.say(desk, b"hand")
-        addressed = datagram_of(rig.robot.media(rtp(number), rig.now_ns))
-        rig.at_desk(desk, addressed)
+        rig.at_desk(desk, datagram_of(rig.robot.media(rtp(number), rig.now_ns)))
         assert desk.end.step(rig.now_ns) == []
 
 

@@ -40,6 +40,10 @@ OTHERS_SSRC = 99
 IPV4_CLASS = ((socket.IPPROTO_IP, socket.IP_RECVTOS), socket.IP_TOS)
 IPV6_CLASS = ((socket.IPPROTO_IPV6, socket.IPV6_RECVTCLASS), socket.IPV6_TCLASS)
 BATCH = 500  # hostile datagrams, then a message must pass
+HOW_MANY = pytest.mark.parametrize(
+    "datagrams",
+    [20_000, pytest.param(1_000_000, marks=(pytest.mark.verify, pytest.mark.timeout(1800)))],
+)
 
 
 @pytest.fixture
@@ -410,13 +414,7 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
 # --- strangers ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "datagrams",
-    [
-        20_000,
-        pytest.param(1_000_000, marks=(pytest.mark.verify, pytest.mark.timeout(1800))),
-    ],
-)
+@HOW_MANY
 def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagrams: int) -> None:
     network = Network(stack, pair.robot.port)
     operator = pair.operator(network.port)
@@ -461,13 +459,7 @@ def test_hostile_datagrams_change_nothing(stack: ExitStack, pair: Pair, datagram
             end.recv(2000)
 
 
-@pytest.mark.parametrize(
-    "datagrams",
-    [
-        20_000,
-        pytest.param(1_000_000, marks=(pytest.mark.verify, pytest.mark.timeout(1800))),
-    ],
-)
+@HOW_MANY
 def test_operators_get_in_while_hostile_datagrams_arrive(
     stack: ExitStack, pair: Pair, datagrams: int
 ) -> None:

@@ -74,13 +74,8 @@ def exchanged(rig: Rig, desk: Desk) -> list[bytes]:
     real = [*desk.sent[:2], *rig.answers[:2]]
     for number in range(20):
         for end in (desk.end, rig.robot):
-            for addressed in (
-                end.message(b"m" * number, rig.now_ns),
-                end.media(rtp(number), rig.now_ns),
-                end.media(rtcp(), rig.now_ns),
-            ):
-                assert addressed is not None
-                real.append(addressed[0])
+            real.append(datagram_of(end.message(b"m" * number, rig.now_ns)))
+            real += [datagram_of(end.media(one, rig.now_ns)) for one in (rtp(number), rtcp())]
     for datagram in real:
         rig.at_robot(datagram, desk.address)
         rig.at_desk(desk, datagram)
@@ -199,11 +194,8 @@ def spoofed(draw: random.Random) -> Attack:
 
 def mixed(draw: random.Random) -> Attack:
     """All of them, and what both sides of a session have sent."""
-    rig, desk = connected()
-    real, attacks = (
-        exchanged(rig, desk),
-        [one_byte(draw), junk(draw), recorded(draw), spoofed(draw)],
-    )
+    real = exchanged(*connected())
+    attacks = [one_byte(draw), junk(draw), recorded(draw), spoofed(draw)]
     for number in count():
         yield next(attacks[number % 5]) if number % 5 < 4 else (hostile(number, real, draw), THIEF)
 

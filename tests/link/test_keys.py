@@ -97,13 +97,11 @@ def test_a_key_that_others_can_reach_is_refused(path: Path, mode: int) -> None:
     assert SECRET not in str(refused.value)
 
 
-def test_a_file_of_its_owner_alone_is_read(path: Path) -> None:
+def test_a_file_of_its_owner_alone_is_read_and_a_key_shown_by_mistake_shows_its_name_alone(
+    path: Path,
+) -> None:
     write(path, f"tams-key-2 kim {SECRET}\n".encode(), 0o400)
     assert read_key(path) == Key("kim", bytes(range(100, 100 + KEY_BYTES)))
-
-
-def test_a_key_shown_by_mistake_shows_its_name_alone(path: Path) -> None:
-    write(path, f"tams-key-2 kim {SECRET}\n".encode())
     assert repr(read_key(path)) == "Key(name='kim')"
 
 

@@ -116,25 +116,22 @@ def test_keys_are_replaced_through_any_loss(seed: int, up_loss: float, down_loss
 
 def test_packets_that_the_old_keys_sealed_are_taken_for_a_while() -> None:
     rig, desk = connected()
-    old = [rig.robot.media(rtp(number), rig.now_ns) for number in range(1, 4)]
+    old = [datagram_of(rig.robot.media(rtp(number), rig.now_ns)) for number in (1, 2)]
     rig.run_ms(REKEY_MS + 500, desk)
     assert rig.robot.renewals == 1
     assert shown(rig, desk, rtp(4)) == rtp(4)
-    assert old[0] is not None
-    assert rig.at_desk(desk, old[0][0]).media == rtp(1)
-    assert rig.at_desk(desk, old[0][0]).media is None  # once
+    assert rig.at_desk(desk, old[0]).media == rtp(1)
+    assert rig.at_desk(desk, old[0]).media is None  # once
     rig.now_ns += OVERLAP_NS
-    assert old[1] is not None
-    assert rig.at_desk(desk, old[1][0]).media is None
+    assert rig.at_desk(desk, old[1]).media is None
 
 
 def test_a_message_that_the_old_keys_sealed_is_late_once_the_new_ones_are_in_use() -> None:
     rig, desk = connected()
-    held = [desk.end.message(b"held back", rig.now_ns) for _ in range(3)]
+    held = [datagram_of(desk.end.message(b"held back", rig.now_ns)) for _ in range(3)]
     rig.run_ms(REKEY_MS + 500, desk)
-    for number, addressed in enumerate(held, 1):
-        assert addressed is not None
-        assert rig.at_robot(addressed[0], desk.address).message is None
+    for number, datagram in enumerate(held, 1):
+        assert rig.at_robot(datagram, desk.address).message is None
         assert rig.robot.counts == {"late": number}
 
 
@@ -316,16 +313,14 @@ def test_what_is_no_answer_to_a_request_for_new_keys_is_counted_and_waited_past(
 def test_what_arrives_when_its_keys_are_ten_minutes_old_counts_no_more(age_ns: int) -> None:
     rig, desk = Rig(), Desk()
     rig.step(desk)
-    message, media = desk.end.message(b"held", rig.now_ns), desk.end.media(rtcp(), rig.now_ns)
-    state = rig.robot.message(b"held", rig.now_ns)
-    assert message is not None
-    assert media is not None
-    assert state is not None
+    message = datagram_of(desk.end.message(b"held", rig.now_ns))
+    media = datagram_of(desk.end.media(rtcp(), rig.now_ns))
+    state = datagram_of(rig.robot.message(b"held", rig.now_ns))
     rig.now_ns += age_ns
     heard = (
-        rig.at_robot(media[0], desk.address).media,
-        rig.at_robot(message[0], desk.address).message,
-        rig.at_desk(desk, state[0]).message,
+        rig.at_robot(media, desk.address).media,
+        rig.at_robot(message, desk.address).message,
+        rig.at_desk(desk, state).message,
     )
     if age_ns < OUTWORN_NS:
         assert heard == (rtcp(), b"held", b"held")
@@ -435,14 +430,11 @@ def test_however_many_addresses_messages_are_redirected_to_ten_questions_a_secon
 
 def test_only_a_newer_message_asks_at_another_address() -> None:
     rig, desk = connected()
-    overtaken, newest = (desk.end.message(text, rig.now_ns) for text in (b"older", b"newer"))
-    media = desk.end.media(rtp(1), rig.now_ns)
-    assert overtaken is not None
-    assert newest is not None
-    assert media is not None
-    rig.at_robot(newest[0], desk.address)
-    draw = random.Random(0)
-    for datagram in (overtaken[0], newest[0], media[0], desk.sent[0], spoilt(newest[0], draw)):
+    end, now_ns = desk.end, rig.now_ns
+    overtaken, newest = (datagram_of(end.message(text, now_ns)) for text in (b"older", b"newer"))
+    media = datagram_of(end.media(rtp(1), now_ns))
+    rig.at_robot(newest, desk.address)
+    for datagram in (overtaken, newest, media, desk.sent[0], spoilt(newest, random.Random(0))):
         for reply, _ in rig.at_robot(datagram, THIEF).replies:
             assert len(reply) < 50  # a cookie, for the recorded initiation
         assert sent_to(rig) == desk.address
@@ -478,9 +470,8 @@ def test_an_operator_whose_answers_take_long_is_followed_too() -> None:
 
 def test_an_operator_sends_to_the_address_that_was_dialled_wherever_answers_come_from() -> None:
     rig, desk = connected()
-    state = rig.robot.message(b"state", rig.now_ns)
-    assert state is not None
-    assert desk.end.receive(state[0], THIEF, rig.now_ns).message == b"state"
+    state = datagram_of(rig.robot.message(b"state", rig.now_ns))
+    assert desk.end.receive(state, THIEF, rig.now_ns).message == b"state"
     assert rig.gets_through(desk)
 
 
