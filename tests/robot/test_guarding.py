@@ -144,6 +144,7 @@ def test_a_guard_that_cannot_reach_the_arm_is_a_fault_for_as_long_as_it_lasts(fa
         (Cause.UNASKED, Reason.ARM_MOVED_UNASKED),
         (Cause.TOO_FAST, Reason.ARM_TOO_FAST),
         (Cause.OUTSIDE, Reason.ARM_OUTSIDE),
+        (Cause.SLEPT, Reason.COMPUTER_SLEPT),
     ],
 )
 def test_the_cause_of_the_guards_stop_is_a_reason_of_its_own(faults, notes, cause, reason):
