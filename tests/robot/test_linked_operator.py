@@ -22,7 +22,10 @@ pytestmark = pytest.mark.untimed
 TICK_NS = NS_PER_S // 120
 
 
-def states_sent(capacity_kbps: float | None) -> int:
+@pytest.mark.parametrize(
+    ("capacity_kbps", "states"), [(None, 60), (20_000.0, 60), (1000.0, 20), (100.0, 10)]
+)
+def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
     """In a second of ticks; None: before the first allocation."""
     clock, sent = VirtualClock(NS_PER_S), []
     log: Any = SimpleNamespace(record=lambda _: None, note=lambda *_: None, fact=lambda *_: None)
@@ -38,14 +41,7 @@ def states_sent(capacity_kbps: float | None) -> int:
         clock.advance_ns(TICK_NS)
         tick: Any = SimpleNamespace(started_ns=clock.now_ns())
         operator.on_tick(tick)
-    return len(sent)
-
-
-@pytest.mark.parametrize(
-    ("capacity_kbps", "states"), [(None, 60), (20_000.0, 60), (1000.0, 20), (100.0, 10)]
-)
-def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
-    assert states_sent(capacity_kbps) == pytest.approx(states, abs=1)
+    assert len(sent) == pytest.approx(states, abs=1)
 
 
 @pytest.mark.parametrize("fits", [True, False])

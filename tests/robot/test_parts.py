@@ -3,11 +3,11 @@
 import os
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from hw.camera import Camera
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
@@ -104,36 +104,18 @@ def test_a_confirmation_counts_for_two_seconds_and_never_one_from_the_future() -
 # --- captures -----------------------------------------------------------------------------------
 
 
-class ListCamera(Camera):
-    """Gives the frames of a list, then nothing."""
-
-    view = "gt"
-
-    def __init__(self, frames, stop):
-        self._frames = list(frames)
-        self._stop = stop
-
-    def start(self):
-        """Nothing to open."""
-
-    def next_frame(self, timeout_s):
-        if self._frames:
-            return self._frames.pop(0)
-        self._stop.set()
-        return None
-
-    def close(self):
-        """Nothing to close."""
-
-
-def frame(index):
-    return Frame("gt", index, index * 33 * MS, np.zeros((2, 2, 3), np.uint8))
-
-
 def test_every_frame_of_a_camera_is_handed_on():
     stop, seen = threading.Event(), []
-    frames = [frame(0), frame(1), frame(4)]
-    Capture(ListCamera(frames, stop), seen.append).run(stop)
+    frames = [Frame("gt", index, 0, np.zeros((2, 2, 3), np.uint8)) for index in (0, 1, 4)]
+    left = iter(frames)
+
+    def next_frame(timeout_s):
+        frame = next(left, None)
+        if frame is None:
+            stop.set()
+        return frame
+
+    Capture(SimpleNamespace(next_frame=next_frame), seen.append).run(stop)
     assert seen == frames
 
 
