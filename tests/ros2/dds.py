@@ -5,7 +5,7 @@ from __future__ import annotations
 import random
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
@@ -79,6 +79,19 @@ class Node:
 
         until(all_found)
         return found
+
+
+def heard_until(readers: Iterable[DataReader[Any]], enough: Callable[[list[Any]], bool]) -> Any:
+    """All that these readers took until it was enough."""
+    heard: list[Any] = []
+
+    def is_enough() -> bool:
+        for reader in readers:
+            heard.extend(reader.take(100))
+        return enough(heard)
+
+    until(is_enough)
+    return heard
 
 
 def until(condition: Callable[[], bool], meanwhile: Callable[[], None] = lambda: None) -> None:

@@ -38,7 +38,15 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.recorders import Recorders
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.units import NS_PER_S
-from tests.ros2.dds import BEST_EFFORT, LOOPBACK, RELIABLE, Node, free_domain, until
+from tests.ros2.dds import (
+    BEST_EFFORT,
+    LOOPBACK,
+    RELIABLE,
+    Node,
+    free_domain,
+    heard_until,
+    until,
+)
 from tests.ros2.records import T_NS, frame, full_header, one_of_each
 from tests.synthetic_session import START_NS, VIEWS, tick
 
@@ -122,22 +130,11 @@ def test_a_node_that_comes_later_knows_the_phase_and_the_frames_that_stand_still
     first = Node(domain).reader(PHASE)
     for phase in (Phase.REACH, Phase.ALIGN):
         bridge.receive(PhaseChange(T_NS, phase, "test"), T_NS)
-    heard: list[str] = []
-
-    def align_heard() -> bool:
-        heard.extend(one.data for one in first.take(10))
-        return "ALIGN" in heard
-
-    until(align_heard)  # so that it was published before the next node comes
+    # so that it was published before the next node comes
+    heard_until([first], lambda heard: any(one.data == "ALIGN" for one in heard))
     late = Node(domain)
-    phases, still = late.reader(PHASE), late.reader(TF_STATIC)
-    found: list[Any] = []
-
-    def both_found() -> bool:
-        found.extend((*phases.take(10), *still.take(10)))
-        return len(found) >= 2
-
-    until(both_found)
+    readers = [late.reader(topic) for topic in (PHASE, TF_STATIC)]
+    found = heard_until(readers, lambda heard: len(heard) >= 2)
     assert {type(one).__name__ for one in found} == {"String", "TFMessage"}
     assert [one.data for one in found if hasattr(one, "data")] == ["ALIGN"]
 
@@ -160,13 +157,7 @@ def test_a_publisher_that_leaves_does_not_stop_a_second_time(domain: int) -> Non
     until(lambda: not participant.stop_asked(NS_PER_S) and not witness.take(1000))
     del writer
     gc.collect()  # it is part of a cycle
-    seen: list[Any] = []
-
-    def has_left() -> bool:
-        seen.extend(witness.take(100))
-        return any(not isinstance(one, Empty) for one in seen)
-
-    until(has_left)
+    heard_until([witness], lambda heard: any(not isinstance(one, Empty) for one in heard))
     assert not participant.stop_asked(NS_PER_S)
 
 
@@ -228,17 +219,22 @@ def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros
     until(lambda: bool(heard.notes), lambda: bridge.receive(tick(next(numbers)), START_NS))
 
 
-@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGSTOP])
-def test_the_log_is_whole_whatever_becomes_of_the_bridge(
-    domain: int, tmp_path: Path, signal_number: signal.Signals
-) -> None:
+def recorders(domain: int, folder: Path, signals: Signals) -> Recorders:
+    """Of a session that publishes."""
+
     def fails(thread: str, failure: BaseException) -> None:
         raise AssertionError(thread) from failure
 
     config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
-    signals = Signals()
-    (tmp_path / "helpers").mkdir()
-    log = Recorders(config, MonotonicClock(), tmp_path, fails, lambda _: None, signals.estop)
+    (folder / "helpers").mkdir()
+    return Recorders(config, MonotonicClock(), folder, fails, lambda _: None, signals.estop)
+
+
+@pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGSTOP])
+def test_the_log_is_whole_whatever_becomes_of_the_bridge(
+    domain: int, tmp_path: Path, signal_number: signal.Signals
+) -> None:
+    log = recorders(domain, tmp_path, signals := Signals())
     (pid,) = [
         one.pid for one in psutil.Process().children() if "ros2_process" in str(one.cmdline())
     ]
@@ -260,12 +256,7 @@ def test_the_log_is_whole_whatever_becomes_of_the_bridge(
 
 
 def test_a_log_tells_of_a_stop_that_ros_asked_for(domain: int, tmp_path: Path) -> None:
-    config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
-    signals = Signals()
-    (tmp_path / "helpers").mkdir()
-    log = Recorders(
-        config, MonotonicClock(), tmp_path, lambda *_: None, lambda _: None, signals.estop
-    )
+    log = recorders(domain, tmp_path, signals := Signals())
     writer = Node(domain).stop_writer(RELIABLE)
     until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty()))
     log.close()
