@@ -72,18 +72,14 @@ def test_a_helper_that_stands_still_holds_up_nothing_and_gets_the_last_once_it_g
     process.stop()
 
 
-def test_a_helper_that_cannot_work_says_why_in_one_sentence(tmp_path):
-    process = helper(tmp_path, "fail")
+@pytest.mark.parametrize(
+    ("behaviour", "told"),
+    [("fail", "port 7 is in use"), ("die", r"echo could not start; see .*echo\.log")],
+)
+def test_a_helper_that_cannot_work_says_why_or_where_its_log_is(tmp_path, behaviour, told):
+    process = helper(tmp_path, behaviour)
     process.start()
-    with pytest.raises(HelperError, match="port 7 is in use"):
-        process.wait_ready()
-    process.stop()
-
-
-def test_a_helper_that_dies_at_the_start_is_reported_with_its_log(tmp_path):
-    process = helper(tmp_path, "die")
-    process.start()
-    with pytest.raises(HelperError, match=r"echo could not start; see .*echo\.log"):
+    with pytest.raises(HelperError, match=told):
         process.wait_ready()
     process.stop()
 
