@@ -201,7 +201,8 @@ class Station:
         Ends early at a hold or a fault.
         """
         before_m = self.tcp_height_m
-        self._engage()
+        self.press("trigger", 1.0)
+        self.until(lambda: self.arming in ("engaged", "holding", "fault"), "engaged")
         self._hand.move(HAND_M_S if before_m < HIGH_M else -HAND_M_S)
         self.until(
             lambda: abs(self.tcp_height_m - before_m) > REACH_M or self.arming != "engaged",
@@ -212,11 +213,6 @@ class Station:
         self.press("trigger", 0.0)
         self.until(lambda: self.arming in ("ready", "fault"), "ready again")
         return followed_m
-
-    def _engage(self) -> None:
-        """Press the trigger; the arm is engaged then, or something was in the way."""
-        self.press("trigger", 1.0)
-        self.until(lambda: self.arming in ("engaged", "holding", "fault"), "engaged")
 
     def close(self) -> None:
         """End the session as the operator does; may be called twice."""
