@@ -1,13 +1,49 @@
-"""Where a session's cameras see the task, made of its configuration."""
+"""Where a session's cameras see the task in the captured frames, by the newest state of the arm."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from tams_app.config import Config
 from tams_app.prediction.task_region import task_region
-from tams_app.robot.task_regions import TaskRegions
+from tams_app.records import ArmState, Frame, Lens, TaskRegion, Vector
+from tams_app.robot.listener import Listener
 from tams_app.session.viewing import scene_of, tool_tip
+from tams_app.teleop.records import TeleopOutput
+
+
+class TaskRegions(Listener):
+    """Gives each captured frame its task's region, by the newest state of the arm.
+
+    That is a few milliseconds older or newer than the frame, in which the arm moves less than a
+    millimetre or two.
+    """
+
+    def __init__(self, fixed: Mapping[str, Lens], wrist: Mapping[str, TaskRegion | None]) -> None:
+        """By view: `fixed`, the lenses in the base frame; `wrist`, the regions of cameras that move
+        with the tool, which therefore stays where it is in their pictures.
+        """
+        self._fixed, self._wrist = fixed, wrist
+        self._tcp: Vector | None = None
+
+    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+        """In the control thread; cameras' threads read it."""
+        if arm is not None:
+            self._tcp = arm.tcp.position
+
+    def through(self, consume: Callable[[Frame], None]) -> Callable[[Frame], None]:
+        """What gives frames to `consume` with their region; each view from one thread."""
+        return lambda frame: consume(replace(frame, task=self.of(frame.view)))
+
+    def of(self, view: str) -> TaskRegion | None:
+        """The region now; None: the camera or the arm is not known, or the tool is out of sight."""
+        lens, tcp = self._fixed.get(view), self._tcp
+        if lens is None or tcp is None:
+            return self._wrist.get(view)
+        return task_region(lens, tcp)
 
 
 def task_regions(config: Config) -> TaskRegions:
