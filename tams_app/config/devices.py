@@ -192,21 +192,13 @@ class CameraConfig(Section):
     """Where it is, which the predictive display needs; null: not measured."""
 
     @model_validator(mode="after")
-    def _names_one(self) -> Self:
+    def _possible(self) -> Self:
         if self.source == "v4l2" and not (self.name or self.serial or self.path):
             raise ValueError("a v4l2 camera needs its name, serial or path")
         if self.source == "file" and not self.file:
             raise ValueError("a file camera needs its file")
-        return self
-
-    @model_validator(mode="after")
-    def _was_found_through_its_lens(self) -> Self:
         if self.mount is not None and self.lens is None:
             raise ValueError("mount holds with the lens through which it was measured: give both")
-        return self
-
-    @model_validator(mode="after")
-    def _sets_nothing_without_effect(self) -> Self:
         foreign = {"v4l2": ("file",), "file": _V4L2_ONLY, "pattern": (*_V4L2_ONLY, "file")}
         for key in foreign.get(self.source, ()):
             field = type(self).model_fields[key]

@@ -75,13 +75,9 @@ class RigConfig(Section):
     """A session's log whose recorded hand moves the controller instead of the operator."""
 
     @model_validator(mode="after")
-    def _moves_no_real_arm(self) -> Self:
+    def _possible(self) -> Self:
         if self.hand_trajectory is not None and not self.enabled:
             raise ValueError("hand_trajectory is for the simulated rig: no arm moves unattended")
-        return self
-
-    @model_validator(mode="after")
-    def _turned_and_not_mirrored(self) -> Self:
         if self.hand_rotation is not None:
             check_rotation("hand_rotation", self.hand_rotation)
         return self
@@ -364,34 +360,18 @@ class Config(Section):
         return without_removed(given)
 
     @model_validator(mode="after")
-    def _only_the_rig_has_a_simulated_operator(self) -> Self:
+    def _sections_fit_together(self) -> Self:
         if self.controller.device == "sim" and not self.rig.enabled:
             raise ValueError("controller.device sim is for the simulated rig: add --sim")
-        return self
-
-    @model_validator(mode="after")
-    def _the_keyboard_is_the_windows(self) -> Self:
         if self.controller.device == "keyboard" and self.headless:
             raise ValueError("controller.device keyboard needs the window: leave out --headless")
-        return self
-
-    @model_validator(mode="after")
-    def _the_guard_outwaits_two_ticks(self) -> Self:
         if self.arm.guard.heartbeat_timeout_ms * self.control.rate_hz < 2000.0:
             raise ValueError(
                 "arm.guard.heartbeat_timeout_ms must be at least two periods of control.rate_hz, "
                 f"{2000.0 / self.control.rate_hz:.0f} ms, or the guard stops the arm between them"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _views_have_weights(self) -> Self:
         self._check_views("policy.weights.matrix", self.policy.weights.matrix[Phase.REACH])
         self._check_views("policy.allocation.static_weights", self.policy.allocation.static_weights)
-        return self
-
-    @model_validator(mode="after")
-    def _views_have_cameras(self) -> Self:
         if not self.rig.enabled:
             self._check_views("cameras", self.cameras)
         return self
