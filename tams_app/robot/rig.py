@@ -85,10 +85,7 @@ class SimulatedRig(Devices):
 
     @property
     def truth(self) -> Callable[[], SceneTruth | None]:
-        return self._read_truth
-
-    def _read_truth(self) -> SceneTruth | None:
-        return self._reader.truth() if self._reader else None
+        return lambda: self._reader.truth() if self._reader else None
 
     def close(self) -> None:
         """End the processes and give the shared memory back, however they ended."""

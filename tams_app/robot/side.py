@@ -75,17 +75,10 @@ class RobotSide:
         weights = WeightMatrix(config.policy.weights.matrix)
         self._board = StatusBoard(config.video.views, weights, config.video.fps)
         keeping = config.recording
-        self._episodes = (
-            EpisodeKeeper(
-                Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count),
-                signals,
-                log,
-                self._put_back,
-                ending.end,
-            )
-            if keeping.episodes
-            else None
-        )
+        self._episodes: EpisodeKeeper | None = None
+        if keeping.episodes:
+            wanted = Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count)
+            self._episodes = EpisodeKeeper(wanted, signals, log, self._put_back, ending.end)
 
     # --- start ----------------------------------------------------------------------------------
 

@@ -91,21 +91,18 @@ class Session(Ending):
 
     def start(self) -> None:
         """Start everything; on failure what was started is stopped again, and the error raised."""
+        parts = self.parts
         try:
-            self._start()
+            keep_freed_memory()
+            cv2.setNumThreads(1)  # its other threads would spin for work longer than a frame takes
+            if self.config.control.realtime_priority:
+                use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
+                parts.stack.callback(use_ordinary)
+            parts.logs.mkdir(exist_ok=True)  # the window is there before
+            self._side = self._compose(self)
         except BaseException:
             self._unwind()
             raise
-
-    def _start(self) -> None:
-        parts = self.parts
-        keep_freed_memory()
-        cv2.setNumThreads(1)  # its other threads would spin for work longer than a frame takes
-        if self.config.control.realtime_priority:
-            use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
-            parts.stack.callback(use_ordinary)
-        parts.logs.mkdir(exist_ok=True)  # the window is there before
-        self._side = self._compose(self)
 
     def open_log(self, config: Config) -> Recorders:
         """The session's log, with the configuration that counts."""

@@ -58,7 +58,7 @@ class Teleop:
         before = self._arming.state
         self._drive.note_interval(tick.now_ns, interval_s)
         faults, holds = self._judge(tick, buttons, interval_s)
-        confirm = tick.confirm or self._menu_confirms(buttons)
+        confirm = tick.confirm or (buttons.menu_hold and not self._menu_is_void)
         request = self._arming.step(
             ArmingEvents(
                 now_ns=tick.now_ns,
@@ -113,9 +113,6 @@ class Teleop:
         if buttons.menu_down:
             self._menu_is_void = False
         return buttons.menu_click and not self._menu_is_void
-
-    def _menu_confirms(self, buttons: Buttons) -> bool:
-        return buttons.menu_hold and not self._menu_is_void
 
     def _move(
         self,
