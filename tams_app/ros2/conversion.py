@@ -28,7 +28,7 @@ from tams_app.records import (
     Tick,
 )
 from tams_app.ros2 import messages, topics
-from tams_app.telemetry.lines import Line, Spoken, line_of
+from tams_app.telemetry.lines import Spoken, line_of
 from tams_app.telemetry.messages import BASE
 from tams_app.telemetry.motion import MOTION_HZ, joint_angles
 from tams_app.telemetry.pace import Pace
@@ -172,8 +172,11 @@ class Conversion:
         yield Sent(topics.video_topic(frame.view), video, wall_ns)
 
     def _on_line(self, record: Spoken) -> Iterator[Sent]:
+        """A sentence that the operator reads, or a stop that was measured."""
         line = line_of(record)
-        yield self._diagnostics(line.t_ns + self._offset_ns, _line_status(line, self._hardware))
+        level, values = _LINE_LEVELS.get(line.level, ERROR), _pairs({"kind": line.kind})
+        status = messages.DiagnosticStatus(level, LINE_NAME, line.text, self._hardware, values)
+        yield self._diagnostics(line.t_ns + self._offset_ns, status)
 
     def _diagnostics(self, wall_ns: int, status: messages.DiagnosticStatus) -> Sent:
         header = _header(wall_ns, "")
@@ -241,14 +244,6 @@ def _arm_status(tick: Tick, hardware: str, hand: HandWords) -> messages.Diagnost
     }
     level = _ARMING_LEVELS.get(tick.arming, OK)
     return messages.DiagnosticStatus(level, ARM_NAME, message, hardware, _pairs(values))
-
-
-def _line_status(line: Line, hardware: str) -> messages.DiagnosticStatus:
-    """A sentence that the operator reads, or a stop that was measured."""
-    level = _LINE_LEVELS.get(line.level, ERROR)
-    return messages.DiagnosticStatus(
-        level, LINE_NAME, line.text, hardware, _pairs({"kind": line.kind})
-    )
 
 
 def _pairs(values: dict[str, str]) -> list[messages.KeyValue]:

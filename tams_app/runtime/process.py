@@ -2,9 +2,8 @@
 
 A helper prints one JSON line when it is ready. Its standard input is a pipe from the session, which
 may send it something on the way, a JSON line each: when it closes, however the session died, the
-helper ends. Helpers live in a
-session of their own: what the terminal does to the application (Ctrl-C, Ctrl-Z, hanging up) does
-not reach them, the guard least of all.
+helper ends. Helpers live in a session of their own: what the terminal does to the application
+(Ctrl-C, Ctrl-Z, hanging up) does not reach them, the guard least of all.
 """
 
 from __future__ import annotations

@@ -35,7 +35,6 @@ class Drive:
         self._limits = Limits(config, model, ready)
         self._target = Target(config.limits)
         self._predictor = TcpPredictor()
-        self._gain_per_s = POSE_GAIN_PER_S
         self._anchored = False
         self._limited_s = 0.0
         self._limited_by: Reason | None = None
@@ -156,8 +155,8 @@ class Drive:
         """The P-loop that takes the arm back to the target."""
         target = self._target.tcp
         if self.orientation_mode:
-            return Twist(ZERO, times(tcp.rotation.turn_to(target.rotation), self._gain_per_s))
-        return Twist(times(minus(target.position, tcp.position), self._gain_per_s), ZERO)
+            return Twist(ZERO, times(tcp.rotation.turn_to(target.rotation), POSE_GAIN_PER_S))
+        return Twist(times(minus(target.position, tcp.position), POSE_GAIN_PER_S), ZERO)
 
     def _count_limited(self, limited_by: Reason | None, interval_s: float) -> None:
         self._limited_s = self._limited_s + interval_s if limited_by is not None else 0.0

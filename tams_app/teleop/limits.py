@@ -57,7 +57,7 @@ class _JointLaw(NamedTuple):
 
 
 _BRAKING = _JointLaw(0.9, _BRAKES_WITHIN_S)
-_FOLLOWS_FROM = 0.7  # share of the joints' speed limit from which the TCP slows down
+_FOLLOWING = _JointLaw(0.7, _STOPS_WITHIN_S)  # from this share of the limits on the TCP slows down
 
 
 class Limits:
@@ -69,7 +69,6 @@ class Limits:
         self._deadman_s = deadman_s
         self._max_speed = limits.max_speed_mm_s / 1000.0
         self._max_rotation = limits.max_rotation_rad_s
-        self._following = _JointLaw(_FOLLOWS_FROM, _STOPS_WITHIN_S)
         self._model = model
         self._joint_speeds = model.joint_speed_limits.tolist()
         self._joint_ranges = model.joint_ranges
@@ -90,7 +89,7 @@ class Limits:
         turning = angular
         if any(angular):
             turning = self._cone.cap(angular, self._cone.offset(tcp.rotation))
-        joint_scale = min(1.0, self._joint_scale(inside, turning, joints, self._following))
+        joint_scale = min(1.0, self._joint_scale(inside, turning, joints, _FOLLOWING))
         twist = Twist(
             times(shortened(inside, self._max_speed), joint_scale),
             times(shortened(turning, self._max_rotation), joint_scale),
