@@ -22,7 +22,7 @@ from tams_app.link.handshake import (
     answer,
 )
 from tams_app.link.keys import Key
-from tams_app.link.operator_end import LONGEST_INTRODUCTION_BYTES, REDIAL_NS, OperatorEnd
+from tams_app.link.operator_end import LONGEST_INTRODUCTION_BYTES, REDIAL_NS
 from tams_app.link.peer import MESSAGE, Address
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
@@ -82,7 +82,8 @@ def test_an_operator_is_connected_after_two_round_trips() -> None:
 def test_the_robots_side_knows_what_the_operator_who_is_there_has_told_with_their_call(
     told: bytes,
 ) -> None:
-    rig, desk = Rig(), Desk(introduction=told)
+    rig, desk = Rig(), Desk(introduction=told)  # without a word, as `doctor --link` calls, too
+    assert rig.robot.introduction == b""
     rig.step(desk)
     assert rig.sessions == 1
     assert rig.robot.introduction == told
@@ -93,15 +94,6 @@ def test_the_robots_side_knows_what_the_operator_who_is_there_has_told_with_thei
     assert rig.robot.introduction == told, "a call alone does not say who is there"
     rig.step(other)
     assert rig.robot.introduction == b"another"
-
-
-def test_who_calls_without_a_word_tells_none() -> None:
-    rig, desk = Rig(), Desk()
-    desk.end = OperatorEnd(KEY, [ROBOT], random.Random(1).randbytes)  # as `doctor --link` calls
-    assert rig.robot.introduction == b""
-    rig.step(desk)
-    assert rig.sessions == 1
-    assert rig.robot.introduction == b""
 
 
 def test_what_is_too_long_to_be_told_with_a_call_is_cut_and_the_call_answered() -> None:
