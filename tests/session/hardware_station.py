@@ -11,7 +11,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -223,24 +223,9 @@ class Station:
             assert self._process.exitcode == 0
 
 
-@contextmanager
-def plugged(folder: Path, fps: int, joints_deg: Sequence[float] | None = None) -> Iterator[Plugged]:
-    """See `Plugged`."""
-    found = Plugged(folder, fps, joints_deg)
-    try:
-        yield found
-    finally:
-        found.close()
-
-
-@contextmanager
-def station(there: Plugged, config: Config, dry_run: bool = False) -> Iterator[Station]:
+def station(there: Plugged, config: Config, dry_run: bool = False) -> closing[Station]:
     """A session that runs; TamsError if it cannot start."""
-    here = Station(there, config, there.wiring(), dry_run)
-    try:
-        yield here
-    finally:
-        here.close()
+    return closing(Station(there, config, there.wiring(), dry_run))
 
 
 @contextmanager

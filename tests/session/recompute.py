@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import Config
-from tams_app.policy.allocation import Policy, make_strategy
+from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import make_inference
 from tams_app.recording import SessionLog
@@ -117,26 +118,9 @@ def _computed_allocations(
         for logged, inputs in zip(log.allocations, log.policy_inputs, strict=True):
             yield logged.t_ns, logged, policy.step(logged.phase, inputs.report())
         return
-    budget = _ReportedCapacity()
-    policy = Policy(make_strategy(config.strategy, config.policy), budget, config.policy)
+    reported: Any = SimpleNamespace()
+    reported.mean_kbps = lambda _start_ns, _end_ns: reported.kbps
+    policy = Policy.of(config, reported)
     for logged in log.allocations:
-        budget.kbps = logged.capacity_kbps
+        reported.kbps = logged.capacity_kbps
         yield logged.t_ns, logged, policy.step(logged.phase, UplinkReport(logged.t_ns, 0))
-
-
-class _ReportedCapacity:
-    """A budget that is given the capacity."""
-
-    kbps = 0.0
-
-    def observe(self, report: UplinkReport) -> None:
-        """Nothing is estimated."""
-
-    def capacity_kbps(self, now_ns: int) -> float:
-        return self.kbps
-
-    def padding_bytes(self, now_ns: int) -> int:
-        return 0
-
-    def flight_limit_bytes(self, now_ns: int) -> float:
-        return math.inf

@@ -8,6 +8,7 @@ the cameras are played below v4l2src.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,6 @@ from tests.session.hardware_station import (
     REACH_M,
     Plugged,
     Station,
-    plugged,
     station,
     witness,
 )
@@ -38,7 +38,7 @@ FPS = 15  # what two slow cores have time for, of three cameras
 
 @pytest.fixture
 def there(tmp_path: Path) -> Iterator[Plugged]:
-    with plugged(tmp_path, FPS) as found:
+    with closing(Plugged(tmp_path, FPS)) as found:
         yield found
 
 
@@ -91,7 +91,7 @@ def test_an_arm_at_the_factorys_home_is_sent_home_and_not_enabled(
         return [note for note in here.notes if "outside the workspace" in note]
 
     with (
-        plugged(tmp_path, FPS, [0.0] * 6) as there,
+        closing(Plugged(tmp_path, FPS, [0.0] * 6)) as there,
         witness(there) as arm,
         station(there, there.config(), dry_run) as here,
     ):
