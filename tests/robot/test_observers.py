@@ -30,10 +30,7 @@ def notes():
 
 
 def observer(notes, arm_at_once=False, hand="openvr"):
-    def note(level, text):
-        notes.append(text)
-
-    return ArmingObserver(Signals(), note, lambda: hand, arm_at_once)
+    return ArmingObserver(Signals(), lambda _, text: notes.append(text), lambda: hand, arm_at_once)
 
 
 @pytest.mark.parametrize(

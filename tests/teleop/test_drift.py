@@ -12,7 +12,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import Config, HandConfig
-from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop import motion as of_hand
 from tams_app.teleop.drift import Drift
@@ -20,6 +19,7 @@ from tams_app.teleop.motion import HandMotion
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
 from tests.teleop.rig import Bench, hand_for, make_config
+from tests.teleop.test_motion import sample
 
 pytestmark = pytest.mark.untimed
 
@@ -92,7 +92,7 @@ def test_until_it_is_too_much_the_arm_is_led_away_by_no_more_than_25_mm_and_25_m
     for speed in hand:
         position += speed * STEP_S
         poses.append(position)
-    newest, asked, velocity, pose = -1, 0.0, 0.0, sample_at(0.0, 1)
+    newest, asked, velocity, pose = -1, 0.0, 0.0, sample((0.0, 0.0, 0.0), 1)
     motion.anchor(pose)
     for tick in range(len(hand) + 12):
         arrived = [
@@ -102,20 +102,13 @@ def test_until_it_is_too_much_the_arm_is_led_away_by_no_more_than_25_mm_and_25_m
         ]
         if arrived:
             newest = max(arrived)
-            pose = sample_at(poses[newest], 1 + (newest + 1) * 8 * NS_PER_MS)
+            pose = sample((poses[newest], 0.0, 0.0), 1 + (newest + 1) * 8 * NS_PER_MS)
         asked += velocity * STEP_S
         velocity = motion.update(pose, (tick + 1) * 8 * NS_PER_MS, STEP_S).linear[0]
         if motion.is_adrift(turning=False):
             return
         hand_m = poses[newest] if newest >= 0 else 0.0
         assert abs(asked - hand_m) <= 0.025 * (1.0 + (tick + 1) * STEP_S) + 1e-9
-
-
-def sample_at(x: float, pose_ns: int, turned_rad: float = 0.0) -> ControllerSample:
-    pose = Pose(np.array((x, 0.0, 0.0)), Rotation.from_rotvec((turned_rad, 0.0, 0.0)))
-    return ControllerSample(
-        ControllerStatus.OK, pose, pose_ns, pose_ns, 1.0, 0.0, False, False, False
-    )
 
 
 @pytest.mark.parametrize("turning", [False, True])
