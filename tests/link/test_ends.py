@@ -319,54 +319,46 @@ def test_what_is_no_packet_of_media_is_not_sent() -> None:
             assert end.media(packet, rig.now_ns) is None
 
 
-def test_what_changes_nothing_at_the_robot_is_counted_by_its_reason() -> None:
+@pytest.mark.parametrize(
+    ("at_robot", "handshake", "reason"),
+    [
+        (True, [bytes((INITIATION,)) + bytes(1199)], "initiations that no key made"),
+        (
+            False,
+            [bytes((one,)) + bytes(24) for one in (COOKIE, BUSY, RESPONSE)],
+            "answers to no call",
+        ),
+    ],
+    ids=["robot", "operator"],
+)
+def test_what_changes_nothing_is_counted_by_its_reason(
+    at_robot: bool, handshake: list[bytes], reason: str
+) -> None:
     rig, desk = Rig(), Desk()
+    end = rig.robot if at_robot else desk.end
+
+    def comes(datagram: bytes) -> None:
+        if at_robot:
+            rig.at_robot(datagram, desk.address)
+        else:
+            rig.at_desk(desk, datagram)
+
     forged = bytes((MESSAGE,)) + bytes(100)
     for number in (1, 2):
-        for datagram in (forged, rtp(number), b"", b"\x7fx", bytes((INITIATION,)) + bytes(1199)):
-            rig.at_robot(datagram, desk.address)
-        assert rig.robot.counts == {
-            "without a session": 2 * number,
-            "of no known kind": 2 * number,
-            "initiations that no key made": number,
-        }
+        for datagram in (forged, rtp(number), b"", b"\x7fx", *handshake):
+            comes(datagram)
+        counts = {"without a session": 2 * number, "of no known kind": 2 * number}
+        assert end.counts == {**counts, reason: len(handshake) * number}
     rig.run_ms(50, desk)
-    rig.robot.counts.clear()
-    last = desk.sent[-1]
+    end.counts.clear()
+    other = desk.end if at_robot else rig.robot
+    last = datagram_of(other.message(b"the last one", rig.now_ns))
     changed = last[:-1] + bytes((last[-1] ^ 1,))
+    comes(last)
     for number in (1, 2, 3):
         for datagram in (last, last, changed, forged, rtp(number) + bytes(16)):
-            rig.at_robot(datagram, desk.address)
-        assert rig.robot.counts == {
-            "late": 2 * number,
-            "not authentic": 2 * number,
-            "media not authentic": number,
-        }
-
-
-def test_what_changes_nothing_at_the_operators_side_is_counted_by_its_reason() -> None:
-    rig, desk = Rig(), Desk()
-    forged = bytes((MESSAGE,)) + bytes(100)
-    rig.up = nothing
-    for number in (1, 2):
-        answers = [bytes((kind,)) + bytes(24) for kind in (COOKIE, BUSY, RESPONSE)]
-        for datagram in (forged, rtp(number), b"", b"\x7fx", *answers):
-            rig.at_desk(desk, datagram)
-        assert desk.end.counts == {
-            "without a session": 2 * number,
-            "of no known kind": 2 * number,
-            "answers to no call": 3 * number,
-        }
-    rig.up = everything
-    rig.run_ms(50, desk)
-    desk.end.counts.clear()
-    last = datagram_of(rig.robot.message(b"state", rig.now_ns))
-    changed = last[:-1] + bytes((last[-1] ^ 1,))
-    rig.at_desk(desk, last)
-    for number in (1, 2, 3):
-        for datagram in (last, last, changed, forged, rtp(number) + bytes(16)):
-            rig.at_desk(desk, datagram)
-        assert desk.end.counts == {
+            comes(datagram)
+        assert end.counts == {
             "late": 2 * number,
             "not authentic": 2 * number,
             "media not authentic": number,

@@ -221,26 +221,21 @@ def test_any_other_key_stops_the_arm_on_its_way(key: bytes) -> None:
     assert np.abs(bench.model.joints - ready).max() > 0.1
 
 
-def test_an_error_on_the_way_is_told_and_ends_it() -> None:
+@pytest.mark.parametrize(
+    ("happens", "told"),
+    [
+        (lambda bench: bench.model.raise_error(ErrorCode.COLLISION), "C31"),
+        (lambda bench: setattr(bench.guard, "ended", True), "guard"),
+        (lambda bench: bench.clock.suspend_ns(NS_PER_S), "suspended"),
+    ],
+    ids=["an error", "no guard", "slept"],
+)
+def test_what_goes_wrong_on_the_way_stops_the_arm_and_is_told(
+    happens: Callable[[Bench], None], told: str
+) -> None:
     bench = Bench(held=lambda _: True)
-
-    def collide() -> None:
-        if bench.elapsed_s() > 2.0:
-            bench.model.raise_error(ErrorCode.COLLISION)
-
-    bench.every_step = collide
-    with pytest.raises(DeviceError, match="C31"):
-        bench.run()
-
-
-def test_without_a_guard_the_arm_is_stopped() -> None:
-    bench = Bench(held=lambda _: True)
-
-    def lose() -> None:
-        bench.guard.ended = bench.elapsed_s() > 2.0
-
-    bench.every_step = lose
-    with pytest.raises(DeviceError, match="guard"):
+    bench.every_step = lambda: happens(bench) if bench.elapsed_s() > 2.0 else None
+    with pytest.raises(DeviceError, match=told):
         bench.run()
     assert bench.model.state == State.STOPPED
 
@@ -340,19 +335,6 @@ def test_why_the_guard_stopped_the_arm_is_told_in_the_words_of_a_session() -> No
     with pytest.raises(DeviceError) as failed:
         bench.run()
     assert str(failed.value) == advice_at_home(Reason.ARM_TOO_FAST)
-    assert bench.model.state == State.STOPPED
-
-
-def test_a_computer_that_slept_stops_the_arm() -> None:
-    bench = Bench(held=lambda _: True)
-
-    def sleep() -> None:
-        if bench.model.moving:
-            bench.clock.suspend_ns(NS_PER_S)
-
-    bench.every_step = sleep
-    with pytest.raises(DeviceError, match="suspended"):
-        bench.run()
     assert bench.model.state == State.STOPPED
 
 
