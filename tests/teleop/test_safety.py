@@ -147,13 +147,22 @@ def test_confirming_disarmed_asks_once_to_enable_and_waits_for_the_arm() -> None
     assert arming.state is READY
 
 
-@pytest.mark.parametrize(("late_ns", "end"), [(0, READY), (1, DISARMED)])
-def test_consent_to_enable_holds_for_ten_seconds(late_ns: int, end: ArmingState) -> None:
+@pytest.mark.parametrize(
+    ("late_ns", "enabling", "clearing"), [(0, READY, DISARMED), (1, DISARMED, FAULT)]
+)
+def test_consent_holds_for_ten_seconds_to_enable_and_for_three_to_clear_errors(
+    late_ns: int, enabling: ArmingState, clearing: ArmingState
+) -> None:
+    assert (ENABLE_CONSENT_NS, CLEAR_CONSENT_NS) == (10 * NS_PER_S, 3 * NS_PER_S)
     arming = Arming()
     arming.step(events(confirm=True, arm_ready=False, **UP))
     arming.step(events(now_ns=NS_PER_S + ENABLE_CONSENT_NS + late_ns, **UP))
-    assert arming.state is end
-    assert ENABLE_CONSENT_NS == 10 * NS_PER_S
+    assert arming.state is enabling
+    arming = Arming()
+    arming.step(events(faults=(Reason.ARM_ERROR,), **UP))
+    arming.step(events(faults=(Reason.ARM_ERROR,), confirm=True, **UP))
+    arming.step(events(now_ns=NS_PER_S + CLEAR_CONSENT_NS + late_ns, **UP))
+    assert arming.state is clearing
 
 
 def test_consent_to_enable_waits_while_something_is_stale() -> None:
@@ -208,16 +217,6 @@ def test_confirming_an_arm_error_asks_to_clear_it_and_disarms_once_it_is_gone(
     assert arming.step(events(faults=(clearable,), **UP)) is Request.NONE
     arming.step(events(**UP))
     assert arming.state is DISARMED
-
-
-@pytest.mark.parametrize(("late_ns", "end"), [(0, DISARMED), (1, FAULT)])
-def test_consent_to_clear_errors_holds_for_three_seconds(late_ns: int, end: ArmingState) -> None:
-    arming = Arming()
-    arming.step(events(faults=(Reason.ARM_ERROR,), **UP))
-    arming.step(events(faults=(Reason.ARM_ERROR,), confirm=True, **UP))
-    arming.step(events(now_ns=NS_PER_S + CLEAR_CONSENT_NS + late_ns, **UP))
-    assert arming.state is end
-    assert CLEAR_CONSENT_NS == 3 * NS_PER_S
 
 
 @pytest.mark.parametrize(
