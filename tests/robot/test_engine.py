@@ -40,19 +40,6 @@ pytestmark = pytest.mark.untimed
 CONFIG = load_config(None, {"network": "s2"})
 
 
-class Unseen:
-    """Frames are compared by no one; what arrives is kept."""
-
-    def __init__(self):
-        self.indices = []
-
-    def captured(self, frame):
-        self.indices.append(("captured", frame.index))
-
-    def shown(self, shown):
-        self.indices.append(("shown", shown.index))
-
-
 class Person(Operator):
     """Who sees each frame at once, and holds a controller."""
 
@@ -81,11 +68,11 @@ class Person(Operator):
 class Mirror(Video):
     """Every frame is on the screen as soon as it was captured."""
 
-    def __init__(self, clock, log, quality, person):
+    def __init__(self, clock, log, captured, *shown):
         network = resolve_network(CONFIG, "s2")
-        super().__init__(CONFIG, network, clock, 0, log, quality.captured)
+        super().__init__(CONFIG, network, clock, 0, log, captured)
         self.targets = []
-        self._shown = (person.see, log.record, quality.shown)
+        self._shown = shown
 
     def set_targets(self, target_kbps):
         self.targets.append(target_kbps)
@@ -131,9 +118,10 @@ class Bench:
         self.arm.connect()
         self.hand, self.signals = HeldController(), Signals()
         records = SessionRecords(self.clock, self.log, show=self.heard.append)
-        self.quality = Unseen()
+        self.captured, self.shown = [], []
         self.person = Person(self.hand)
-        self.video = Mirror(self.clock, records, self.quality, self.person)
+        shown = (self.person.see, records.record, self.shown.append)
+        self.video = Mirror(self.clock, records, self.captured.append, *shown)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         self.gate = ArmGate(self.arm, boundary, records.note)
         self.engine = Engine(
@@ -222,7 +210,7 @@ def test_a_frame_is_logged_and_remembered_before_it_is_sent_so_that_its_age_is_k
     assert bench.person.age_ns("gt", 1500) == 500
     assert bench.person.age_ns("eih", 1500) is None
     assert [type(item) for item in bench.log.records] == [Frame, ShownFrame]
-    assert bench.quality.indices == [("captured", 7), ("shown", 7)]
+    assert [frame.index for frame in (*bench.captured, *bench.shown)] == [7, 7]
 
 
 @pytest.mark.parametrize(("device", "limited"), [("sim", True), ("keyboard", False)])

@@ -29,14 +29,7 @@ WEIGHTS = WeightMatrix(load_config().policy.weights.matrix)
 UP = ControllerSample(ControllerStatus.OK, None, 0, 0, 0.0, 0.0, False, False, False)
 
 
-class NoFrames:
-    delay_ns = 0
-
-    def age_ns(self, view, now_ns):
-        return None
-
-    def is_damaged(self, view):
-        return False
+NO_FRAMES = SimpleNamespace(age_ns=lambda view, now_ns: None)
 
 
 def board_of(views):
@@ -44,7 +37,7 @@ def board_of(views):
 
 
 def state(board):
-    return board.state(10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {"gt": 14.0}, "openvr")
+    return board.state(10**9, 1.0, NO_FRAMES, ConstantCapacity(6000.0), {"gt": 14.0}, "openvr")
 
 
 @pytest.mark.parametrize(
@@ -78,7 +71,7 @@ def test_the_gripper_is_shown_as_the_arm_has_acknowledged_it(closed):
 def test_what_its_frames_take_on_this_side_is_told_of_each_view():
     board, own = board_of(("gt", "gs")), LatencyState(12, "encoder", 9)
     told = board.state(
-        10**9, 1.0, NoFrames(), ConstantCapacity(6000.0), {}, "openvr", latency={"gt": own}
+        10**9, 1.0, NO_FRAMES, ConstantCapacity(6000.0), {}, "openvr", latency={"gt": own}
     )
     assert (told.views["gt"].own, told.views["gs"].own) == (own, None)
 

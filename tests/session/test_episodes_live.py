@@ -55,18 +55,16 @@ def test_a_session_killed_in_its_third_episode_leaves_two_whole(tmp_path: Path) 
     ) as session:
         terminal = Terminal(operator)
         terminal.wait_for("engaged")
-        terminal.press("e")
-        terminal.wait_for("episode 1 is recorded")
-        terminal.press("e")
-        terminal.wait_for("s: kept")
-        terminal.press("e")
-        terminal.wait_for("episode 2 is recorded")
-        terminal.press("z")
-        terminal.wait_for("discard episode 2? Press again")
-        terminal.press("z")
-        terminal.wait_for("s: discarded")
-        terminal.press("e")
-        terminal.wait_for("episode 3 is recorded")
+        for key, words in (
+            ("e", "episode 1 is recorded"),
+            ("e", "s: kept"),
+            ("e", "episode 2 is recorded"),
+            ("z", "discard episode 2? Press again"),
+            ("z", "s: discarded"),
+            ("e", "episode 3 is recorded"),
+        ):
+            terminal.press(key)
+            terminal.wait_for(words)
         time.sleep(2.0)
         session.send_signal(signal.SIGKILL)
         session.wait(timeout=20)

@@ -10,7 +10,7 @@ from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop import motion as of_hand
 from tams_app.teleop.motion import HandMotion, is_frozen
-from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.waiting
 
@@ -40,12 +40,10 @@ def anchored() -> HandMotion:
     return hand
 
 
-def moved(hand: HandMotion, velocity: float, period_ms: float = 8.0) -> np.ndarray:
-    """The twist after one pose that is `period_ms` later and moved at `velocity`."""
-    period_ns = round(period_ms * NS_PER_MS)
+def moved(hand: HandMotion, velocity: float) -> np.ndarray:
+    """The twist after one pose that is 8 ms later and moved at `velocity`."""
     hand.anchor(sample((0, 0, 0), 0))
-    step = velocity * period_ns / NS_PER_S
-    return hand.update(sample((step, 0, 0), period_ns), period_ns, 1.0).linear
+    return hand.update(sample((velocity * 0.008, 0, 0), 8 * NS_PER_MS), 8 * NS_PER_MS, 1.0).linear
 
 
 @pytest.mark.parametrize(

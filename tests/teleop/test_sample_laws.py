@@ -121,16 +121,12 @@ def play(bench: Bench, stream: list[dict[str, Any]]) -> None:
             bench.arm.activity = Activity.IDLE
 
 
-def bench_at(start: tuple[float, ...] = (0.35, 0.0, 0.18)) -> Bench:
-    return Bench(CONFIG, IntegratingArm(start))
-
-
 @many
 @given(stream=streams(), start=st.sampled_from([(0.35, 0.0, 0.18), (0.2, 0.0, 0.02)]))
 def test_any_stream_of_samples_keeps_the_profile_stays_inside_and_stops(
     stream: list[dict[str, Any]], start: tuple[float, ...]
 ) -> None:
-    bench = bench_at(start)
+    bench = Bench(CONFIG, IntegratingArm(start))
     play(bench, stream)
     assert_profile_is_kept(bench)
     assert_stays_inside(bench)
@@ -142,7 +138,7 @@ def test_any_stream_of_samples_keeps_the_profile_stays_inside_and_stops(
 def test_after_any_stream_a_release_ends_in_exactly_zero(
     stream: list[dict[str, Any]], linear: np.ndarray
 ) -> None:
-    bench = bench_at()
+    bench = Bench(CONFIG)
     play(bench, [*stream, {**stream[-1], "linear": linear, "good": 20, "tricks": 0}])
     bench.hand.trigger = 0.0
     released = len(bench.outputs)
@@ -154,7 +150,7 @@ def test_after_any_stream_a_release_ends_in_exactly_zero(
 
 @pytest.mark.parametrize("trick", TRICKS)
 def test_no_single_bad_sample_makes_the_arm_jump(trick: str) -> None:
-    bench = bench_at()
+    bench = Bench(CONFIG)
     stretch = {**leg([0, 0.1, 0], 1), "triggers": [1.0], "periods_ns": [PERIOD_NS]}
     play(bench, [{**stretch, "good": 40, "trick": trick, "tricks": 1}])
     bench.ask(0, 0, 0)
@@ -166,7 +162,7 @@ def test_no_single_bad_sample_makes_the_arm_jump(trick: str) -> None:
 
 @pytest.mark.parametrize("trick", TRICKS)
 def test_a_bad_sample_that_stays_stops_the_arm_within_200_ms(trick: str) -> None:
-    bench = bench_at()
+    bench = Bench(CONFIG)
     stretch = {**leg([0, 0.2, 0], 1), "triggers": [1.0], "periods_ns": [PERIOD_NS]}
     play(bench, [{**stretch, "good": 30, "trick": trick, "tricks": 30}])
     if trick.startswith("jump"):  # it jumped once and moves on from there: that is a good hand
@@ -176,7 +172,7 @@ def test_a_bad_sample_that_stays_stops_the_arm_within_200_ms(trick: str) -> None
 
 
 def test_a_trigger_that_chatters_around_a_threshold_does_not_chatter_the_arm() -> None:
-    bench = bench_at()
+    bench = Bench(CONFIG)
     bench.engage()
     bench.ask(0, 0.1, 0)
     states = set()
