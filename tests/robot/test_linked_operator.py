@@ -16,6 +16,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
+from tests.session.exchange import MemoryLog
 
 pytestmark = pytest.mark.untimed
 
@@ -28,7 +29,7 @@ TICK_NS = NS_PER_S // 120
 def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
     """In a second of ticks; None: before the first allocation."""
     clock, sent = VirtualClock(NS_PER_S), []
-    log: Any = SimpleNamespace(record=lambda _: None, note=lambda *_: None, fact=lambda *_: None)
+    log: Any = MemoryLog()
     gateway: Any = SimpleNamespace(send=sent.append, event=None)
     operator = LinkedOperator(
         load_config(), clock, Signals(), log, lambda _: gateway, lambda _: STATE, "robot"
@@ -52,10 +53,7 @@ def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
         monkeypatch.setattr(linked_operator, "WELCOME_BYTES", 300)
     config = load_config(None, {"limits.max_speed_mm_s": 150.0})
     told: list[bytes] = []
-    notes: list[str] = []
-    log: Any = SimpleNamespace(
-        record=lambda _: None, note=lambda _, text: notes.append(text), fact=lambda *_: None
-    )
+    log: Any = MemoryLog()
 
     def gateway(content: bytes) -> Any:
         told.append(content)
@@ -67,4 +65,4 @@ def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
     operator.open(RepairRule(True, 60, 300.0), True, {})
     driving = decode(told[0], Welcome).driving
     assert driving == ({"limits": {"max_speed_mm_s": 150.0}} if fits else None)
-    assert ("as received" in " ".join(notes)) is not fits
+    assert ("as received" in " ".join(log.notes)) is not fits

@@ -66,8 +66,12 @@ def session() -> Iterator[Session]:
 
 
 @pytest.fixture
-def started(session: Session, tmp_path: Path) -> Iterator[LiveQuality]:
-    quality = quality_of(session, tmp_path)
+def quality(session: Session, tmp_path: Path) -> LiveQuality:
+    return quality_of(session, tmp_path)
+
+
+@pytest.fixture
+def started(quality: LiveQuality) -> Iterator[LiveQuality]:
     quality.start()
     yield quality
     quality.close()
@@ -161,10 +165,7 @@ def scored(index: int, live: float | None, view: str = "gt") -> FrameQuality:
     return FrameQuality(view, index, t_ns, None, None, False, None, None, None, live)
 
 
-def test_the_console_gets_the_mean_of_the_last_scores_of_a_view(
-    session: Session, tmp_path: Path
-) -> None:
-    quality = quality_of(session, tmp_path)
+def test_the_console_gets_the_mean_of_the_last_scores_of_a_view(quality: LiveQuality) -> None:
     assert live_of(quality, "gt", 0) is None
     for index in range(40):
         quality._keep(scored(index, index / 100))
@@ -175,10 +176,7 @@ def test_the_console_gets_the_mean_of_the_last_scores_of_a_view(
     assert live_of(quality, "eih", 40 * FRAME_NS) == pytest.approx(0.9)
 
 
-def test_the_mean_at_the_task_is_over_the_frames_that_have_one(
-    session: Session, tmp_path: Path
-) -> None:
-    quality = quality_of(session, tmp_path)
+def test_the_mean_at_the_task_is_over_the_frames_that_have_one(quality: LiveQuality) -> None:
     quality._keep(replace(scored(0, 0.9), task_live=0.5))
     quality._keep(replace(scored(1, 0.9), task_live=0.7))
     quality._keep(scored(2, 0.9))
@@ -187,8 +185,7 @@ def test_the_mean_at_the_task_is_over_the_frames_that_have_one(
     assert view.task_live_ssim == pytest.approx(0.6)
 
 
-def test_old_scores_are_not_shown_as_if_they_were_new(session: Session, tmp_path: Path) -> None:
-    quality = quality_of(session, tmp_path)
+def test_old_scores_are_not_shown_as_if_they_were_new(quality: LiveQuality) -> None:
     quality._keep(scored(0, 0.9))
     quality._keep(scored(1, 0.5))
     assert live_of(quality, "gt", 3 * NS_PER_S + FRAME_NS) == pytest.approx(0.5)
