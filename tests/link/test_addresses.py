@@ -12,7 +12,6 @@ from tams_app.console.two_sided import endpoint_of
 from tams_app.errors import ConfigError
 from tams_app.link import addresses
 from tams_app.link.addresses import addresses_of, called, is_loopback, named
-from tams_app.link.ends import RobotEnd
 from tams_app.link.handshake import COOKIE, RESPONSE
 from tams_app.link.operator_end import OperatorEnd
 from tests.link.rig import DESK, KEY, robot
@@ -66,9 +65,9 @@ def test_without_a_key_a_name_is_called_only_if_all_its_addresses_are_this_compu
 class Names:
     """An operator's end that calls a name with two addresses; the robot listens at the second."""
 
-    def __init__(self, answers: RobotEnd | None = None) -> None:
+    def __init__(self) -> None:
         self.end = OperatorEnd(KEY, [V6, MAPPED], os.urandom)
-        self.robot = answers or robot()
+        self.robot = robot()
         self.now_ns = 10**12
         self.seen: list[tuple[bytes, Any]] = []
 

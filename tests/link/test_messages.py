@@ -165,8 +165,7 @@ def test_nonsense_is_refused_or_a_message_and_raises_nothing_else(
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_message_of_another_kind_is_refused(kind: type[HandMessage]) -> None:
-    others = [WELCOME, HAND]
-    for message in others:
+    for message in (WELCOME, HAND):
         if type(message) is not kind:
             with pytest.raises(MessageError):
                 decode(encode(message), kind)

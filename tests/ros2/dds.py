@@ -51,11 +51,10 @@ class Node:
         self._participant = DomainParticipant(domain)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
-    def reader(self, topic: Topic, latched: bool | None = None) -> DataReader[Any]:
-        durable = topic.latched if latched is None else latched
+    def reader(self, topic: Topic) -> DataReader[Any]:
         qos = Qos(
             RELIABLE,
-            Policy.Durability.TransientLocal if durable else Policy.Durability.Volatile,
+            Policy.Durability.TransientLocal if topic.latched else Policy.Durability.Volatile,
             Policy.History.KeepLast(1000),
             Policy.DataRepresentation(use_cdrv0_representation=True),
         )

@@ -21,10 +21,12 @@ def helper(tmp_path, behaviour):
     return HelperProcess("echo", "tests.echo_helper", specification, tmp_path)
 
 
-def test_a_helper_tells_when_it_is_ready_and_ends_when_asked(tmp_path):
+def test_a_helper_tells_when_it_is_ready_survives_ctrl_c_and_ends_when_asked(tmp_path):
     process = helper(tmp_path, "serve")
     process.start()
     assert process.wait_ready() == {"number": 42}
+    assert os.getsid(process.pid) != os.getsid(0)  # nor does Ctrl-Z or a hang-up reach it
+    os.kill(process.pid, signal.SIGINT)
     assert process.exit_code is None
     process.stop()
     process.stop()
@@ -90,17 +92,6 @@ def test_a_helper_that_ignores_everything_is_killed(tmp_path):
     process.wait_ready()
     process.stop(timeout_s=0.6)
     assert process.exit_code == -signal.SIGKILL
-
-
-def test_a_helper_survives_ctrl_c_and_leaves_the_stopping_to_the_session(tmp_path):
-    process = helper(tmp_path, "serve")
-    process.start()
-    process.wait_ready()
-    assert os.getsid(process.pid) != os.getsid(0)  # nor does Ctrl-Z or a hang-up reach it
-    os.kill(process.pid, signal.SIGINT)
-    assert process.exit_code is None
-    process.stop()
-    assert process.exit_code == 0
 
 
 def gone_within_s(patience_s, pid):

@@ -14,8 +14,8 @@ from tams_app.runtime.clock import VirtualClock
 class MemoryGateway:
     """What `Gateway` is to an application; `other` is the one at the other computer."""
 
-    def __init__(self, clock: VirtualClock, welcome: bytes | None = None) -> None:
-        self.event = LinkEvent(connected=True, welcome=welcome)
+    def __init__(self, clock: VirtualClock) -> None:
+        self.event = LinkEvent(connected=True)
         self.entrance_port = 4242
         self.other: MemoryGateway | None = None
         self.session = 1
