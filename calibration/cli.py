@@ -73,7 +73,7 @@ def board(
 @app.command()
 def show(config: ConfigOption = None) -> None:
     """Show the calibration in force: files, origin, accuracy."""
-    from calibration.in_force import show_in_force
+    from calibration.store import show_in_force
 
     show_in_force(config)
 
@@ -81,6 +81,6 @@ def show(config: ConfigOption = None) -> None:
 @app.command()
 def undo(config: ConfigOption = None) -> None:
     """Undo the last calibration: the one before is in force again."""
-    from calibration.in_force import undo_last
+    from calibration.store import undo_last
 
     undo_last(config)

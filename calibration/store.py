@@ -14,7 +14,13 @@ import yaml
 from calibration.ui import WizardUI
 from tams_app import __version__
 from tams_app.config import Config, load_config
-from tams_app.config.calibrated import IN_FORCE, files_in_force, overstepping_key, set_folder
+from tams_app.config.calibrated import (
+    IN_FORCE,
+    KEYS_BY_KIND,
+    files_in_force,
+    overstepping_key,
+    set_folder,
+)
 from tams_app.config.places import DEFAULT_CONFIG
 from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, TamsError
@@ -315,6 +321,58 @@ class CalibrationSet:
             self.index.unlink()
         else:
             write_file(self.index, text)
+
+
+def show_in_force(config_path: Path | None) -> None:
+    """Print each kind's file with its origin and figures; ConfigError if there is no set."""
+    ui, store = WizardUI(), CalibrationSet.of(config_path, load_config(config_path))
+    in_force = {one.kind: one for one in store.all_in_force()}
+    ui.print(f"In force from {store.folder}:")
+    for kind in KEYS_BY_KIND:
+        here = in_force.get(kind)
+        ui.print(f"\n{_described(here) if here else f'{kind}: not calibrated'}")
+
+
+def undo_last(config_path: Path | None) -> None:
+    """Take the last calibration back and print what counts instead; TamsError if there is none."""
+    ui, store = WizardUI(), CalibrationSet.of(config_path, load_config(config_path))
+    undone = store.undo()
+    now = store.in_force(undone.kind)
+    instead = f"{now.name} counts again" if now else f"no {undone.kind} calibration counts any more"
+    ui.print(
+        f"Taken back: {undone.path.name}, which is kept; {instead}.\n"
+        f"To use it after all, write `{undone.kind}: {undone.path.name}` into "
+        f"{store.index}."
+    )
+
+
+def _described(one: InForce) -> str:
+    """The file, when and from what it was made, what it replaced, its figures."""
+    origin = one.origin
+    lines = [
+        f"{one.kind}: {one.path.name}",
+        f"  made {origin.get('made')} from {origin.get('source')}",
+        f"  {f'replaced {one.replaced}' if one.replaced else 'the first of its kind'}",
+    ]
+    if origin.get("simulated"):
+        lines.append("  made with simulated data")
+    if reason := origin.get("unfounded"):
+        lines.append(f"  unfounded: {reason}")
+    quality = origin.get("quality")
+    figures = quality if isinstance(quality, dict) else {}
+    more = [name for name, value in figures.items() if isinstance(value, dict | list)]
+    lines += [f"  {name}: {value}" for name, value in figures.items() if name not in more]
+    lines += [line for name in more if (line := _errors(name, figures[name]))]
+    if more:
+        lines.append(f"  in the file besides: {', '.join(more)}")
+    return "\n".join(lines)
+
+
+def _errors(name: str, figures: Any) -> str:
+    """How far off what was measured of a part may be, such as of a view; "" if that is not said."""
+    known = figures.items() if isinstance(figures, dict) else ()
+    said = [f"{key} {value}" for key, value in known if "_error" in str(key)]
+    return f"  {name}: {', '.join(said)}" if said else ""
 
 
 def _origin(path: Path) -> Mapping[str, Any]:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 from calibration.cameras import measuring
 from calibration.cameras.bench import Task
@@ -13,9 +14,9 @@ from calibration.cameras.board import Board
 from calibration.cameras.findings import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
-from calibration.in_force import show_in_force
 from calibration.options import CameraOptions
 from hw.arms import arm_kind
+from tams_app import cli
 from tams_app.config import Config, LensConfig, MountConfig, load_config
 from tams_app.console import checks
 from tams_app.errors import SetupError, TamsError
@@ -138,9 +139,8 @@ def test_errors_in_pixels_are_shown_and_kept_in_the_file(calibrated):
 
 
 def test_the_errors_of_each_view_are_listed_with_what_is_in_force(calibrated):
-    ui = ScriptedUI()
-    show_in_force(calibrated.path, ui)
-    listed = "\n".join(ui.said)
+    shown = ["calibrate", "show", "--config", str(calibrated.path)]
+    listed = CliRunner().invoke(cli.app, shown).output
     for view, kept in calibrated.quality.items():
         assert f"{view}: lens_error_px {kept['lens_error_px']}" in listed
         assert f"mount_error_px {kept['mount_error_px']}" in listed
