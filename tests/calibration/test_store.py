@@ -1,11 +1,14 @@
-"""What was measured is kept, dated, and used by every command from then on."""
+"""What was measured is kept, dated, and used by every command until it is taken back."""
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
 from calibration.store import Calibration, CalibrationSet
+from tams_app import cli
 from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError, TamsError
 from tests.scripted_ui import ScriptedUI
@@ -22,16 +25,23 @@ def store(config_path):
     return CalibrationSet.of(config_path, load_config(config_path), lambda: NOON)
 
 
+@pytest.fixture
+def hourly(config_path):
+    """The same, with an hour from one calibration to the next."""
+    hours = iter(range(100))
+    return CalibrationSet.of(
+        config_path, load_config(config_path), lambda: NOON + timedelta(hours=next(hours))
+    )
+
+
 def frame(rotation=TURNED):
     changes = {"hand": {"rotation": [list(row) for row in rotation]}}
     return Calibration("frame", changes, "three strokes", {"error_deg": 0.4})
 
 
-def test_a_written_calibration_is_laid_over_the_configuration(store, config_path):
-    path = store.write(frame())
-    config = load_config(config_path)
-    assert config.hand.rotation == TURNED
-    assert config.calibrated_by == (path.name,)
+def scaled(scale):
+    changes = {"hand": {"translation_scale": scale}}
+    return Calibration("frame", changes, "three strokes", {"error_deg": 0.4})
 
 
 def test_a_file_tells_where_it_comes_from_and_how_good_it_is(store):
@@ -56,7 +66,7 @@ def test_the_older_file_stays_as_it_was_and_can_be_put_in_force_again(store, con
 
 
 def test_the_command_line_counts_more_than_a_calibration(store, config_path):
-    store.write(Calibration("frame", {"hand": {"translation_scale": 0.5}}, "", {}))
+    store.write(scaled(0.5))
     assert load_config(config_path).hand.translation_scale == 0.5
     config = load_config(config_path, {"hand.translation_scale": 0.25})
     assert config.hand.translation_scale == 0.25
@@ -75,7 +85,7 @@ def test_what_a_session_ran_with_stays_so_and_is_not_calibrated(store, config_pa
 def test_a_calibration_spoilt_by_hand_is_named_where_the_configuration_is_refused(
     store, config_path
 ):
-    path = store.write(Calibration("frame", {"hand": {"translation_scale": 0.5}}, "", {}))
+    path = store.write(scaled(0.5))
     path.write_text(path.read_text().replace("0.5", "fast"))
     with pytest.raises(ConfigError, match=f"with {path.name} laid over it: hand.translation_scale"):
         load_config(config_path)
@@ -238,3 +248,132 @@ def test_what_was_simulated_for_the_rig_is_refused_by_a_real_configuration_of_th
     with pytest.raises(ConfigError, match=f"{written.name}: was measured on the simulated rig"):
         load_config(lab)
     assert load_config(lab, {"rig.enabled": True}).hand.rotation == TURNED  # `run --sim`
+
+
+# --- what is in force, and what was before ------------------------------------------------------
+
+
+def phases(v_eps_mm_s=6.0, unfounded=""):
+    return Calibration(
+        "phases",
+        {"policy": {"phases": {"v_eps_mm_s": v_eps_mm_s}}},
+        "recorded trials: a, b",
+        {"trials": 2, "accuracy_defaults": 0.8, "recall": {"REACH": 0.9}},
+        unfounded=unfounded,
+    )
+
+
+def calibrate(command, config_path):
+    """What the command line prints; the error that it would show is raised."""
+    result = CliRunner().invoke(cli.app, ["calibrate", command, "--config", str(config_path)])
+    if result.exception is not None:
+        raise result.exception
+    return result.output
+
+
+def content_of(folder: Path) -> dict[str, bytes]:
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+def test_show_tells_of_each_kind_its_file_when_it_was_made_from_what_and_how_good_it_is(
+    hourly, config_path
+):
+    hourly.write(scaled(0.4))
+    hourly.write(scaled(0.5))
+    hourly.write(phases(unfounded="no better than the defaults"))
+    said = calibrate("show", config_path)
+    for part in (
+        f"In force from {hourly.folder}",
+        "frame: frame-20261121T130000Z.yaml",
+        "made 2026-11-21T13:00:00+00:00 from three strokes",
+        "replaced frame-20261121T120000Z.yaml",
+        "error_deg: 0.4",
+        "phases: phases-20261121T140000Z.yaml",
+        "the first of its kind",
+        "unfounded: no better than the defaults",
+        "accuracy_defaults: 0.8",
+        "in the file besides: recall",
+        "weights: not calibrated",
+    ):
+        assert part in said
+
+
+def test_undo_goes_back_one_calibration_at_a_time_byte_for_byte(hourly, config_path):
+    before = []
+    index = hourly.index
+    for made in (scaled(0.4), phases(), scaled(0.5)):
+        before.append(index.read_bytes() if index.exists() else None)
+        hourly.write(made)
+        # a person's own remark does not get lost
+        index.write_bytes(index.read_bytes() + b"# checked by Ada\r\n")
+    files = content_of(hourly.folder)
+    said = [calibrate("undo", config_path)]
+    assert "frame-20261121T140000Z.yaml, which is kept; frame-20261121T120000Z.yaml" in said[0]
+    assert index.read_bytes() == before[2]
+    assert load_config(config_path).hand.translation_scale == 0.4
+    said.append(calibrate("undo", config_path))
+    assert "no phases calibration counts any more" in said[1]
+    assert index.read_bytes() == before[1]
+    calibrate("undo", config_path)
+    assert not index.exists()
+    assert content_of(hourly.folder) | {index.name: b""} == files | {index.name: b""}
+    with pytest.raises(TamsError, match=r"nothing to undo: no calibration in .* is in force"):
+        calibrate("undo", config_path)
+
+
+def test_undo_leaves_what_was_put_in_force_by_hand_since(hourly, config_path):
+    older, newer = hourly.write(phases(7.0)), hourly.write(phases(8.0))
+    first = hourly.write(scaled(0.4))
+    hourly.write(scaled(0.5))
+    hourly.index.write_text(f"phases: {older.name}\nframe: frame-20261121T150000Z.yaml\n")
+    calibrate("undo", config_path)
+    assert set(load_config(config_path).calibrated_by) == {older.name, first.name}
+    assert newer.exists()
+
+
+def test_undo_works_with_files_of_before_there_was_an_undo(hourly, config_path):
+    old, new = hourly.write(scaled(0.4)), hourly.write(scaled(0.5))
+    lines = new.read_text().splitlines(keepends=True)
+    start = next(number for number, line in enumerate(lines) if "index_before" in line)
+    end = next(number for number, line in enumerate(lines) if line.startswith("config:"))
+    new.write_text("".join(lines[:start] + lines[end:]))
+    calibrate("undo", config_path)
+    assert load_config(config_path).calibrated_by == (old.name,)
+
+
+def test_undo_to_what_does_not_fit_any_more_changes_nothing(hourly, config_path):
+    old, new = hourly.write(scaled(0.4)), hourly.write(scaled(0.5))
+    old.unlink()
+    index = hourly.index.read_bytes()
+    with pytest.raises(ConfigError, match=f"without {new.name}.*there is no {old.name}"):
+        calibrate("undo", config_path)
+    assert hourly.index.read_bytes() == index
+    assert load_config(config_path).calibrated_by == (new.name,)
+
+
+OLD_FILE = """\
+calibration:
+  kind: cameras
+  made: '2026-11-01T12:00:00+00:00'
+  tams: 0.9.0
+  source: the cameras of this machine, moved and shown things by a person
+  simulated: false
+  quality:
+    gt: {camera: Webcam, light_to_capture_ms: 31.0, clock_offset_ms: 2.0, intrinsics_rms_px: 0.2,
+      intrinsics_file: intrinsics-gt-20261101T120000Z.yaml}
+  replaces: null
+config:
+  cameras:
+    gt: {source: v4l2, name: '', serial: S2, path: '', file: '', pixel_format: mjpeg,
+      exposure_us: 8000, white_balance_k: 4000}
+"""
+
+
+def test_cameras_of_an_earlier_version_are_read_and_add_nothing(config_path):
+    config_path.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: lab\n")
+    folder = config_path.parent / "calibration" / "lab"
+    folder.mkdir(parents=True)
+    (folder / "cameras-20261101T120000Z.yaml").write_text(OLD_FILE)
+    (folder / "in-force.yaml").write_text("cameras: cameras-20261101T120000Z.yaml\n")
+    camera = load_config(config_path).cameras["gt"]
+    assert (camera.serial, camera.exposure_us, camera.latency_ms) == ("S2", 8000, 0.0)
