@@ -156,8 +156,9 @@ def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(
     kept = wizard._keys(bench, Findings(view, camera))
     assert LensConfig(**kept["lens"]) == before.lens
     assert MountConfig(**kept["mount"]) == before.mount
+    assert kept["latency_ms"] == before.latency_ms
     changed = wizard._keys(bench, Findings(view, other))
-    assert (changed["lens"], changed["mount"]) == (None, None)
+    assert (changed["lens"], changed["mount"], "latency_ms" in changed) == (None, None, False)
     anew = Findings(view, camera)
     anew.lens = measuring.LensFit(calibrated.true[view], 0.1, 0.001, 20)
     renewed = wizard._keys(bench, anew)

@@ -15,7 +15,7 @@ from calibration.cameras.flashes import FEWEST_FLASHES
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
-from tams_app.config import CameraConfig, load_config
+from tams_app.config import load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
 from tams_app.report.plots import DPI, WIDE_IN
 from tests.scripted_ui import ScriptedUI
@@ -189,13 +189,3 @@ def test_a_camera_that_does_not_see_the_flashes_is_told_and_left_out(bench, monk
     assert found[0].latency.flashes >= FEWEST_FLASHES
     assert found[1].latency is None
     assert any(text.startswith("GS: no latency: 0 flashes were seen") for text in ui.said)
-
-
-def test_a_latency_of_another_camera_is_not_kept(config_path, config):
-    wizard = CameraWizard(ScriptedUI(), CameraOptions(config=config_path, sim=True))
-    bench = SimulatedBench(config, SEED)
-    first, second, *_ = bench.cameras
-    keys = bench.binding(first) | {"latency_ms": 30.0}
-    wizard.config = config.model_copy(update={"cameras": {"gt": CameraConfig(**keys)}})
-    assert wizard._keys(bench, Findings("gt", first))["latency_ms"] == 30.0
-    assert "latency_ms" not in wizard._keys(bench, Findings("gt", second))

@@ -120,17 +120,6 @@ def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
     assert min(align, pre) >= 1
 
 
-@pytest.mark.verify
-def test_a_trial_left_out_has_no_say_in_its_own_thresholds() -> None:
-    trials = labelled(KNOWN[0])
-    confused = replace(trials[1], labels=labelled(KNOWN[2])[1].labels)
-    before = fitted()
-    after = fit_thresholds([trials[0], confused, trials[2]], SMOOTHING_MS)
-    assert after.folds[1] == before.folds[1]
-    assert after.left_out.accuracy < before.left_out.accuracy
-    assert after.thresholds != before.thresholds
-
-
 def test_a_fold_looks_at_nothing_of_the_trial_left_out() -> None:
     trials = labelled(KNOWN[0])
     unreadable = replace(trials[2], motion=replace(trials[2].motion, inputs=((None,) * 4,)))

@@ -59,13 +59,6 @@ def test_renaming_categories_leaves_the_nominal_alpha_and_stretching_a_scale_the
         )
 
 
-def test_raters_who_agree_have_an_alpha_of_one_and_random_ones_of_about_zero():
-    row = np.array([1, 2, 5, 4, 3, 2], float)
-    assert krippendorff_alpha(np.tile(row, (3, 1)), "ordinal") == pytest.approx(1)
-    random = np.random.default_rng(1).integers(1, 6, (20, 300)).astype(float)
-    assert krippendorff_alpha(random, "ordinal") == pytest.approx(0, abs=0.02)
-
-
 @pytest.mark.parametrize("values", [np.full((3, 4), 2.0), np.array([[1.0, N], [N, 2.0]])])
 def test_alpha_is_undefined_without_variation_or_without_a_unit_rated_twice(values):
     assert krippendorff_alpha(values, "ordinal") is None
