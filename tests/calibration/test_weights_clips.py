@@ -43,13 +43,17 @@ changes = st.lists(
 )
 
 
-@given(changes, st.integers(0, 30 * S), st.integers(0, 60 * S))
-def test_segments_follow_each_other_within_the_frames_time(phases, first_ns, last_ns):
+@given(changes, st.integers(0, 30 * S), st.integers(0, 60 * S), st.floats(0, 2))
+def test_segments_follow_each_other_within_the_frames_time_and_context_leaves_none_out(
+    phases, first_ns, last_ns, context_s
+):
     segments = phase_segments(phases, first_ns, last_ns)
-    for segment in segments:
-        assert first_ns <= segment.start_ns < segment.end_ns <= last_ns
     for one, following in pairwise(segments):
         assert one.end_ns <= following.start_ns
+    around = phase_segments(phases, first_ns, last_ns, context_s)
+    assert [segment.phase for segment in around] == [segment.phase for segment in segments]
+    for one, other in zip(segments, around, strict=True):
+        assert first_ns <= other.start_ns <= one.start_ns < one.end_ns <= other.end_ns <= last_ns
 
 
 @given(changes)
@@ -219,45 +223,25 @@ def test_a_phase_too_short_for_a_clip_is_cut_with_its_context_if_that_is_wanted(
     assert len(frames_of(align.path)) == 33
 
 
-@given(changes, st.floats(0, 2))
-def test_context_makes_segments_longer_and_leaves_none_out(phases, context_s):
-    bare = phase_segments(phases, 5 * S, 50 * S)
-    around = phase_segments(phases, 5 * S, 50 * S, context_s)
-    assert [segment.phase for segment in around] == [segment.phase for segment in bare]
-    for one, other in zip(bare, around, strict=True):
-        assert 5 * S <= other.start_ns <= one.start_ns
-        assert one.end_ns <= other.end_ns <= 50 * S
+FLICKER = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
 
 
-def test_a_session_of_other_views_or_without_phases_or_that_is_none_is_refused(tmp_path):
-    with pytest.raises(LogError, match="give a session folder"):
-        open_session(tmp_path, VIEWS)
-    folder = record_session(tmp_path / "s1", [], 0.1)
+@pytest.mark.parametrize(
+    ("phases", "seconds", "changes", "words"),
+    [
+        ([], 0.1, {}, "tells no phases"),
+        (FLICKER, 0.5, {}, "no phase lasts long enough"),
+        (TWO_PHASES, 0.0, {}, "s1: has no frames of eih"),
+        (TWO_PHASES, 0.1, {"recording": {"bitstream": False}}, r"set recording\.bitstream: true"),
+        (TWO_PHASES, 0.1, {"video": {"colour": "grey"}}, r"another version .*: video\.colour: no"),
+    ],
+)
+def test_a_session_that_gives_no_clips_is_refused(tmp_path, phases, seconds, changes, words):
+    folder = record_session(tmp_path / "s1", phases, seconds, changes=changes)
+    with pytest.raises(LogError, match=words):
+        cut_session(open_session(folder, VIEWS), ClipFolder(tmp_path / "clips"), quiet)
     with pytest.raises(ConfigError, match="shows the views eih, gt, gs"):
         open_session(folder, ("eih", "gt"))
-    with pytest.raises(LogError, match="tells no phases"):
-        open_session(folder, VIEWS)
-
-
-def test_a_session_without_frames_is_refused_with_what_would_have_kept_them(tmp_path):
-    changes = {"recording": {"bitstream": False}}
-    folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
-    with pytest.raises(LogError, match=r"without frames; set recording\.bitstream: true"):
-        open_session(folder, VIEWS)
-    empty = record_session(tmp_path / "s2", TWO_PHASES, 0.0)
-    with pytest.raises(LogError, match="s2: has no frames of eih"):
-        cut_session(open_session(empty, VIEWS), ClipFolder(tmp_path / "clips"), quiet)
-
-
-def test_a_session_of_another_version_or_of_flickering_phases_only_is_refused(tmp_path):
-    changes = {"video": {"colour": "grey"}}
-    folder = record_session(tmp_path / "s1", TWO_PHASES, 0.1, changes=changes)
-    with pytest.raises(LogError, match=r"another version of TAMS: video\.colour: no such key"):
-        open_session(folder, VIEWS)
-    phases = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
-    session = open_session(record_session(tmp_path / "s2", phases, 0.5), VIEWS)
-    with pytest.raises(LogError, match="no phase lasts long enough"):
-        cut_session(session, ClipFolder(tmp_path / "clips"), quiet)
 
 
 def test_a_clip_that_cannot_be_written_is_told(tmp_path):
