@@ -8,7 +8,6 @@ from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
 from html import unescape
-from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
@@ -89,22 +88,13 @@ def written(log: SessionLog, folder: Path, pictures: Iterable[ShownPicture] = ()
     return (folder / "other.html").read_text(encoding="utf-8")
 
 
-class Sources(HTMLParser):
-    """Everything that a page would load."""
-
-    def __init__(self, page: str) -> None:
-        super().__init__()
-        self.found: list[str] = []
-        self.feed(page)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        for name, value in attrs:
-            if name in ("src", "href", "xlink:href", "data", "srcset") and value:
-                self.found.append(value)
+def rows_of(page: str, begin: str = "<tr>") -> list[list[str]]:
+    """The words of each part of a page that begins so."""
+    return [re.sub(r"<[^>]+>", " ", part).split() for part in page.split(begin)]
 
 
 def test_the_page_needs_no_other_file(page: str) -> None:
-    sources = Sources(page).found
+    sources = re.findall(r'\b(?:src|href|data|srcset)="([^"]+)"', page)
     assert sources
     assert [one for one in sources if not one.startswith(("data:image/", "#"))] == []
     assert "@import" not in page
@@ -117,8 +107,7 @@ def test_each_stop_is_told_with_its_time_and_what_to_do(page: str) -> None:
     assert Reason.STALE_VIDEO.sentence(HANDS["openvr"]) in text
     assert Reason.ARM_ERROR.sentence(HANDS["openvr"]) in text
     assert "arm error: C31 (&lt;collision&gt;)" in page
-    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in page.split("<tr>")]
-    (stale,) = (row for row in rows if row[2:4] == ["stale", "video"])
+    (stale,) = (row for row in rows_of(page) if row[2:4] == ["stale", "video"])
     assert stale[:2] == ["1", "1.50"]
     assert stale[4] == "80"
 
@@ -133,10 +122,10 @@ def test_each_episode_is_told_with_its_verdict_and_label_and_a_session_without_h
         Episode(second(2), 2, second(1.5), second(2), True, True),
     ]
     told = written(log, folder)
-    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
+    rows = rows_of(told)
     assert ["1", "0.50", "0.5", "discarded"] in rows
     assert ["2", "1.50", "0.5", "kept", "success"] in [row[:5] for row in rows]
-    tiles = [re.sub(r"<[^>]+>", " ", tile).split() for tile in told.split("<div><dt>")]
+    tiles = rows_of(told, "<div><dt>")
     assert ["Episodes", "1", "kept", "1", "discarded"] in tiles
     assert not [tile for tile in tiles if tile[:1] == ["Outcome"]]
     for numbered in ("Episodes", "Stops"):  # whose numbers name their rows, below their heading
@@ -341,6 +330,5 @@ def test_the_slowest_stage_of_the_latency_is_named_and_an_unknown_one_is_a_dash(
     ]
     told = unescape(written(log, folder))
     assert "Apart from the network the slowest, at p95, is in GS: camera to encoder." in told
-    rows = [re.sub(r"<[^>]+>", " ", row).split() for row in told.split("<tr>")]
     known = ["GS", "2", "/", "2", "19", "/", "19", "9", "/", "9", *["–", "/", "–"] * 4]
-    assert known in [row[: len(known)] for row in rows]
+    assert known in [row[: len(known)] for row in rows_of(told)]
