@@ -144,15 +144,6 @@ def test_messages_have_the_log_s_wall_time(session: Path, bag: Path) -> None:
         assert wall_ns == stamp.sec * 1_000_000_000 + stamp.nanosec == tick.started_ns + offset_ns
 
 
-def test_the_pose_and_the_bitstream_are_the_log_s(session: Path, bag: Path) -> None:
-    log = read_log(session / LOG_NAME)
-    poses = [message.pose.position for _, message in messages(bag, "/tams/tcp_pose")]
-    arms = [tick.arm for tick in log.ticks if tick.arm is not None]
-    assert [(at.x, at.y, at.z) for at in poses] == [tuple(arm.tcp.position) for arm in arms]
-    videos = [message for _, message in messages(bag, "/tams/gt/compressed")]
-    assert all(len(video.data) == VIDEO_BYTES and video.format == "h264" for video in videos)
-
-
 def test_wrong_use_and_what_is_missing_is_one_sentence_and_leaves_no_bag(
     session: Path, tmp_path: Path, export: Export, monkeypatch: pytest.MonkeyPatch
 ) -> None:
