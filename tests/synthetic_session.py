@@ -47,6 +47,11 @@ WEIGHTS = {phase: {"eih": 0.2, "gt": 0.4, "gs": 0.4} for phase in Phase} | {
 }
 
 
+def never_fails(thread: str, failure: BaseException) -> None:
+    """For recorders that must not fail."""
+    raise AssertionError(f"{thread} failed") from failure
+
+
 def header(**changes: Any) -> Header:
     base = Header(
         version="0.1.0",

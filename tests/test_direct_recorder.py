@@ -13,7 +13,7 @@ from tams_app.recording import writer as writer_module
 from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
-from tests.synthetic_session import START_NS, VIEWS, header, live_records
+from tests.synthetic_session import START_NS, VIEWS, header, live_records, never_fails
 
 pytestmark = pytest.mark.waiting
 
@@ -27,13 +27,9 @@ def write(path, items, bitstream=True):
     return path
 
 
-def never(*_):
-    raise AssertionError("the recorder failed")
-
-
 def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
     items = list(live_records(2.0))
-    live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never)
+    live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never_fails)
     live.start()
     for item in items:
         live.record(item)

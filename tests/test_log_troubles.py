@@ -12,13 +12,9 @@ from foxglove import Context
 from tams_app.recording import Recorder, read_log
 from tams_app.recording.writer import CAPACITY, HANGS_NS, LOST
 from tams_app.runtime.clock import VirtualClock
-from tests.synthetic_session import header, tick
+from tests.synthetic_session import header, never_fails, tick
 
 pytestmark = pytest.mark.waiting
-
-
-def never_fails(name: str, failure: BaseException) -> None:
-    raise AssertionError(name) from failure
 
 
 class Broken:

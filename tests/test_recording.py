@@ -70,17 +70,13 @@ from tams_app.units import NS_PER_S
 from tests.faults.applications import until
 from tests.file_size_limit import file_size_limit
 from tests.further import further
-from tests.synthetic_session import START_NS, header, live_records, tick
+from tests.synthetic_session import START_NS, header, live_records, never_fails, tick
 
 pytestmark = pytest.mark.waiting
 
 PROJECT = Path(__file__).resolve().parent.parent
 DATA = PROJECT / "tests" / "data"  # logs of older versions
 POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]))
-
-
-def never_fails(thread: str, failure: BaseException) -> None:
-    raise AssertionError(f"{thread} failed") from failure
 
 
 class Failed:

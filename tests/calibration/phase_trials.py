@@ -13,7 +13,7 @@ from tams_app.recording import Recorder
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
-from tests.synthetic_session import START_NS, header, tick
+from tests.synthetic_session import START_NS, header, never_fails, tick
 
 PERIOD_S = 1.0 / 120.0
 BLOCK = np.array([0.35, -0.15, 0.010])
@@ -129,13 +129,8 @@ def session(
 def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth], rig: bool = True) -> Path:
     """A session folder with these records in its log; `rig`: of the simulated rig."""
     folder.mkdir()
-
-    def fail(thread: str, failure: BaseException) -> None:
-        raise AssertionError(f"{thread} failed") from failure
-
-    clock = VirtualClock(START_NS)
     begun = header(config={"rig": {"enabled": rig}})
-    recorder = Recorder(folder / "session.mcap", begun, clock, 0, fail)
+    recorder = Recorder(folder / "session.mcap", begun, VirtualClock(START_NS), 0, never_fails)
     recorder.start()
     for record in (*ticks, *scene):
         recorder.record(record)

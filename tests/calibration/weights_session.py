@@ -14,7 +14,7 @@ from tams_app.recording import Recorder, ReferenceRecorder
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tests.synthetic_session import FPS, START_NS, VIEWS, capture_ns, header
+from tests.synthetic_session import FPS, START_NS, VIEWS, capture_ns, header, never_fails
 
 WIDTH, HEIGHT = 160, 120
 VIDEO = VideoConfig(width=WIDTH, height=HEIGHT)
@@ -73,7 +73,7 @@ def record_session(
     for section, keys in (changes or {}).items():
         config[section] |= keys
     head = replace(header(config=config), network=network)
-    recorder = Recorder(folder / "session.mcap", head, MonotonicClock(), 0, _never_fails)
+    recorder = Recorder(folder / "session.mcap", head, MonotonicClock(), 0, never_fails)
     recorder.start()
     for start_s, phase in phases:
         recorder.record(PhaseChange(START_NS + round(start_s * NS_PER_S), phase, "by hand"))
@@ -87,14 +87,10 @@ def record_session(
 def add_captures(folder: Path, count: int) -> None:
     """`count` ≤ 15 lossless captures of each view beside the log: the images sent, inverted."""
     offset_ns = header().wall_offset_ns
-    recorder = ReferenceRecorder(folder / "reference.mcap", offset_ns, 0, _never_fails)
+    recorder = ReferenceRecorder(folder / "reference.mcap", offset_ns, 0, never_fails)
     for index in range(count):
         for view in VIEWS:
             recorder.record(Frame(view, index, capture_ns(index), 255 - image_of(view, index)))
     recorder.start()
     recorder.close()
     assert recorder.dropped == 0
-
-
-def _never_fails(thread: str, failure: BaseException) -> None:
-    raise AssertionError(f"{thread}: {failure}")
