@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from queue import Queue
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -154,20 +155,6 @@ def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
     (sent,) = log.sent
     assert (sent.index, sent.keyframe, sent.size_bytes) == (4, True, 8)
     assert list(read_video(tmp_path / "session.mcap", "eih")) == [by_type[EncodedFrame]]
-
-
-def test_each_view_gives_back_its_own_bitstream(tmp_path: Path) -> None:
-    frames = [
-        EncodedFrame(
-            view, index, START_NS + index, START_NS + index + 5, index == 0, bytes([index]) * 9
-        )
-        for index in range(30)
-        for view in ("eih", "gt")
-    ]
-    record_all(tmp_path / "session.mcap", frames)
-    for view in ("eih", "gt"):
-        expected = [frame for frame in frames if frame.view == view]
-        assert list(read_video(tmp_path / "session.mcap", view)) == expected
 
 
 def test_any_mcap_reader_sees_dates_schemas_and_foxglove_video(tmp_path: Path) -> None:
@@ -385,7 +372,7 @@ def _keys(tree: Any) -> Iterator[str]:
         yield from _keys(tree[key])
 
 
-def test_a_log_of_the_first_schema_stays_readable() -> None:
+def test_a_log_of_the_first_schema_stays_readable_and_has_the_figures_it_had() -> None:
     """Made by version 0.1.0, without the bitstream; a log made now has another schema."""
     log = read_log(DATA / "virtual-0.1.mcap")
     assert log.complete
@@ -402,19 +389,14 @@ def test_a_log_of_the_first_schema_stays_readable() -> None:
     assert log.outcome is not None
     summary = summarise(log)
     expected = json.loads((DATA / "virtual-0.1.json").read_text())
-    expected = _without_frame_times(expected)
-    assert of_the_keys(expected, summary) == expected
-
-
-def test_a_log_of_the_first_schema_with_regular_frames_has_the_figures_it_had() -> None:
-    """Up to schema 2 they went by the nominal time between frames; the captures jitter by 2 ms."""
-    summary = summarise(read_log(DATA / "virtual-0.1.mcap"))
-    expected = json.loads((DATA / "virtual-0.1.json").read_text())
     for view, before in expected["views"].items():
+        # up to schema 2 these went by the nominal time between frames; the captures jitter by 2 ms
         now = summary["views"][view]
         assert now["sent_kbps_mean"] == pytest.approx(before["sent_kbps_mean"], rel=0.002)
         assert now["tracking_error"] == pytest.approx(before["tracking_error"], abs=0.005)
         assert now["freezes"] == before["freezes"]
+    expected = _without_frame_times(expected)
+    assert of_the_keys(expected, summary) == expected
 
 
 def _without_frame_times(tree: Any) -> Any:
@@ -625,20 +607,9 @@ def test_a_full_disk_ends_the_reference_but_keeps_whole_frames(tmp_path: Path) -
 
 def test_a_short_write_is_completed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     file = disk.LogFile(tmp_path / "file")
-
-    class Slow:
-        """A file that takes at most three bytes at a time."""
-
-        def __init__(self, inner: Any) -> None:
-            self.inner = inner
-
-        def write(self, data: memoryview) -> int:
-            return int(self.inner.write(data[:3]))
-
-        def __getattr__(self, name: str) -> Any:
-            return getattr(self.inner, name)
-
-    monkeypatch.setattr(file, "_file", Slow(file._file))
+    inner = file._file  # which takes at most three bytes at a time here
+    slow = SimpleNamespace(write=lambda data: inner.write(data[:3]), close=inner.close)
+    monkeypatch.setattr(file, "_file", slow)
     assert file.write(b"0123456789") == 10
     file.close()
     assert (tmp_path / "file").read_bytes() == b"0123456789"
