@@ -46,7 +46,8 @@ class ReferenceRecorder(QueuedWriter[Frame]):
         self._file = LogFile(path)
         self._writer = Writer(cast(IO[bytes], self._file), chunk_size=1)
         self._writer.start(profile=REFERENCE_PROFILE, library="tams")
-        self._schema_id = self._register_schema()
+        schema = RawImage.get_schema()
+        self._schema_id = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         self._channels: dict[str, int] = {}
         self._finished = False
 
@@ -83,10 +84,6 @@ class ReferenceRecorder(QueuedWriter[Frame]):
             self._channel(frame.view), wall_ns, message.encode(), wall_ns, sequence=frame.index
         )
         self._file.check()
-
-    def _register_schema(self) -> int:
-        schema = RawImage.get_schema()
-        return int(self._writer.register_schema(schema.name, schema.encoding, schema.data))
 
     def _channel(self, view: str) -> int:
         if view not in self._channels:

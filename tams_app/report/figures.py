@@ -125,9 +125,7 @@ class Rates:
 def bitrates_figure(log: SessionLog) -> Figure:
     """Target and measured rate of each view over time, its frames a second dotted.
 
-    Phases are dashed lines with their names.
-
-    Also drawn for a log without any video, so that every session leaves the same files.
+    Phases are dashed lines with their names. Also drawn for a log without any video.
     """
     views, rates = log.header.views, Rates.of(log)
     figure = plots.new_figure(plots.PAPER_IN, ROW_IN * len(views) + 0.75)

@@ -33,8 +33,7 @@ from tams_app.task.marks import MAX_DROPS, Marks
 class GuidedRun:
     """One sitting with one participant; the caller holds the study's lock.
 
-    `find_marks` gives what a trial's folder shows. `failed`: the
-    sitting was ended at a trial that could not be run.
+    `find_marks`: what a trial's folder shows. `failed`: it ended at a trial that could not be run.
     """
 
     def __init__(

@@ -61,21 +61,16 @@ def in_order(first: SessionLog, second: SessionLog) -> tuple[SessionLog, Session
     sessions = {one.facts.get(SESSION_FACT) for one in (robot, operator)}
     if len(sessions) > 1 or None in sessions:
         raise LogError("these are the logs of two different sessions")
-    return replace(robot, hands_received=_from(operator, robot)), operator
-
-
-def _from(operator: SessionLog, robot: SessionLog) -> list[HandHeard]:
-    """The poses that the robot's side received from this operator's, of perhaps several."""
-    number = operator.facts.get(OPERATOR_FACT)
-    return [one for one in robot.hands_received if str(one.operator) == number]
+    number = operator.facts.get(OPERATOR_FACT)  # of perhaps several operators of the session
+    from_them = [one for one in robot.hands_received if str(one.operator) == number]
+    return replace(robot, hands_received=from_them), operator
 
 
 def clock_offsets(robot: SessionLog, operator: SessionLog) -> ClockOffsets:
     """The clocks' offset in windows of ten seconds; LogError if no message went both ways."""
-    there = np.array([(one.sent_ns, one.t_ns) for one in robot.hands_received], dtype=np.int64)
-    back = np.array([(one.t_ns, one.sent_ns) for one in operator.states_received], dtype=np.int64)
-    if not len(there) or not len(back):
-        raise LogError("the two sides have not heard of each other: there is nothing to join")
+    went = [(one.sent_ns, one.t_ns) for one in robot.hands_received]
+    came = [(one.t_ns, one.sent_ns) for one in operator.states_received]
+    there, back = (np.array(way, dtype=np.int64).reshape(-1, 2) for way in (went, came))
     windows_there, windows_back = there[:, 0] // _WINDOW_NS, back[:, 0] // _WINDOW_NS
     rows = []
     for window in np.intersect1d(windows_there, windows_back):
@@ -151,10 +146,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
     received = robot.hands_received
     counted = [one for one in received if not one.refusal]
     posed = _posed(robot)
-    refused: dict[str, int] = {}
-    for one in received:
-        if one.refusal:
-            refused[one.refusal] = refused.get(one.refusal, 0) + 1
+    refused = dict(Counter(one.refusal for one in received if one.refusal))
     reported = sum(one.packets for one in robot.uplink)
     return {
         "clock_offset_ms": round(float(np.median(offsets.offset_ns)) / NS_PER_MS, 3),
