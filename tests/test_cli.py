@@ -175,7 +175,6 @@ def test_the_version_is_told(capsys):
         (["network", "s2", "--interface", "eth0", "--action", "aply"], "did you mean apply?"),
         (["allocate", "--phase", "Aling", "--budget-kbps", 1], "did you mean Align?"),
         (["allocate", "--phase", "ALIGN"], "Missing option '--budget-kbps'"),
-        (["allocate", "--phase", "LUNCH", "--budget-kbps", 1], "'LUNCH' is not one of Reach"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", "inf"], "infinity is not a rate"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", "nan"], "NaN is not a rate"),
         (["allocate", "--phase", "ALIGN", "--budget-kbps", -1], "-1 is not a rate"),
@@ -185,13 +184,7 @@ def test_the_version_is_told(capsys):
             "NaN is not a rate",
         ),
         (["phases", "any.csv", "--v-eps-mm-s", "nan"], "v_eps_mm_s: must be a finite number"),
-        (
-            ["allocate", "--phase", "ALIGN", "--budget-kbps", 9, "--strategy", "best"],
-            "'best' is not one of equal, static, tams",
-        ),
         (["phases", "missing.csv"], "missing.csv: cannot be read"),
-        (["run", "--network", "s9"], "'s9' is not one of s1, s2, s3, none"),
-        (["run", "--strategy", "best"], "'best' is not one of equal, static, tams"),
         (["run", "--budget", "guess"], "policy.budget.mode"),
         (["run", "--seconds", 0], "seconds: must be greater than 0 (given: 0)"),
         (["run", "--seconds", "nan"], "seconds: must be a finite number (given: NaN)"),
@@ -381,10 +374,20 @@ def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, star
     ] == [(True, "keyboard", False), (True, "sim", True), (True, "auto", True)]
 
 
-@pytest.mark.parametrize("command", ["run", "robot"])
-def test_the_help_of_sim_promises_arm_and_cameras_but_no_hand(capsys, command):
-    told = " ".join(run(capsys, command, "--help")[1].split())
-    assert "--sim Use the simulated arm and cameras, not the configured ones." in told
+@pytest.mark.parametrize(
+    ("command", "promise"),
+    [
+        (["run"], "--sim Use the simulated arm and cameras, not the configured ones."),
+        (["robot"], "--sim Use the simulated arm and cameras, not the configured ones."),
+        (["network"], "With `run` it stays on loopback"),
+        ([], "Exit codes: 0 done; 1 the job failed; 2 wrong use"),
+    ],
+)
+def test_help_promises_no_more_than_there_is(capsys, command, promise):
+    code, out, _ = run(capsys, *command, "--help")
+    assert code == 0
+    assert promise in " ".join(out.split())
+    assert "leaves by" not in out
 
 
 def test_operate_with_sim_has_the_simulated_operator_unless_a_hand_is_named(
@@ -446,13 +449,6 @@ def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path
     assert not logs.exists()
     dry = ("run", "--config", config, "--dry-run", "--headless", "--out", logs)
     assert "127.0.0.1:1" in run(capsys, *dry)[2], "a dry run goes on, to an arm that is not there"
-
-
-def test_the_help_of_network_says_whose_video_it_shapes(capsys):
-    code, out, _ = run(capsys, "network", "--help")
-    assert code == 0
-    assert "With `run` it stays on loopback" in " ".join(out.split())
-    assert "leaves by" not in out
 
 
 class InterruptingImport:
@@ -599,14 +595,7 @@ def test_the_list_of_commands_cuts_no_description(capsys, group):
     assert "..." not in out.partition("Commands:")[2]
 
 
-def test_the_exit_codes_are_in_the_help(capsys):
-    _, out, _ = run(capsys, "--help")
-    assert "Exit codes: 0 done; 1 the job failed; 2 wrong use" in " ".join(out.split())
-
-
 def test_debug_shows_where_it_came_from():
-    from tams_app.errors import ConfigError
-
     with pytest.raises(ConfigError):
         _main(["--debug", "allocate", "--phase", "LUNCH", "--budget-kbps", "1"])
 
