@@ -51,21 +51,13 @@ def test_the_arm_can_work_from_the_ready_pose():
         ({"limits.radius_max_mm": 340}, "10 mm outside limits.radius_max_mm"),
         ({"limits.radius_min_mm": 360}, "10 mm outside limits.radius_min_mm"),
         ({"arm.tcp_offset_mm_deg": [0, 0, 282, 0, 0, 0]}, "outside limits.floor_mm"),
-    ],
-)
-def test_a_ready_pose_outside_the_workspace_is_named_with_the_bound(overrides, sentence):
-    with pytest.raises(ConfigError, match=sentence):
-        check_ready_pose(load_config(PROFILE, overrides))
-
-
-@pytest.mark.parametrize(
-    ("overrides", "sentence"),
-    [
         ({"limits.max_speed_mm_s": 60}, "limits.leash_mm must be below .*, 15, or an arm"),
         ({"limits.max_rotation_rad_s": 0.2}, "limits.leash_rad must be below .*, 0.05, or an arm"),
     ],
 )
-def test_a_leash_that_would_hide_an_arm_that_stands_still_is_refused(overrides, sentence):
+def test_a_ready_pose_outside_a_bound_and_a_leash_that_would_hide_an_arm_at_rest_are_refused(
+    overrides, sentence
+):
     with pytest.raises(ConfigError, match=sentence):
         check_ready_pose(load_config(PROFILE, overrides))
 
