@@ -456,12 +456,6 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path
     assert ends_with_a_whole_record(path)
 
 
-def test_recording_is_refused_when_too_little_space_is_free(tmp_path: Path) -> None:
-    with pytest.raises(LogError, match=r"only .* MB are free.* recording\.min_free_mb$"):
-        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 1e9, never_fails)
-    assert not (tmp_path / "session.mcap").exists()
-
-
 def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -478,7 +472,10 @@ def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     assert len(log.ticks) == 1
 
 
-def test_a_folder_that_is_missing_or_a_log_that_exists_is_refused(tmp_path: Path) -> None:
+def test_too_little_space_a_missing_folder_or_a_log_that_exists_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(LogError, match=r"only .* MB are free.* recording\.min_free_mb$"):
+        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 1e9, never_fails)
+    assert not (tmp_path / "session.mcap").exists()
     with pytest.raises(LogError, match=r"no: the log folder cannot be used: .*another$"):
         Recorder(tmp_path / "no" / "session.mcap", header(), MonotonicClock(), 0, never_fails)
     (tmp_path / "session.mcap").touch()

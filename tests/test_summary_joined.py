@@ -15,7 +15,6 @@ from tams_app.recording import FrameShown, SessionLog
 from tams_app.records import (
     HandHeard,
     LinkHealth,
-    OperatorGlance,
     StateHeard,
     StopRecord,
     UplinkSummary,
@@ -31,6 +30,7 @@ from tams_app.summary.joined import (
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header, rtp_timestamp
+from tests.test_summary_operator import glance
 
 pytestmark = pytest.mark.untimed
 
@@ -216,24 +216,13 @@ def test_of_two_operators_in_one_session_each_is_joined_with_their_own_samples()
 
 def test_what_the_operator_saw_counts_for_the_phase_that_the_robot_was_in():
     _, robot, operator = pair()
-    seen = OperatorGlance(
-        t_ns=START_NS + NS_PER_S - HOUR_NS,
-        stage="approach",
-        to_block={"gt": 1.0},
-        to_container={"gt": 1.0},
-        about_block=True,
-        block_sigma=0.001,
-        container_sigma=0.001,
-        lag_ns=0,
-        hanging=(),
-    )
-    operator.glances = [seen]
+    operator.glances = [glance(1.0 - HOUR_NS / NS_PER_S, {"gt": 1.0}, {"gt": 1.0})]
     operator.facts["operator"] = "seeing"
     summary = summarise_both(robot, operator)
     assert summary["operator"]["kind"] == "seeing"
     robot, operator = in_order(robot, operator)
-    (glance,) = joined(robot, operator, clock_offsets(robot, operator)).glances
-    assert abs(glance.t_ns - (START_NS + NS_PER_S)) <= 3 * NS_PER_MS
+    (seen,) = joined(robot, operator, clock_offsets(robot, operator)).glances
+    assert abs(seen.t_ns - (START_NS + NS_PER_S)) <= 3 * NS_PER_MS
 
 
 def test_before_and_after_the_operator_is_connected_no_rate_counts_as_off_its_target() -> None:
