@@ -5,7 +5,6 @@ from __future__ import annotations
 import runpy
 import signal
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,14 +20,14 @@ RUNNING = "running"
 RUN_TAMS = Path(__file__).parents[2] / "run_tams.py"
 
 
-@dataclass(frozen=True)
 class StuckRunner:
-    """Plays a trial; one of them goes on for ever."""
+    """Plays trials; some of them go on for ever."""
 
-    stuck: str
+    def __init__(self, *stuck: str) -> None:
+        self._stuck = stuck
 
     def run(self, trial: PlannedTrial, folder: Path) -> None:
-        if trial.id == self.stuck:
+        if trial.id in self._stuck:
             (folder / RUNNING).touch()
             while True:
                 signal.pause()

@@ -19,6 +19,7 @@ from tams_app.study.commands import run_simulated
 from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess
 from tams_app.study.unattended import TrialsProgress, run_unattended
+from tests.study.played_study import RUNNING, StuckRunner
 from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 
 pytestmark = pytest.mark.untimed
@@ -52,14 +53,6 @@ class Misbehaving:
                 pass  # no summary
             case _:
                 PlantedRunner().run(trial, folder)
-
-
-@dataclass(frozen=True)
-class Endless:
-    def run(self, trial: PlannedTrial, folder: Path) -> None:
-        (folder / "running").touch()
-        while True:
-            signal.pause()
 
 
 PLANNED = planned_trial("P01-04", "tams", "s2")
@@ -109,7 +102,7 @@ class InterruptedPool(LocalPool):
     """Ctrl-C comes once both trials run."""
 
     def wait(self) -> list[tuple[Job, str]]:
-        while not all((process.job.folder / "running").exists() for process in self._running):
+        while not all((process.job.folder / RUNNING).exists() for process in self._running):
             time.sleep(0.02)
         self.pids = [process._process.pid for process in self._running]
         raise KeyboardInterrupt
@@ -117,7 +110,7 @@ class InterruptedPool(LocalPool):
 
 def test_an_interruption_ends_what_runs_and_the_study_goes_on_later(tmp_path: Path) -> None:
     study = make_study(tmp_path, 1, **SMALL)
-    pool = InterruptedPool(Endless(), workers=2)
+    pool = InterruptedPool(StuckRunner("P01-01", "P01-02"), workers=2)
     with pytest.raises(KeyboardInterrupt):
         run_unattended(study, pool, Display())
     assert not any(psutil.pid_exists(pid) for pid in pool.pids)
@@ -162,16 +155,7 @@ def test_the_bar_shows_trials_and_time_left() -> None:
     assert "[bold]no markup[/]" in output.getvalue()
 
 
-def test_in_a_log_file_each_trial_is_a_line() -> None:
-    output = io.StringIO()
-    with TrialsProgress(Console(file=output, width=120), 3) as display:
-        display.trial_ended()
-        display.trial_ended()
-    assert re.search(r"^1 of 3 trials, about .* left$", output.getvalue(), re.MULTILINE)
-    assert re.search(r"^2 of 3 trials, .* left$", output.getvalue(), re.MULTILINE)
-
-
-def test_the_time_left_is_that_of_the_trials_left_at_their_mean_over_the_workers() -> None:
+def test_in_a_log_file_each_trial_is_a_line_with_the_time_left_by_mean_and_workers() -> None:
     output, now_s = io.StringIO(), [100.0]
     display = TrialsProgress(Console(file=output, width=120), 20, slots=2)
     display.get_time = lambda: now_s[0]
@@ -179,6 +163,8 @@ def test_the_time_left_is_that_of_the_trials_left_at_their_mean_over_the_workers
     for ended_s in (110.0, 110.1, 120.0, 120.2):  # two at a time, 10 s each
         now_s[0] = ended_s
         display.trial_ended()
-    told = re.findall(r"about 0:0(\d):(\d\d) left", output.getvalue())
-    left_s = [60 * int(minutes) + int(seconds) for minutes, seconds in told]
+    line = re.compile(r"^(\d) of 20 trials, about 0:0(\d):(\d\d) left$", re.MULTILINE)
+    told = line.findall(output.getvalue())
+    assert [number for number, *_ in told] == ["1", "2", "3", "4"]
+    left_s = [60 * int(minutes) + int(seconds) for _, minutes, seconds in told]
     assert left_s == pytest.approx([95, 90, 85, 80], abs=2)
