@@ -45,16 +45,6 @@ def test_a_stroke_is_what_arrives_between_squeeze_and_release():
     assert player.capture.so_far is None
 
 
-def test_a_stroke_in_which_the_tracking_was_lost_is_refused_and_forgotten():
-    player = Player()
-    player.give(0.0)
-    player.give(1.0)
-    with pytest.raises(RefusedError, match="lost while the trigger was held") as caught:
-        player.give(1.0, status=ControllerStatus.TRACKING_LOST)
-    assert caught.value.reason is Reason.TRACKING
-    assert player.give(0.0) is None
-
-
 def test_a_recentred_headset_ends_everything_even_between_strokes():
     player = Player()
     player.give(0.0)
