@@ -1,9 +1,8 @@
-"""The log of virtual time: what the live recorder keeps, at once, and the same bytes every time."""
+"""The log of virtual time: what the live recorder keeps, at once."""
 
 from __future__ import annotations
 
 from contextlib import closing
-from dataclasses import replace
 
 import pytest
 
@@ -45,11 +44,6 @@ def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
     assert not found.truncated
 
 
-def test_the_same_records_make_the_same_bytes(tmp_path):
-    files = [write(tmp_path / name, live_records(2.0)) for name in ("one.mcap", "two.mcap")]
-    assert files[0].read_bytes() == files[1].read_bytes()
-
-
 def test_without_the_bitstream_only_the_frames_sizes_stay(tmp_path):
     path = write(tmp_path / "session.mcap", live_records(2.0), bitstream=False)
     assert all(not list(read_video(path, view)) for view in VIEWS)
@@ -65,7 +59,7 @@ def test_a_disk_that_fills_up_ends_it_in_one_sentence(tmp_path, monkeypatch):
         clock.advance_ns(2 * NS_PER_S)
         with pytest.raises(LogError, match="nearly full"):
             log.record(item)
-    assert read_log(tmp_path / "session.mcap").header == replace(header())
+    assert read_log(tmp_path / "session.mcap").header == header()
 
 
 def full(*_):
