@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 from unittest.mock import MagicMock
 
@@ -18,12 +16,12 @@ import tams_app.console.trial
 import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
-from tams_app.runtime.process import PROJECT_DIRECTORY
+from tams_app.errors import TamsError
 from tams_app.study.commands import is_same_study
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState
-from tams_app.study.runner import TrialRunner
-from tests.study.played_study import RUNNING, PlayedPool, played_virtual
+from tams_app.study.plan import AttemptState, PlannedTrial
+from tams_app.study.runner import TrialRunner, mark_ended
+from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
 from tests.study.test_guided import SUCCESS
 
@@ -32,13 +30,40 @@ pytestmark = pytest.mark.untimed
 Run = Callable[..., tuple[int, str, str]]
 
 
+class PlayedPool:
+    """Trials one after the other in this process: what runs them apart is tested elsewhere."""
+
+    slots = 1
+
+    def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
+        self._runner = runner
+        self._ended: list[tuple[Job, str]] = []
+
+    def start(self, job: Job) -> None:
+        failure = ""
+        try:
+            self._runner.run(job.trial, job.folder)
+            mark_ended(job.folder)
+        except TamsError as error:
+            failure = str(error)
+        self._ended.append((job, failure))
+
+    def wait(self) -> list[tuple[Job, str]]:
+        ended, self._ended = self._ended, []
+        return ended
+
+    def close(self) -> None:
+        """Nothing still runs."""
+
+
 @pytest.fixture
 def study(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run a sub-command with played trials: exit code, standard output, standard error."""
     monkeypatch.setenv("COLUMNS", "200")
 
     def run(*arguments: object, runner: TrialRunner | None = None) -> tuple[int, str, str]:
-        virtual = played_virtual(runner or PlantedRunner())
+        virtual: Any = ModuleType("tams_app.session.virtual")
+        virtual.SimulatedTrialRunner = lambda _config: runner or PlantedRunner()
         monkeypatch.setitem(sys.modules, "tams_app.session.virtual", virtual)
         monkeypatch.setattr(tams_app.study.commands, "LocalPool", PlayedPool)
         code = _main(["study", *map(str, arguments)])
@@ -255,36 +280,23 @@ def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
     assert err == "tams: simulated trials need MuJoCo: pip install mujoco\n"
 
 
-def test_ctrl_c_leaves_a_study_that_goes_on(study: Run, config: Path, tmp_path: Path) -> None:
+class Interrupted(PlantedRunner):
+    """Ctrl-C comes in a trial."""
+
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        if trial.id == "P01-02":
+            raise KeyboardInterrupt
+        super().run(trial, folder)
+
+
+def test_ctrl_c_leaves_a_study_that_goes_on(
+    study: Run, config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out = tmp_path / "s"
-    words = ["study", "run", "--sim", "--participants", "1", "--workers", "1", "--out", str(out)]
-    process = subprocess.Popen(
-        [
-            sys.executable,
-            "-c",
-            "from tests.study.played_study import main; main('P01-02')",
-            *words,
-            "--config",
-            str(config),
-        ],
-        cwd=PROJECT_DIRECTORY,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        deadline_s = time.monotonic() + 60
-        while not list(out.rglob(RUNNING)):
-            assert process.poll() is None
-            assert time.monotonic() < deadline_s
-            time.sleep(0.05)
-        process.send_signal(signal.SIGINT)
-        text, errors = process.communicate(timeout=60)
-    finally:
-        process.kill()
-        process.communicate()
-    assert process.returncode == 130
-    assert errors == "tams: interrupted\n"
+    words = ("run", "--sim", "--participants", 1, "--config", config, "--out", out)
+    with pytest.raises(KeyboardInterrupt):
+        study(*words, runner=Interrupted())
+    text = capsys.readouterr().out
     assert "Stopped: 1 of 2 trials are done and kept." in text
     assert f"`study run --sim {out}` goes on" in text.replace("\n", "")
     kept = {path: path.read_bytes() for path in out.rglob("summary.json")}

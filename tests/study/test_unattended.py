@@ -19,7 +19,6 @@ from tams_app.study.commands import run_simulated
 from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess
 from tams_app.study.unattended import TrialsProgress, run_unattended
-from tests.study.played_study import RUNNING, StuckRunner
 from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 
 pytestmark = pytest.mark.untimed
@@ -53,6 +52,13 @@ class Misbehaving:
                 pass  # no summary
             case _:
                 PlantedRunner().run(trial, folder)
+
+
+class Endless:
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        (folder / "running").touch()
+        while True:
+            signal.pause()
 
 
 PLANNED = planned_trial("P01-04", "tams", "s2")
@@ -102,7 +108,7 @@ class InterruptedPool(LocalPool):
     """Ctrl-C comes once both trials run."""
 
     def wait(self) -> list[tuple[Job, str]]:
-        while not all((process.job.folder / RUNNING).exists() for process in self._running):
+        while not all((process.job.folder / "running").exists() for process in self._running):
             time.sleep(0.02)
         self.pids = [process._process.pid for process in self._running]
         raise KeyboardInterrupt
@@ -110,7 +116,7 @@ class InterruptedPool(LocalPool):
 
 def test_an_interruption_ends_what_runs_and_the_study_goes_on_later(tmp_path: Path) -> None:
     study = make_study(tmp_path, 1, **SMALL)
-    pool = InterruptedPool(StuckRunner("P01-01", "P01-02"), workers=2)
+    pool = InterruptedPool(Endless(), workers=2)
     with pytest.raises(KeyboardInterrupt):
         run_unattended(study, pool, Display())
     assert not any(psutil.pid_exists(pid) for pid in pool.pids)
