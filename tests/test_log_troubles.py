@@ -5,9 +5,9 @@ from __future__ import annotations
 import threading
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
-from foxglove import Context
 
 from tams_app.recording import Recorder, read_log
 from tams_app.recording.writer import CAPACITY, HANGS_NS, LOST
@@ -17,36 +17,11 @@ from tests.synthetic_session import header, never_fails, tick
 pytestmark = pytest.mark.waiting
 
 
-class Broken:
-    """A viewer that fails at each of its methods that it is named after."""
-
-    def __init__(self, at: str) -> None:
-        self._at = at
-
-    def receive(self, record: Any, now_ns: int) -> None:
-        if self._at == "receive":
-            raise RuntimeError("a viewer")
-
-    def wants(self, view: str, shown_ns: int) -> bool:
-        return False
-
-    def close(self) -> None:
-        if self._at == "close":
-            raise RuntimeError("a viewer")
-
-
-def recorder(path: Path, clock: VirtualClock, at: str = "") -> Recorder:
-    def viewers(_context: Context, _header: Any) -> Broken:
-        return Broken(at)
-
-    return Recorder(path, header(), clock, 0, never_fails, viewers=viewers)
-
-
 def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, hangs, goes_on = VirtualClock(), threading.Event(), threading.Event()
-    log = recorder(tmp_path / "session.mcap", clock)
+    log = Recorder(tmp_path / "session.mcap", header(), clock, 0, never_fails)
     write = log._log.write
 
     def hanging(item: Any, now_ns: int) -> None:
@@ -76,13 +51,15 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
 def test_a_viewer_that_fails_or_cannot_be_closed_costs_the_log_nothing(
     tmp_path: Path, at: str
 ) -> None:
-    log = recorder(tmp_path / "session.mcap", VirtualClock(), at)
+    viewer = Mock(**{f"{at}.side_effect": RuntimeError("a viewer")})
+    path = tmp_path / "session.mcap"
+    log = Recorder(path, header(), VirtualClock(), 0, never_fails, viewers=lambda *_: viewer)
     log.start()
     for number in range(10):
         log.record(tick(number))
     log.close()
     log.close()
-    found = read_log(tmp_path / "session.mcap")
+    found = read_log(path)
     assert (len(found.ticks), found.truncated) == (10, False)
     (sentence,) = log.troubles()
     assert sentence.startswith("viewers are sent nothing more (RuntimeError")
