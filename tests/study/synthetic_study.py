@@ -129,11 +129,7 @@ def _summary(
     tams = trial.strategy == "tams"
     phases = [{"t_s": 5.0 * number, "phase": one.value} for number, one in enumerate(Phase)]
     content = {
-        "schema": 1,
         "version": "0.0.0",
-        "seed": trial.seed,
-        "strategy": trial.strategy,
-        "network": trial.network,
         "budget_mode": "oracle",
         "duration_s": 40.0,
         "phases": phases,
