@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import pty
-import subprocess
-import sys
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -23,7 +19,7 @@ from tams_app.config.marks import TEMPLATE, filled, unset_keys
 from tams_app.console.checks import configuration, marked_keys
 from tams_app.console.findings import Finding
 from tams_app.errors import ConfigError
-from tams_app.runtime.process import PROJECT_DIRECTORY
+from tests.calibration.frame.test_frame_terminal import Terminal
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -197,15 +193,8 @@ def test_values_of_several_keys_are_filled_in_at_their_places() -> None:
 
 def test_at_a_terminal_the_command_asks(tmp_path: Path) -> None:
     """The real command on a real terminal, with all but the cameras given."""
-    ours, theirs = pty.openpty()
-    command = [sys.executable, "run_tams.py", "init", str(tmp_path / "a.yaml"), "--hand=keyboard"]
-    streams = {"stdin": theirs, "stdout": theirs, "stderr": theirs}
-    process = subprocess.Popen(command, cwd=PROJECT_DIRECTORY, **streams)
-    os.close(theirs)
-    shown = b""
-    while b"address of its control box" not in shown:
-        shown += os.read(ours, 1024)
-    os.write(ours, b"\x04")  # the end of the input
-    assert process.wait(timeout=60) == 2
-    os.close(ours)
+    terminal = Terminal("init", str(tmp_path / "a.yaml"), "--hand=keyboard")
+    terminal.wait_for("address of its control box")
+    terminal.type("\x04")  # the end of the input
+    assert terminal.end() == 2
     assert not (tmp_path / "a.yaml").exists()

@@ -21,12 +21,11 @@ QUESTION = "Write it?"
 
 
 class Terminal:
-    """A terminal in which `calibrate frame` was started for a configuration."""
+    """A terminal in which a command was started."""
 
-    def __init__(self, config, *options):
+    def __init__(self, *command):
         self._end, other = pty.openpty()
-        command = [sys.executable, str(ROOT / "run_tams.py"), "calibrate", "frame"]
-        command += ["--no-buttons", "--config", str(config), *options]
+        command = [sys.executable, str(ROOT / "run_tams.py"), *command]
         streams = dict.fromkeys(("stdin", "stdout", "stderr"), other)
         self.process = subprocess.Popen(command, start_new_session=True, **streams)
         os.close(other)
@@ -71,7 +70,8 @@ def start(config_path):
     started = []
 
     def begin(*options):
-        started.append(Terminal(config_path, *options))
+        command = ("calibrate", "frame", "--no-buttons", "--config", str(config_path))
+        started.append(Terminal(*command, *options))
         return started[-1]
 
     yield begin
