@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from operator import attrgetter
+from operator import attrgetter as at
 from typing import Annotated, Any, Generic, TypeVar
 
 from tams_app.recording.codec import Codec
@@ -55,6 +55,7 @@ PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows o
 REFERENCE_PROFILE = "tams-reference"
 
 T = TypeVar("T")
+_T_NS = at("t_ns")
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,7 +212,7 @@ class PacketBatch:
 
 
 _OF_AN_ENUM = {"kind": "kind._value_", "fate": "fate._value_"}  # `value` is a call each
-_COLUMNS = attrgetter(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(PacketBatch)))
+_COLUMNS = at(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(PacketBatch)))
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
@@ -219,16 +220,17 @@ _FATES = {fate.value: fate for fate in PacketFate}
 class Topic(Generic[T]):
     """Where records of one type go, and the instant each stands for."""
 
-    def __init__(self, name: str, record_type: type[T], time_ns: Callable[[T], int]) -> None:
+    def __init__(
+        self, name: str, record_type: type[T], time_ns: Callable[[T], int] = _T_NS
+    ) -> None:
         self.name = name
         self.codec = Codec(record_type)
         self.time_ns = time_ns
 
 
-def records(name: str, record_type: type[T], time_ns: Callable[[T], int]) -> list[T]:
+def records(name: str, record_type: type[T], time_ns: Callable[[T], int] = _T_NS) -> list[T]:
     """A field of `SessionLog`: the list of a topic's records; arguments as of `Topic`."""
-    topic = Topic(name, record_type, time_ns)
-    return field(default_factory=list, metadata={Topic: topic})
+    return field(default_factory=list, metadata={Topic: Topic(name, record_type, time_ns)})
 
 
 @dataclass(slots=True)
@@ -247,42 +249,30 @@ class SessionLog:
     facts: dict[str, str] = field(default_factory=dict)
     packets: list[PacketRecord] = field(default_factory=list)
     outcome: Outcome | None = None
-    ticks: list[Tick] = records("/tick", Tick, lambda one: one.started_ns)
-    phases: list[PhaseChange] = records("/phase", PhaseChange, lambda one: one.t_ns)
-    pins: list[PinnedView] = records("/pinned", PinnedView, lambda one: one.t_ns)
-    allocations: list[Allocation] = records("/allocation", Allocation, lambda one: one.t_ns)
-    capacities: list[LinkCapacity] = records("/capacity", LinkCapacity, lambda one: one.t_ns)
-    uplink: list[UplinkSummary] = records("/uplink", UplinkSummary, lambda one: one.t_ns)
-    policy_inputs: list[PolicyInputs] = records(
-        "/policy/inputs", PolicyInputs, lambda one: one.t_ns
-    )
-    rates: list[CameraRates] = records("/cameras", CameraRates, lambda one: one.t_ns)
-    captured: list[FrameCaptured] = records(
-        "/frames/captured", FrameCaptured, lambda one: one.capture_ns
-    )
-    sent: list[FrameSent] = records("/frames/sent", FrameSent, lambda one: one.encoded_ns)
-    dropped: list[DroppedFrame] = records(
-        "/frames/dropped", DroppedFrame, lambda one: one.capture_ns
-    )
-    shown: list[FrameShown] = records("/frames/shown", FrameShown, lambda one: one.shown_ns)
-    quality: list[FrameQuality] = records(
-        "/frames/quality", FrameQuality, lambda one: one.capture_ns
-    )
-    stops: list[StopRecord] = records("/stop", StopRecord, lambda one: one.visible_ns)
-    notes: list[Note] = records("/note", Note, lambda one: one.t_ns)
-    lost: list[RecordsLost] = records("/lost", RecordsLost, lambda one: one.t_ns)
-    system: list[SystemSample] = records("/system", SystemSample, lambda one: one.t_ns)
-    scene: list[SceneTruth] = records("/scene", SceneTruth, lambda one: one.t_ns)
-    glances: list[OperatorGlance] = records(
-        "/operator/glance", OperatorGlance, lambda one: one.t_ns
-    )
-    hands_received: list[HandHeard] = records("/link/hand", HandHeard, lambda one: one.t_ns)
-    states_received: list[StateHeard] = records("/link/state", StateHeard, lambda one: one.t_ns)
-    episodes: list[Episode] = records("/episode", Episode, lambda one: one.t_ns)
-    predictions: list[MountPrediction] = records(
-        "/prediction", MountPrediction, lambda one: one.now_ns
-    )
-    link_health: list[LinkHealth] = records("/link/health", LinkHealth, lambda one: one.t_ns)
+    ticks: list[Tick] = records("/tick", Tick, at("started_ns"))
+    phases: list[PhaseChange] = records("/phase", PhaseChange)
+    pins: list[PinnedView] = records("/pinned", PinnedView)
+    allocations: list[Allocation] = records("/allocation", Allocation)
+    capacities: list[LinkCapacity] = records("/capacity", LinkCapacity)
+    uplink: list[UplinkSummary] = records("/uplink", UplinkSummary)
+    policy_inputs: list[PolicyInputs] = records("/policy/inputs", PolicyInputs)
+    rates: list[CameraRates] = records("/cameras", CameraRates)
+    captured: list[FrameCaptured] = records("/frames/captured", FrameCaptured, at("capture_ns"))
+    sent: list[FrameSent] = records("/frames/sent", FrameSent, at("encoded_ns"))
+    dropped: list[DroppedFrame] = records("/frames/dropped", DroppedFrame, at("capture_ns"))
+    shown: list[FrameShown] = records("/frames/shown", FrameShown, at("shown_ns"))
+    quality: list[FrameQuality] = records("/frames/quality", FrameQuality, at("capture_ns"))
+    stops: list[StopRecord] = records("/stop", StopRecord, at("visible_ns"))
+    notes: list[Note] = records("/note", Note)
+    lost: list[RecordsLost] = records("/lost", RecordsLost)
+    system: list[SystemSample] = records("/system", SystemSample)
+    scene: list[SceneTruth] = records("/scene", SceneTruth)
+    glances: list[OperatorGlance] = records("/operator/glance", OperatorGlance)
+    hands_received: list[HandHeard] = records("/link/hand", HandHeard)
+    states_received: list[StateHeard] = records("/link/state", StateHeard)
+    episodes: list[Episode] = records("/episode", Episode)
+    predictions: list[MountPrediction] = records("/prediction", MountPrediction, at("now_ns"))
+    link_health: list[LinkHealth] = records("/link/health", LinkHealth)
 
     @property
     def complete(self) -> bool:
@@ -328,17 +318,17 @@ class SessionLog:
             getattr(self, _LISTS[type(record)]).append(record)
 
 
-HEADER = Topic("/header", Header, lambda header: header.started_ns)
+HEADER = Topic("/header", Header, at("started_ns"))
 _IN_LISTS: dict[str, Topic[Any]] = {
     one.name: one.metadata[Topic] for one in fields(SessionLog) if Topic in one.metadata
 }
 _LISTS = {topic.codec.record_type: name for name, topic in _IN_LISTS.items()}
 _TOPICS: tuple[Topic[Any], ...] = (
     HEADER,
-    Topic("/facts", Facts, lambda one: one.t_ns),
+    Topic("/facts", Facts),
     *_IN_LISTS.values(),
     Topic("/packets", PacketBatch, lambda one: max(one.entered_ns)),
-    Topic("/outcome", OutcomeGiven, lambda one: one.t_ns),
+    Topic("/outcome", OutcomeGiven),
 )
 TOPICS = {topic.codec.record_type: topic for topic in _TOPICS}
 
