@@ -8,7 +8,6 @@ from __future__ import annotations
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from rosbags.interfaces import (
@@ -48,11 +47,10 @@ def write_bag(
     try:
         with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
             return _fill(writer, log, scene_of)
-    except OSError as error:
-        _remove(bag)
-        raise LogError(f"{bag}: cannot be written: {error}") from error
-    except BaseException:
-        _remove(bag)
+    except BaseException as error:
+        shutil.rmtree(bag, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise LogError(f"{bag}: cannot be written: {error}") from error
         raise
 
 
@@ -60,10 +58,8 @@ def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None])
     records = read_records(log)
     _, header = next(records)
     connections = {topic: _connect(writer, topic) for topic in published(header.views)}
-    conversion, meter = (
-        Conversion(header, scene_of(header)),
-        RatesMeter(header.views, header.started_ns),
-    )
+    conversion = Conversion(header, scene_of(header))
+    meter = RatesMeter(header.views, header.started_ns)
     counts = Counter({topic.name: 0 for topic in connections})
 
     def write(sent: Sent) -> None:
@@ -107,8 +103,3 @@ def _qos(topic: Topic) -> Qos:
         liveliness_lease_duration=_NEVER,
         avoid_ros_namespace_conventions=False,
     )
-
-
-def _remove(bag: Path) -> None:
-    with suppress(OSError):
-        shutil.rmtree(bag)
