@@ -28,9 +28,8 @@ _HELD_S = 0.6
 _SHOWN, _ARM_POSES, _PLACES = 36, 30, 8
 _PLACED_S = 3.0
 _TILT_RAD = 0.65
-_SPREAD_RAD = np.radians(
-    (25.0, 20.0, 20.0, 45.0, 30.0, 70.0)
-)  # of the joints about where it is ready
+# of the joints about where it is ready
+_SPREAD_RAD = np.radians((25.0, 20.0, 20.0, 45.0, 30.0, 70.0))
 _NEAREST_M, _FARTHEST_M = 0.16, 0.40  # of the board's middle from the camera on the arm
 _LOWEST_M = 0.10  # of the flange
 _TRIES = 20_000

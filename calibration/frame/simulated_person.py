@@ -22,9 +22,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew
 BOW = 0.02  # of the length, each stroke anew
 TOUCH_ERROR_M = 0.002  # per axis, each touch anew
-MOTOR_NOISE = (
-    0.02  # along an edge; in free air people have 0.05 to 0.15 (hw.sim.operator.participant)
-)
+MOTOR_NOISE = 0.02  # along an edge; 0.05 to 0.15 in free air (hw.sim.operator.participant)
 
 _TRAVEL = 1.5  # of the arm's reach: a stroke
 _LEAN_M = 0.6  # from rest, with the whole body: for touches

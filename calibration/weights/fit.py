@@ -209,9 +209,8 @@ def kendall_w(values: Floats) -> float | None:
     ranks = rankdata(complete, axis=1)
     sums = ranks.sum(axis=0)
     deviation = float(np.sum((sums - sums.mean()) ** 2))
-    distinct = float(
-        sum(map(tiecorrect, ranks))
-    )  # of each rater: 1 without ties, 0 of all the same
+    # of each rater: 1 without ties, 0 of all the same
+    distinct = float(sum(map(tiecorrect, ranks)))
     largest = raters * (things**3 - things) * distinct / 12
     return deviation / largest if largest > 0 else None
 
