@@ -21,7 +21,7 @@ from calibration.store import Calibration
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
-from tams_app.config import Config, LensConfig
+from tams_app.config import CameraConfig, Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.records import Lens, Pose
@@ -133,18 +133,17 @@ class CameraWizard(Wizard[CameraOptions]):
         lenses = {}
         for each in self._found:
             lens = None if each.lens is None else each.lens.lens
-            before = self._lens_before(bench, each)
-            if lens is None and before is not None:
-                lens = before.at(_NOWHERE, "").scaled_to(bench.width, bench.height)
+            before = self._before(bench, each)
+            if lens is None and before is not None and before.lens is not None:
+                lens = before.lens.at(_NOWHERE, "").scaled_to(bench.width, bench.height)
             if lens is not None:
                 lenses[each.view] = lens
         return lenses
 
-    def _lens_before(self, bench: Bench, found: Findings) -> LensConfig | None:
-        """What the configuration has of the same camera."""
+    def _before(self, bench: Bench, found: Findings) -> CameraConfig | None:
+        """What the configuration has of the view's camera, if it is the same one."""
         before = self.config.cameras.get(found.view)
-        is_same = before is not None and bench.camera_of(before) == found.camera
-        return before.lens if before is not None and is_same else None
+        return before if before is not None and bench.camera_of(before) == found.camera else None
 
     def _bound(self, bench: Bench) -> dict[str, str]:
         """The cameras that the configuration names; ConfigError if one is not there."""
@@ -167,19 +166,18 @@ class CameraWizard(Wizard[CameraOptions]):
         as the configuration has it; latency, lens and mount only if they are of the same camera,
         a mount only with the lens through which it was found.
         """
-        before = self.config.cameras.get(found.view)
+        before, same = self.config.cameras.get(found.view), self._before(bench, found)
         keys: dict[str, Any] = dict(bench.binding(found.camera))
-        is_same = before is not None and bench.camera_of(before) == found.camera
         if before is not None:
             keys["exposure_us"] = before.exposure_us
             keys["white_balance_k"] = before.white_balance_k
         if found.latency is not None:
             keys["latency_ms"] = round(max(0.0, found.latency.ms), 1)
-        elif before is not None and is_same:
-            keys["latency_ms"] = before.latency_ms
+        elif same is not None:
+            keys["latency_ms"] = same.latency_ms
         today = self.now().date()
-        lens = self._lens_before(bench, found)
-        mount = before.mount if before is not None and is_same else None
+        lens = None if same is None else same.lens
+        mount = None if same is None else same.mount
         if found.lens is not None:
             lens = measuring.lens_section(found.lens, today)
         if found.mount is not None:

@@ -74,7 +74,8 @@ def study_to_run(
                 f"{folder}: was planned with {option} {before}, not {options[key]}: leave it out "
                 "to go on, or choose another folder with --out"
             )
-    if path is not None and not is_same_study(load_config(path, options), planned):
+    # what a study overrides may differ
+    if path and conditions_of_all(load_config(path, options)) != conditions_of_all(planned):
         raise ConfigError(
             f"{folder}: was planned with another configuration than {path} is now: leave "
             "--config out to go on, or choose another folder with --out"
@@ -86,11 +87,6 @@ def study_to_run(
             "--participants out, or choose another folder"
         )
     return study
-
-
-def is_same_study(one: Config, other: Config) -> bool:
-    """True if every trial of the two is the same; what a study overrides may differ."""
-    return conditions_of_all(one) == conditions_of_all(other)
 
 
 def run_simulated(

@@ -17,9 +17,8 @@ import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
 from tams_app.errors import TamsError
-from tams_app.study.commands import is_same_study
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState, PlannedTrial
+from tams_app.study.plan import AttemptState, PlannedTrial, conditions_of_all
 from tams_app.study.runner import TrialRunner, mark_ended
 from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
@@ -219,8 +218,11 @@ def test_wrong_use_is_one_sentence_exit_code_two_and_leaves_nothing_behind(
 
 def test_a_configuration_that_differs_only_in_what_studies_override_is_the_same_study() -> None:
     changes = {"policy.budget.mode": "oracle", "video.repair.mode": "paper"}
-    assert is_same_study(load_config(), load_config(None, changes))
-    assert not is_same_study(load_config(), load_config(None, {"study.budget": "feedback"}))
+    usual, changed, other = (
+        conditions_of_all(load_config(None, one))
+        for one in ({}, changes, {"study.budget": "feedback"})
+    )
+    assert usual == changed != other
 
 
 @pytest.mark.parametrize(
