@@ -221,7 +221,6 @@ class ImpairedLink:
     robot: tuple[str, int]
     there: Conditions = field(default_factory=Conditions)
     back: Conditions = field(default_factory=Conditions)
-    seed: int = 0
     port: int = 0
     hostile: int = 0  # so many had reached each side when it was told something last
     _moves: int = 0
@@ -229,17 +228,14 @@ class ImpairedLink:
     _hostile_hz: int = 0
 
     def __enter__(self) -> ImpairedLink:
-        self._process = HelperProcess("impaired", __name__, self.specification(), None)
+        asked = {"robot": self.robot, **self._state()}
+        self._process = HelperProcess("impaired", __name__, asked, None)
         self._process.start()
         self.port = int(self._process.wait_ready()["port"])
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._process.stop()
-
-    def specification(self) -> dict[str, Any]:
-        """What the process is started with."""
-        return {"robot": self.robot, "seed": self.seed, **self._state()}
 
     def passage(self, there: Passage, back: Passage) -> int:
         """Open, cut or hold each way; when it was in force [ns]."""
@@ -294,10 +290,7 @@ def main() -> None:
     """Pass datagrams on until the input closes."""
     side = HelperSide()
     asked = side.specification
-    ways = [
-        Way(Conditions(**asked[name]), asked["seed"] + number)
-        for number, name in enumerate(("there", "back"))
-    ]
+    ways = [Way(Conditions(**asked[name]), seed) for seed, name in enumerate(("there", "back"))]
     relay = Relay((str(asked["robot"][0]), int(asked["robot"][1])), *ways)
     use_fifo(RELAY_PRIORITY)
     side.ready(port=relay.port)
