@@ -77,19 +77,6 @@ DATA = PROJECT / "tests" / "data"  # logs of older versions
 POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]))
 
 
-class Failed:
-    """Takes why a recorder failed."""
-
-    def __init__(self) -> None:
-        self._why: Queue[BaseException] = Queue()
-
-    def __call__(self, thread: str, failure: BaseException) -> None:
-        self._why.put(failure)
-
-    def wait(self) -> BaseException:
-        return self._why.get(timeout=20)
-
-
 def record_all(path: Path, items: list[Any], **changes: Any) -> None:
     recorder = Recorder(path, header(**changes), MonotonicClock(), 0, never_fails)
     recorder.start()
@@ -420,15 +407,15 @@ def ends_with_a_whole_record(path: Path) -> bool:
 
 def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path: Path) -> None:
     path = tmp_path / "session.mcap"
-    failed = Failed()
+    failed: Queue[BaseException] = Queue()
     with file_size_limit(400_000):
-        recorder = Recorder(path, header(), MonotonicClock(), 0, failed)
+        recorder = Recorder(path, header(), MonotonicClock(), 0, lambda _, why: failed.put(why))
         recorder.start()
         for item in live_records(4.0):
             recorder.record(item)
             if isinstance(item, Tick) and item.link.sent == 59:
                 until(lambda: path.stat().st_size > 50_000, "a flush before the disk is full")
-        failure = failed.wait()
+        failure = failed.get(timeout=20)
         recorder.close()
     assert isinstance(failure, LogError)
     assert "the log cannot be written any more" in str(failure)
@@ -444,12 +431,14 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path
 def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    failed = Failed()
-    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 100, failed)
+    failed: Queue[BaseException] = Queue()
+    recorder = Recorder(
+        tmp_path / "session.mcap", header(), MonotonicClock(), 100, lambda _, why: failed.put(why)
+    )
     monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
     recorder.record(tick(0))
     recorder.start()
-    failure = failed.wait()
+    failure = failed.get(timeout=20)
     recorder.close()
     assert "only 9 MB are free" in str(failure)
     log = read_log(tmp_path / "session.mcap")
@@ -571,14 +560,14 @@ def test_reference_captures_are_lossless(tmp_path: Path) -> None:
 def test_a_full_disk_ends_the_reference_but_keeps_whole_frames(tmp_path: Path) -> None:
     random = np.random.default_rng(0)
     image = random.integers(0, 256, (100, 100, 3), np.uint8)  # 30 kB that do not shrink
-    failed = Failed()
+    failed: Queue[BaseException] = Queue()
     path = tmp_path / "reference.mcap"
     with file_size_limit(200_000):
-        recorder = ReferenceRecorder(path, 0, 0, failed)
+        recorder = ReferenceRecorder(path, 0, 0, lambda _, why: failed.put(why))
         for index in range(20):
             recorder.record(Frame("eih", index, index, image))
         recorder.start()
-        failure = failed.wait()
+        failure = failed.get(timeout=20)
         recorder.close()
     assert isinstance(failure, LogError)
     read = list(read_reference(path, 0))

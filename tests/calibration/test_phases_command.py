@@ -6,7 +6,6 @@ import io
 import shutil
 from contextlib import redirect_stdout
 from dataclasses import replace
-from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
 
@@ -33,7 +32,6 @@ from tests.synthetic_session import START_NS
 
 pytestmark = pytest.mark.untimed
 
-NOON = datetime(2026, 11, 21, 12, 0, 0, tzinfo=UTC)
 LITE6_CONFIG = DEFAULT_CONFIG.with_name("lite6.yaml")
 THINNED = 4  # of so many ticks one: searching takes its time
 AWAY = Leg(0.7, (0.35, -0.15, 0.22))
@@ -79,7 +77,7 @@ def config_path(tmp_path: Path) -> Path:
 
 def calibrate(config_path: Path, **options) -> int:
     options = PhaseOptions(config=config_path, **options)
-    return PhaseWizard(ScriptedUI(), options, lambda: NOON).run()
+    return PhaseWizard(ScriptedUI(), options).run()
 
 
 def labelled(folders: tuple[Path, ...]) -> Material:
