@@ -11,6 +11,7 @@ import subprocess
 import sys
 from operator import attrgetter
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import typer
@@ -409,16 +410,12 @@ def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
     assert "line 3" in err
 
 
-def hardware(tmp_path, **arm):
-    """The hardware profile with an arm that is not there."""
-    config = tmp_path / "hardware.yaml"
-    arm = {"host": "127.0.0.1", "control_port": 1, "report_port": 2, **arm}
-    config.write_text(f"version: 1\ninclude: [{HARDWARE}]\narm: {json.dumps(arm)}\n")
-    return config
+ABSENT = {"host": "127.0.0.1", "control_port": 1, "report_port": 2}  # an arm that is not there
 
 
 def test_an_arm_that_is_not_there_is_one_sentence_and_leaves_no_session_folder(capsys, tmp_path):
-    config = hardware(tmp_path)
+    config = tmp_path / "hardware.yaml"
+    config.write_text(f"version: 1\ninclude: [{HARDWARE}]\narm: {json.dumps(ABSENT)}\n")
     code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", tmp_path / "logs")
     assert code == 1
     assert len(err.splitlines()) == 1
@@ -437,10 +434,9 @@ def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
 @pytest.mark.parametrize("camera", [{"source": "pattern"}, {"source": "file", "file": "a.mkv"}])
 def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path, camera):
     cameras = {"eih": {"path": "/dev/video0"}, "gt": {"path": "/dev/video2"}, "gs": camera}
-    arm = {"host": "127.0.0.1", "control_port": 1, "report_port": 2}
     station = {"include": [str(DEFAULT_CONFIG)], "rig": {"enabled": False}}
     config = tmp_path / "station.yaml"
-    config.write_text(json.dumps({"version": 1, **station, "arm": arm, "cameras": cameras}))
+    config.write_text(json.dumps({"version": 1, **station, "arm": ABSENT, "cameras": cameras}))
     logs = tmp_path / "logs"
     code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", logs)
     assert code == 2
@@ -449,15 +445,6 @@ def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path
     assert not logs.exists()
     dry = ("run", "--config", config, "--dry-run", "--headless", "--out", logs)
     assert "127.0.0.1:1" in run(capsys, *dry)[2], "a dry run goes on, to an arm that is not there"
-
-
-class InterruptingImport:
-    """Ctrl-C while the command line is being imported."""
-
-    @staticmethod
-    def find_spec(name, *_):
-        if name == "tams_app.cli":
-            raise KeyboardInterrupt
 
 
 def interrupt(*_):
@@ -473,7 +460,8 @@ def run_as_main(capsys):
 
 def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_130(capsys, monkeypatch):
     monkeypatch.delitem(sys.modules, "tams_app.cli")
-    monkeypatch.setattr(sys, "meta_path", [InterruptingImport, *sys.meta_path])
+    find_spec = lambda name, *_: interrupt() if name == "tams_app.cli" else None  # noqa: E731
+    monkeypatch.setattr(sys, "meta_path", [SimpleNamespace(find_spec=find_spec), *sys.meta_path])
     assert run_as_main(capsys) == (130, "tams: interrupted\n")
 
 
