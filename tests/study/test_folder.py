@@ -123,10 +123,14 @@ def test_forgetting_that_a_crash_cut_short_is_finished_by_the_next_command(
     assert {trial.participant for trial in plan.trials} == {"P02"}
 
 
-def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Path) -> None:
+def test_a_trial_s_configuration_is_the_study_s_with_its_condition_and_software_codecs(
+    tmp_path: Path,
+) -> None:
     study = make_study(tmp_path)
-    trial = study.load().trials[4]
-    config = trial.configure(study.config())
+    trial, given = study.load().trials[4], study.config()
+    whatever = given.video.model_copy(update={"encoder": "auto", "decoder": "auto"})
+    config = trial.configure(given.model_copy(update={"video": whatever}))
+    assert (config.video.encoder, config.video.decoder) == ("x264enc", "avdec_h264")
     assert (config.strategy, config.network, config.seed) == (
         trial.strategy,
         trial.network,
@@ -137,13 +141,3 @@ def test_a_trial_s_configuration_is_the_study_s_with_its_condition(tmp_path: Pat
     paper = load_config(None, {"policy.budget.mode": "oracle", "video.repair.mode": "paper"})
     assert config.policy == paper.policy
     assert config.video.repair == paper.video.repair
-
-
-def test_a_study_is_encoded_and_decoded_in_software_whatever_its_machine_has(
-    tmp_path: Path,
-) -> None:
-    study = make_study(tmp_path)
-    video = study.config().video.model_copy(update={"encoder": "auto", "decoder": "auto"})
-    given = study.config().model_copy(update={"video": video})
-    video = study.load().trials[0].configure(given).video
-    assert (video.encoder, video.decoder) == ("x264enc", "avdec_h264")
