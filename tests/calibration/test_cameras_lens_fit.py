@@ -50,11 +50,6 @@ def test_the_error_told_is_the_noise_of_the_corners(noise_px):
     assert found.error_px == pytest.approx(noise_px * np.sqrt(2.0), rel=0.15)
 
 
-def test_a_lens_without_distortion_is_given_none():
-    straight = replace(LENS, distortion=(0.0,) * 5)
-    assert not fit_lens(shown(straight, 27, 1), 640, 480).lens.is_distorted
-
-
 def test_a_third_order_is_taken_only_where_it_is_needed():
     assert fit_lens(shown(LENS, 27, 2), 640, 480).lens.distortion[4] == 0.0
     strong = replace(LENS, fx=420.0, fy=420.0, distortion=(-0.28, 0.09, 0.0, 0.0, -0.012))
