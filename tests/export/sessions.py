@@ -160,8 +160,8 @@ class Dataset:
         return pq.read_table(path).to_pylist()  # type: ignore[no-any-return]
 
 
-def damage(session: Path, at_s: float) -> None:
-    """Change a byte of the chunk in which that second is."""
+def damaged(session: Path, at_s: float) -> Path:
+    """Changes a byte of the chunk in which that second is."""
     path = session / LOG_NAME
     wall_ns = START_NS + head().wall_offset_ns + round(at_s * NS_PER_S)
     with path.open("rb") as file:
@@ -175,3 +175,4 @@ def damage(session: Path, at_s: float) -> None:
     data = bytearray(path.read_bytes())
     data[chunk.chunk_start_offset + chunk.chunk_length // 2] ^= 4
     path.write_bytes(data)
+    return session

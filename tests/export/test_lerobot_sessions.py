@@ -18,7 +18,7 @@ from tests.export.sessions import (
     PLACED,
     TICKS,
     Dataset,
-    damage,
+    damaged,
     head,
     moving_session,
     write_session,
@@ -47,11 +47,6 @@ def cut(session: Path, share: float) -> Path:
     path = session / "session.mcap"
     data = path.read_bytes()
     path.write_bytes(data[: round(len(data) * share)])
-    return session
-
-
-def damaged(session: Path, at_s: float) -> Path:
-    damage(session, at_s)
     return session
 
 
