@@ -87,19 +87,18 @@ def test_a_lifted_block_that_slips_or_is_let_go_outside_the_container_is_one_dro
     assert trial.drops == drops
 
 
-def test_more_than_two_drops_complete_but_do_not_succeed():
+@pytest.mark.parametrize(
+    ("story", "drops"),
+    [
+        ([(0.1, LIFTED, True), (0.2, ON_TABLE, True)] * 3 + CARRY + PLACE, 3),
+        ([(t + 85, *rest) for t, *rest in CARRY + PLACE], 0),
+    ],
+)
+def test_more_than_two_drops_or_ninety_seconds_complete_but_do_not_succeed(story, drops):
     trial = judge()
-    slip = [(0.1, LIFTED, True), (0.2, ON_TABLE, True)]
-    play(trial, slip * 3 + CARRY + PLACE)
+    assert play(trial, story)
     outcome = trial.outcome()
-    assert (outcome.completed, outcome.success, outcome.drops) == (True, False, 3)
-
-
-def test_placing_after_ninety_seconds_completes_but_does_not_succeed():
-    trial = judge()
-    late = [(t + 85, *rest) for t, *rest in CARRY + PLACE]
-    assert play(trial, late)
-    assert (trial.outcome().completed, trial.outcome().success) == (True, False)
+    assert (outcome.completed, outcome.success, outcome.drops) == (True, False, drops)
 
 
 def test_the_trial_ends_at_the_limit_without_a_placement():
