@@ -72,15 +72,8 @@ class LiveBench:
         return tuple(self._refused)
 
     def binding(self, camera: str) -> dict[str, str]:
-        config = self._plugged[camera].config
-        return {
-            "source": "v4l2",
-            "name": config.name,
-            "serial": config.serial,
-            "path": config.path,
-            "file": "",
-            "pixel_format": config.pixel_format,
-        }
+        keys = {"source", "name", "serial", "path", "file", "pixel_format"}
+        return self._plugged[camera].config.model_dump(include=keys)
 
     def camera_of(self, config: CameraConfig) -> str:
         try:
