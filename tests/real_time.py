@@ -8,8 +8,6 @@ and skips the test if none comes. What happens in the test itself is never a rea
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
 
 import pytest
 
@@ -22,19 +20,15 @@ LOOK_S = 1.0
 WAIT_S = 120.0  # of the whole run: a machine that stays busy does not hold it up for ever
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
-    """One look at the machine."""
-
-    late: float  # share of ticks that began or ended more than LATE_S after they should have
-
-    @property
-    def keeps_time(self) -> bool:
-        return self.late <= MOST_LATE
+# What is left of the looks that one run may take while it waits for a quiet machine.
+_looks = iter(range(round(WAIT_S / LOOK_S)))
 
 
-def measure() -> Measurement:
-    """Run an ordinary loop of 120 Hz with a tick's work for half a second."""
+def share_late() -> float:
+    """Run an ordinary loop of 120 Hz with a tick's work: the share of ticks that were late.
+
+    Late is a tick that began or ended more than LATE_S after it should have.
+    """
     ticks = round(MEASURED_S / PERIOD_S)
     late = 0
     due_s = time.monotonic() + PERIOD_S
@@ -45,30 +39,12 @@ def measure() -> Measurement:
             pass
         late += time.monotonic() > due_s + WORK_S + LATE_S
         due_s = max(due_s + PERIOD_S, time.monotonic())
-    return Measurement(late / ticks)
-
-
-class Waiting:
-    """What is left of the time that one run may wait for a quiet machine."""
-
-    def __init__(self, measure: Callable[[], Measurement], sleep: Callable[[float], None]) -> None:
-        self._measure = measure
-        self._sleep = sleep
-        self._left_s = WAIT_S
-
-    def until_quiet(self) -> Measurement:
-        """The first measurement that keeps time, or one that does not once the time is spent."""
-        while not (seen := self._measure()).keeps_time and self._left_s > 0.0:
-            self._sleep(LOOK_S)
-            self._left_s -= LOOK_S
-        return seen
-
-
-_waiting = Waiting(measure, time.sleep)
+    return late / ticks
 
 
 def require_real_time() -> None:
     """Skip the test, before it begins, on a machine that does not keep time now."""
-    seen = _waiting.until_quiet()
-    if not seen.keeps_time:
-        pytest.skip(f"measured beforehand: this machine is busy, {seen.late:.0%} of ticks late")
+    while (late := share_late()) > MOST_LATE and next(_looks, None) is not None:
+        time.sleep(LOOK_S)
+    if late > MOST_LATE:
+        pytest.skip(f"measured beforehand: this machine is busy, {late:.0%} of ticks late")
