@@ -81,16 +81,8 @@ class CalibrationSet:
     """The calibrations of one configuration file, in a folder beside it."""
 
     def __init__(
-        self, folder: Path, config_path: Path, now: Callable[[], datetime] = utc_now
+        self, config_path: Path | None, config: Config, now: Callable[[], datetime] = utc_now
     ) -> None:
-        self.folder = folder
-        self._config_path = config_path
-        self._now = now
-
-    @staticmethod
-    def of(
-        config_path: Path | None, config: Config, now: Callable[[], datetime] = utc_now
-    ) -> CalibrationSet:
         """The set that `config`, read from `config_path`, names; ConfigError if it names none.
 
         ConfigError also for a session's own configuration, which no calibration is laid over.
@@ -105,7 +97,8 @@ class CalibrationSet:
             raise ConfigError(
                 f"{path}: names no calibration: add `calibration: my-lab` (any name) at its top"
             )
-        return CalibrationSet(set_folder(path, config.calibration), path, now)
+        self.folder = set_folder(path, config.calibration)
+        self._config_path, self._now = path, now
 
     @property
     def index(self) -> Path:
@@ -325,7 +318,7 @@ class CalibrationSet:
 
 def show_in_force(config_path: Path | None) -> None:
     """Print each kind's file with its origin and figures; ConfigError if there is no set."""
-    ui, store = WizardUI(), CalibrationSet.of(config_path, load_config(config_path))
+    ui, store = WizardUI(), CalibrationSet(config_path, load_config(config_path))
     in_force = {one.kind: one for one in store.all_in_force()}
     ui.print(f"In force from {store.folder}:")
     for kind in KEYS_BY_KIND:
@@ -335,7 +328,7 @@ def show_in_force(config_path: Path | None) -> None:
 
 def undo_last(config_path: Path | None) -> None:
     """Take the last calibration back and print what counts instead; TamsError if there is none."""
-    ui, store = WizardUI(), CalibrationSet.of(config_path, load_config(config_path))
+    ui, store = WizardUI(), CalibrationSet(config_path, load_config(config_path))
     undone = store.undo()
     now = store.in_force(undone.kind)
     instead = f"{now.name} counts again" if now else f"no {undone.kind} calibration counts any more"

@@ -51,7 +51,7 @@ class Wizard(ABC, Generic[Options]):
             check_figure(options.figure)
         self.check()
         self.config = load_config(options.config, self.overrides)
-        self.store = CalibrationSet.of(options.config, self.config, self.now)
+        self.store = CalibrationSet(options.config, self.config, self.now)
         self.prepare()
         self.store.check_before(self.ui, options.yes, self.simulated)
         with self.ui:

@@ -42,7 +42,7 @@ class PhaseWizard:
             raise ConfigError("--trials and --held-out are for --sim: logs are given with --from")
         check_count(len(options.logs) or self._count)
         config = load_config(options.config)
-        store = CalibrationSet.of(options.config, config, self._now)
+        store = CalibrationSet(options.config, config, self._now)
         store.check_before(ui, True, options.sim)
         with ui:
             material = self._trials(config)

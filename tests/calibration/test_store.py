@@ -22,14 +22,14 @@ OTHER = ((0.0, -1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 @pytest.fixture
 def store(config_path):
-    return CalibrationSet.of(config_path, load_config(config_path), lambda: NOON)
+    return CalibrationSet(config_path, load_config(config_path), lambda: NOON)
 
 
 @pytest.fixture
 def hourly(config_path):
     """The same, with an hour from one calibration to the next."""
     hours = iter(range(100))
-    return CalibrationSet.of(
+    return CalibrationSet(
         config_path, load_config(config_path), lambda: NOON + timedelta(hours=next(hours))
     )
 
@@ -79,7 +79,7 @@ def test_what_a_session_ran_with_stays_so_and_is_not_calibrated(store, config_pa
     store.write(frame(OTHER))
     assert load_config(effective).hand.rotation == TURNED
     with pytest.raises(ConfigError, match="is what a session ran with"):
-        CalibrationSet.of(effective, load_config(effective))
+        CalibrationSet(effective, load_config(effective))
 
 
 def test_a_calibration_spoilt_by_hand_is_named_where_the_configuration_is_refused(
@@ -139,7 +139,7 @@ def test_a_wrong_index_is_refused_with_its_key(store, config_path, index, reason
 def test_a_configuration_without_a_set_is_told_how_to_name_one(config_path):
     config_path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\n")
     with pytest.raises(ConfigError, match="calibration: my-lab"):
-        CalibrationSet.of(config_path, load_config(config_path))
+        CalibrationSet(config_path, load_config(config_path))
 
 
 def test_it_is_written_only_after_a_yes_and_what_it_would_replace_is_named_before(store):
@@ -222,7 +222,7 @@ def test_a_folder_that_cannot_be_written_is_one_sentence_and_before_anything_is_
 def test_what_was_simulated_is_never_put_in_force_for_real_devices(tmp_path):
     path = tmp_path / "lab.yaml"
     path.write_text("version: 1\ninclude: [lite6.yaml]\n")
-    store = CalibrationSet.of(path, load_config(path, {"rig.enabled": True}), lambda: NOON)
+    store = CalibrationSet(path, load_config(path, {"rig.enabled": True}), lambda: NOON)
     turned = Calibration("frame", frame().changes, "a simulated person", {}, simulated=True)
     with pytest.raises(ConfigError, match="has real devices"):
         store.propose(ScriptedUI(["y"]), turned, yes=True)
@@ -241,7 +241,7 @@ def test_what_was_simulated_for_the_rig_is_refused_by_a_real_configuration_of_th
     rig, lab = tmp_path / "rig.yaml", tmp_path / "lab.yaml"
     rig.write_text("version: 1\ninclude: [tams.yaml]\ncalibration: shared\n")
     lab.write_text("version: 1\ninclude: [lite6.yaml]\ncalibration: shared\n")
-    store = CalibrationSet.of(rig, load_config(rig), lambda: NOON)
+    store = CalibrationSet(rig, load_config(rig), lambda: NOON)
     turned = Calibration("frame", frame().changes, "a simulated person", {}, simulated=True)
     written = store.write(turned)
     assert load_config(rig).hand.rotation == TURNED
