@@ -90,18 +90,17 @@ def joined(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets) -> Se
     for view in robot.header.views:
         indices = capture_indices(robot, view)
         there = [one for one in operator.shown if one.view == view and one.index in indices]
-        if there:
-            times_ns = offsets.to_robot(np.array([one.shown_ns for one in there], dtype=np.int64))
-            shown += [
-                FrameShown(
-                    view,
-                    indices[one.index],
-                    t_ns,
-                    one.whole,
-                    one.received_ns and one.received_ns + t_ns - one.shown_ns,
-                )
-                for one, t_ns in zip(there, times_ns.tolist(), strict=True)
-            ]
+        times_ns = offsets.to_robot(np.array([one.shown_ns for one in there], dtype=np.int64))
+        shown += [
+            FrameShown(
+                view,
+                indices[one.index],
+                t_ns,
+                one.whole,
+                one.received_ns and one.received_ns + t_ns - one.shown_ns,
+            )
+            for one, t_ns in zip(there, times_ns.tolist(), strict=True)
+        ]
     seen_ns = np.array([one.t_ns for one in operator.glances], dtype=np.int64)
     glances = [
         replace(one, t_ns=t_ns)
@@ -145,17 +144,15 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
     """The link's figures; times between the sides are right to within `uncertainty_ms`."""
     received = robot.hands_received
     counted = [one for one in received if not one.refusal]
-    posed = _posed(robot)
+    posed = [one for one in counted if one.pose_ns]  # the controller has told where it is
     refused = dict(Counter(one.refusal for one in received if one.refusal))
     reported = sum(one.packets for one in robot.uplink)
     return {
         "clock_offset_ms": round(float(np.median(offsets.offset_ns)) / NS_PER_MS, 3),
         "uncertainty_ms": round(offsets.uncertainty_ns / NS_PER_MS, 3),
         "samples": {"heard": len(received), "counted": len(counted), "refused": refused},
-        "sample_age_ms": _ages_ms(
-            [one.pose_ns for one in posed], [one.t_ns for one in posed], offsets
-        ),
-        "command_latency_ms": _command_latency_ms(robot, offsets),
+        "sample_age_ms": _ages_ms([(one.pose_ns, one.t_ns) for one in posed], offsets),
+        "command_latency_ms": _command_latency_ms(robot, posed, offsets),
         "state_age_ms": _state_ages_ms(operator, offsets),
         "round_trip_ms": percentiles(
             np.array([one.t_ns - one.echo_ns for one in received if one.echo_ns > 0]) / NS_PER_MS,
@@ -183,22 +180,16 @@ def _stops_per_minute(robot: SessionLog) -> dict[str, float]:
     return {reason: round(number / minutes, 2) for reason, number in counts.items()}
 
 
-def _posed(robot: SessionLog) -> list[HandHeard]:
-    """The samples that counted, once the controller has reported where it is."""
-    return [one for one in robot.hands_received if not one.refusal and one.pose_ns]
+def _ages_ms(times_ns: list[tuple[int, int]], offsets: ClockOffsets) -> dict[str, Any]:
+    """From when each was made at the operator's side until a time of the robot's."""
+    made_ns, at_ns = np.array(times_ns, dtype=np.int64).reshape(-1, 2).T
+    return percentiles((at_ns - offsets.to_robot(made_ns)) / NS_PER_MS, _PERCENTILES)
 
 
-def _ages_ms(made_ns: list[int], at_ns: list[int], offsets: ClockOffsets) -> dict[str, Any]:
-    """From when it was made at the operator's side until a time of the robot's."""
-    if not made_ns:
-        return percentiles(np.array([]), _PERCENTILES)
-    made = offsets.to_robot(np.array(made_ns, dtype=np.int64))
-    return percentiles((np.array(at_ns, dtype=np.int64) - made) / NS_PER_MS, _PERCENTILES)
-
-
-def _command_latency_ms(robot: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
+def _command_latency_ms(
+    robot: SessionLog, posed: list[HandHeard], offsets: ClockOffsets
+) -> dict[str, Any]:
     """From the pose of the hand to the end of the first tick that had it."""
-    posed = _posed(robot)
     started = np.array([tick.started_ns for tick in robot.ticks], dtype=np.int64)
     finished = np.array([tick.finished_ns for tick in robot.ticks], dtype=np.int64)
     tick = np.searchsorted(started, [one.t_ns for one in posed])
@@ -207,7 +198,7 @@ def _command_latency_ms(robot: SessionLog, offsets: ClockOffsets) -> dict[str, A
         for one, number in zip(posed, tick.tolist(), strict=True)
         if number < len(finished)
     ]
-    return _ages_ms([one[0] for one in acted], [one[1] for one in acted], offsets)
+    return _ages_ms(acted, offsets)
 
 
 def _state_ages_ms(operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any]:
