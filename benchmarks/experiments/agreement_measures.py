@@ -32,7 +32,7 @@ def view_measures(replay: Replay, view: str) -> Measures:
     ]
     quality = [one for one in log.quality if one.view == view and replay.inside(one.capture_ns)]
     return {
-        "target_kbps": step_mean(targets.t_ns, targets.kbps[view], span.start_ns, span.end_ns),
+        "target_kbps": step_mean(targets.t_ns, targets.kbps[view], span),
         "sent_kbps": rate_kbps(packets, mine, packets.entered_ns, span),
         **{f"{kind}_ssim": _mean(scores(quality, kind)) for kind in KINDS},
         **{f"{kind}_ssim_n": float(len(scores(quality, kind))) for kind in KINDS},

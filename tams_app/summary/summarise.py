@@ -111,8 +111,7 @@ def _view(
     latency_ms = (frames.shown_ns - frames.capture_ns)[shown] / NS_PER_MS
     found = windows(log, view, frames, packets, targets)
     return {
-        "target_kbps_mean": span
-        and step_mean(targets.t_ns, targets.kbps[view], span.start_ns, span.end_ns),
+        "target_kbps_mean": step_mean(targets.t_ns, targets.kbps[view], span),
         "sent_kbps_mean": rate_kbps(packets, mine, packets.entered_ns, span),
         "tracking_error": tracking_error(found, steps(targets, view)),
         **view_rate(log, view, frames, span),
@@ -286,8 +285,7 @@ def uplink(
     sojourn_ms = (packets.departed_ns - packets.entered_ns)[crossed] / NS_PER_MS
     return {
         "capacity_kbps": capacity_kbps,
-        "budget_kbps_mean": span
-        and step_mean(targets.t_ns, targets.budget_kbps, span.start_ns, span.end_ns),
+        "budget_kbps_mean": step_mean(targets.t_ns, targets.budget_kbps, span),
         "sent_kbps_mean": rate_kbps(packets, video, packets.entered_ns, span),
         "utilisation": _utilisation(packets, crossed, capacity_kbps, span),
         "queue_ms": percentiles(sojourn_ms, ("p50", "p95", "max")),
@@ -321,13 +319,11 @@ def rate_kbps(packets: PacketTable, chosen: Flags, at_ns: Integers, span: Span |
 
 
 def _capacity_kbps(log: SessionLog, span: Span | None) -> Number:
-    if span is None or not log.capacities:
-        return None
     times_ns = np.array([one.t_ns for one in log.capacities], dtype=np.int64)
     kbps = np.array([one.capacity_kbps for one in log.capacities], dtype=np.float64)
     if not np.all(np.isfinite(kbps)):
         return None  # no bottleneck
-    return step_mean(times_ns, kbps, span.start_ns, span.end_ns)
+    return step_mean(times_ns, kbps, span)
 
 
 def _utilisation(

@@ -212,18 +212,18 @@ def ratio(part: float, whole: float) -> Number:
     return round(float(part / whole), 6) if whole > 0 else None
 
 
-def step_mean(times_ns: Integers, values: Floats, start_ns: int, end_ns: int) -> Number:
-    """Mean over [start, end) of a quantity that keeps each value until the next time.
+def step_mean(times_ns: Integers, values: Floats, span: Span | None) -> Number:
+    """Mean over the span of a quantity that keeps each value until the next time.
 
-    Before the first time it has the first value; null without values or time.
+    Before the first time it has the first value; null without values or span.
     """
-    if not len(values) or end_ns <= start_ns:
+    if span is None or not len(values):
         return None
     order = np.argsort(times_ns, kind="stable")
-    edges = np.clip(np.append(times_ns[order], end_ns), start_ns, end_ns)
-    edges[0] = start_ns
+    edges = np.clip(np.append(times_ns[order], span.end_ns), span.start_ns, span.end_ns)
+    edges[0] = span.start_ns
     durations = np.diff(edges)
-    return round(float(np.sum(durations * values[order]) / (end_ns - start_ns)), 4)
+    return round(float(np.sum(durations * values[order]) / (span.end_ns - span.start_ns)), 4)
 
 
 def last_before(times_ns: Integers, values: Floats, at_ns: Integers) -> Floats:
