@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 from calibration.options import WizardOptions
-from calibration.store import Calibration, CalibrationSet, utc_now
+from calibration.store import Calibration, CalibrationSet
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, TamsError
@@ -30,10 +28,8 @@ class Wizard(ABC, Generic[Options]):
     config: Config
     store: CalibrationSet
 
-    def __init__(
-        self, ui: WizardUI, options: Options, now: Callable[[], datetime] = utc_now
-    ) -> None:
-        self.ui, self.options, self.now = ui, options, now
+    def __init__(self, ui: WizardUI, options: Options) -> None:
+        self.ui, self.options = ui, options
 
     def run(self) -> int:
         """Calibrate.
@@ -51,7 +47,7 @@ class Wizard(ABC, Generic[Options]):
             check_figure(options.figure)
         self.check()
         self.config = load_config(options.config, self.overrides)
-        self.store = CalibrationSet(options.config, self.config, self.now)
+        self.store = CalibrationSet(options.config, self.config)
         self.prepare()
         self.store.check_before(self.ui, options.yes, self.simulated)
         with self.ui:

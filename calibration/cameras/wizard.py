@@ -17,7 +17,7 @@ from calibration.cameras.findings import Findings, draw_findings
 from calibration.cameras.flashes import check_display
 from calibration.cameras.measuring import LENS, MOUNT
 from calibration.options import CameraOptions
-from calibration.store import Calibration
+from calibration.store import Calibration, utc_now
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
@@ -175,7 +175,7 @@ class CameraWizard(Wizard[CameraOptions]):
             keys["latency_ms"] = round(max(0.0, found.latency.ms), 1)
         elif same is not None:
             keys["latency_ms"] = same.latency_ms
-        today = self.now().date()
+        today = utc_now().date()
         lens = None if same is None else same.lens
         mount = None if same is None else same.mount
         if found.lens is not None:

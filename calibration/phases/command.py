@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from datetime import datetime
-
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 
@@ -12,7 +9,7 @@ from calibration.options import PhaseOptions
 from calibration.phases import report
 from calibration.phases.fit import SEARCHED, check_count, evaluate, fit_thresholds
 from calibration.phases.sources import Material, logged_trials, virtual_trials
-from calibration.store import Calibration, CalibrationSet, utc_now
+from calibration.store import Calibration, CalibrationSet
 from calibration.ui import WizardUI, as_text
 from tams_app.config import Config, PhasesConfig, load_config
 from tams_app.errors import ConfigError
@@ -23,10 +20,8 @@ _DEFAULT_TRIALS = 10
 class PhaseWizard:
     """The thresholds of Algorithm 1; asks nothing."""
 
-    def __init__(
-        self, ui: WizardUI, options: PhaseOptions, now: Callable[[], datetime] = utc_now
-    ) -> None:
-        self._ui, self._options, self._now = ui, options, now
+    def __init__(self, ui: WizardUI, options: PhaseOptions) -> None:
+        self._ui, self._options = ui, options
         self._count = _DEFAULT_TRIALS if options.trials is None else options.trials
 
     def run(self) -> int:
@@ -42,7 +37,7 @@ class PhaseWizard:
             raise ConfigError("--trials and --held-out are for --sim: logs are given with --from")
         check_count(len(options.logs) or self._count)
         config = load_config(options.config)
-        store = CalibrationSet(options.config, config, self._now)
+        store = CalibrationSet(options.config, config)
         store.check_before(ui, True, options.sim)
         with ui:
             material = self._trials(config)
