@@ -19,9 +19,7 @@ LENS = Lens("camera", NOWHERE, 612.0, 609.0, 331.0, 236.0, 640, 480,
             (-0.21, 0.06, 0.001, -0.0007, 0.0))  # fmt: skip
 
 
-def view_of(
-    lens: Lens, board: Pose, random: np.random.Generator, noise_px: float = 0.1
-) -> BoardView:
+def view_of(lens: Lens, board: Pose, random: np.random.Generator, noise_px: float) -> BoardView:
     """What the camera sees of a board at `board` in its frame."""
     seen = board.position + board.rotation.apply(CORNERS)
     pixels = lens.pixels(seen[:, :2] / seen[:, 2:])
@@ -54,6 +52,7 @@ def shown(
 
 
 MOUNT = Pose(np.array([-0.068, 0.004, 0.024]), Rotation.from_rotvec((0.4, 0.45, 1.5)))
+GT = Pose(np.array([0.75, 0.0, 0.82]), Rotation.from_rotvec((2.2, -2.2, 0.5)))
 BOARD = Pose(np.array([0.36, -0.02, 0.03]), Rotation.from_rotvec((2.8, 0.3, 0.1)))
 
 
@@ -74,14 +73,12 @@ def arm_views(
         yield ArmView(told, view_of(lens, mounted(inverse(camera), BOARD), random, noise_px))
 
 
-def placed_views(
-    lens: Lens, camera: Pose, number: int, random: np.random.Generator, noise_px: float = 0.1
-) -> Iterator[Placed]:
-    """The board at several places before a camera that stands at `camera`."""
-    for _ in range(number):
+def placed_views(random: np.random.Generator, noise_px: float = 0.1) -> Iterator[Placed]:
+    """The board at five places before a camera that stands at `GT`."""
+    for _ in range(5):
         x, y, z = random.uniform(-0.5, 0.5, 3).tolist()
         column, row = random.uniform(0.3, 0.7, 2).tolist()
-        board = held(lens, column, row, (x, y, z))
-        view = view_of(lens, board, random, noise_px)
-        in_base = mounted(camera, board)
+        board = held(LENS, column, row, (x, y, z))
+        view = view_of(LENS, board, random, noise_px)
+        in_base = mounted(GT, board)
         yield Placed(in_base.position + in_base.rotation.apply(view.points), view)

@@ -40,11 +40,9 @@ KNOWN = [  # v_ε, v_z^min, T_align, T_pre
 ]
 
 
-def labelled(
-    truth: PhasesConfig, seeds: Sequence[int] = range(3), noise_mm_s: float = 0.0
-) -> list[Trial]:
+def labelled(truth: PhasesConfig, noise_mm_s: float = 0.0) -> list[Trial]:
     """Trials that Algorithm 1 with thresholds `truth` has labelled."""
-    motions = [motion(seed, noise_mm_s) for seed in seeds]
+    motions = [motion(seed, noise_mm_s) for seed in range(3)]
     return [Trial(each, infer(each, truth)) for each in motions]
 
 
