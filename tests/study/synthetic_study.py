@@ -55,8 +55,11 @@ class PlantedRunner:
     damage_told: bool = True
     missing_phase: str | None = None
     fails: tuple[str, ...] = ()
+    interrupted: tuple[str, ...] = ()  # Ctrl-C comes in these
 
     def run(self, trial: PlannedTrial, folder: Path) -> None:
+        if trial.id in self.interrupted:
+            raise KeyboardInterrupt
         if trial.id in self.fails:
             raise DeviceError(f"{trial.id}: the rig fell over")
         (folder / "summary.json").write_text(json.dumps(self.summary(trial)), encoding="utf-8")

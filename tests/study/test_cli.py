@@ -18,7 +18,7 @@ from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
 from tams_app.errors import TamsError
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import AttemptState, PlannedTrial, conditions_of_all
+from tams_app.study.plan import AttemptState, conditions_of_all
 from tams_app.study.runner import TrialRunner, mark_ended
 from tams_app.study.trial_process import Job
 from tests.study.synthetic_study import PlantedRunner
@@ -282,22 +282,13 @@ def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
     assert err == "tams: simulated trials need MuJoCo: pip install mujoco\n"
 
 
-class Interrupted(PlantedRunner):
-    """Ctrl-C comes in a trial."""
-
-    def run(self, trial: PlannedTrial, folder: Path) -> None:
-        if trial.id == "P01-02":
-            raise KeyboardInterrupt
-        super().run(trial, folder)
-
-
 def test_ctrl_c_leaves_a_study_that_goes_on(
     study: Run, config: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "s"
     words = ("run", "--sim", "--participants", 1, "--config", config, "--out", out)
     with pytest.raises(KeyboardInterrupt):
-        study(*words, runner=Interrupted())
+        study(*words, runner=PlantedRunner(interrupted=("P01-02",)))
     text = capsys.readouterr().out
     assert "Stopped: 1 of 2 trials are done and kept." in text
     assert f"`study run --sim {out}` goes on" in text.replace("\n", "")

@@ -10,7 +10,7 @@ import pytest
 from tams_app.errors import ConfigError
 from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
-from tams_app.study.plan import AttemptState, PlannedTrial, Verdict
+from tams_app.study.plan import AttemptState, Verdict
 from tams_app.study.runner import TrialRunner
 from tams_app.task.marks import Marks
 from tests.scripted_ui import ScriptedConsole
@@ -111,16 +111,11 @@ def test_a_trial_that_cannot_be_run_is_retried_on_request(tmp_path: Path) -> Non
     assert sit(study, ScriptedConsole(*SUCCESS, "s")) == 1
 
 
-class Interrupted:
-    def run(self, trial: PlannedTrial, folder: Path) -> None:
-        raise KeyboardInterrupt
-
-
 def test_ctrl_c_during_a_trial_keeps_the_study(tmp_path: Path) -> None:
     study = hardware_study(tmp_path)
     person = ScriptedConsole("g")
     with pytest.raises(KeyboardInterrupt):
-        sit(study, person, Interrupted())
+        sit(study, person, PlantedRunner(interrupted=("P01-01",)))
     assert "goes on from here" in person.said[-1]
     attempt = study.load().trials[0].last
     assert attempt is not None
