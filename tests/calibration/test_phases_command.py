@@ -89,12 +89,6 @@ def found(logs) -> PhaseFit:
     return fit_thresholds(labelled(logs).trials, 100.0)
 
 
-@pytest.fixture
-def fitted(found, monkeypatch) -> None:
-    """Nothing is sought: for what comes before and after that."""
-    monkeypatch.setattr(command, "fit_thresholds", lambda *_: found)
-
-
 @pytest.fixture(scope="module")
 def written(logs, tmp_path_factory) -> tuple[Path, str]:
     """A configuration whose phases were calibrated from the logs, and what the command said."""
@@ -204,8 +198,10 @@ def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
         calibrate(config_path, logs=own_logs)
 
 
-@pytest.mark.usefixtures("fitted")
-def test_only_trials_of_real_devices_count_for_real_devices(logs, own_logs, tmp_path) -> None:
+def test_only_trials_of_real_devices_count_for_real_devices(
+    logs, own_logs, found, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.setattr(command, "fit_thresholds", lambda *_: found)
     config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
     mark(own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
