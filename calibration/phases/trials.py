@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tams_app.config import PhasesConfig
 from tams_app.errors import UnreadableLogError
-from tams_app.policy.phases import PhaseParameters, PhaseTracker, SmoothedSpeed
+from tams_app.policy.phases import PhaseTracker, SmoothedSpeed
 from tams_app.records import Phase, Tick
 from tams_app.units import NS_PER_S
 
@@ -81,7 +81,7 @@ def motion_of(name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: f
 
 def infer(motion: Motion, thresholds: PhasesConfig) -> Codes:
     """The phases that Algorithm 1 gives with `thresholds`, codes of `PHASES`, shape (n,)."""
-    step = PhaseTracker(PhaseParameters.of(thresholds)).step
+    step = PhaseTracker(thresholds).step
     return np.fromiter(
         (
             CODE[step(speed=speed, vertical_speed=vertical, closed=closed, period_s=dt).phase]

@@ -101,7 +101,6 @@ def phases(
     Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
     """
     from tams_app.policy.offline import label_phases
-    from tams_app.policy.phases import PhaseParameters
 
     settings = load_config(
         config,
@@ -116,7 +115,7 @@ def phases(
     if out is not None and out.exists() and file.exists() and out.samefile(file):
         raise ConfigError(f"--out: {out} is the table that is read: give another file")
     smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
-    labelled = label_phases(_read(file), str(file), PhaseParameters.of(settings), smoothing_s)
+    labelled = label_phases(_read(file), str(file), settings, smoothing_s)
     if out is None:
         typer.echo(labelled, nl=False)
     else:

@@ -8,8 +8,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
-from tams_app.policy.phases import PhaseParameters, PhaseTracker
+from tams_app.policy.phases import PhaseTracker
 
 COLUMNS = ("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper")
 ADDED_COLUMNS = ("phase", "reason")
@@ -23,7 +24,7 @@ class _Row:
     closed: bool
 
 
-def label_phases(text: str, name: str, parameters: PhaseParameters, smoothing_s: float) -> str:
+def label_phases(text: str, name: str, thresholds: PhasesConfig, smoothing_s: float) -> str:
     """The CSV `text` with the columns phase and reason added.
 
     `smoothing_s` is the EMA's time constant; 0 takes the speeds exactly as they are.
@@ -34,7 +35,7 @@ def label_phases(text: str, name: str, parameters: PhaseParameters, smoothing_s:
     output = io.StringIO()
     writer = csv.DictWriter(output, [*header, *ADDED_COLUMNS], lineterminator="\n")
     writer.writeheader()
-    for (_, record), labels in zip(records, _label(rows, parameters, smoothing_s), strict=True):
+    for (_, record), labels in zip(records, _label(rows, thresholds, smoothing_s), strict=True):
         writer.writerow({**record, **labels})
     return output.getvalue()
 
@@ -64,9 +65,9 @@ def _check_header(header: Sequence[str], name: str) -> None:
 
 
 def _label(
-    rows: Iterable[_Row], parameters: PhaseParameters, smoothing_s: float
+    rows: Iterable[_Row], thresholds: PhasesConfig, smoothing_s: float
 ) -> Iterator[dict[str, str]]:
-    tracker = PhaseTracker(parameters)
+    tracker = PhaseTracker(thresholds)
     speed_mm_s = vertical_mm_s = 0.0
     last_s: float | None = None
     for row in rows:

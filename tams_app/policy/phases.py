@@ -14,27 +14,6 @@ _MIN_INTERVAL_S = 0.002  # two reports closer than this came out of one socket r
 
 
 @dataclass(frozen=True, slots=True)
-class PhaseParameters:
-    """Thresholds v_ε, v_z^min [m/s] and dwell times T_align, T_pre [s] of Algorithm 1."""
-
-    v_eps: float
-    vz_min: float
-    align_dwell_s: float
-    pre_release_dwell_s: float
-    begins_open: bool = False  # the gripper is taken for open before the first step
-
-    @staticmethod
-    def of(config: PhasesConfig) -> PhaseParameters:
-        return PhaseParameters(
-            v_eps=config.v_eps_mm_s / 1000,
-            vz_min=config.vz_min_mm_s / 1000,
-            align_dwell_s=config.align_dwell_s,
-            pre_release_dwell_s=config.pre_release_dwell_s,
-            begins_open=config.inference == "reference",
-        )
-
-
-@dataclass(frozen=True, slots=True)
 class PhaseDecision:
     """s_t, τ_desc [s], and the line of the algorithm that decided."""
 
@@ -44,7 +23,7 @@ class PhaseDecision:
 
 
 def infer_phase(
-    parameters: PhaseParameters,
+    thresholds: PhasesConfig,
     *,
     speed: float,
     vertical_speed: float,
@@ -57,7 +36,7 @@ def infer_phase(
     """One step of Algorithm 1.
 
     Args:
-        parameters: the thresholds and dwell times.
+        thresholds: v_ε and v_z^min, the dwell times T_align and T_pre.
         speed: v̄_t, the smoothed speed of the TCP [m/s].
         vertical_speed: v̄_{z,t}, its smoothed vertical speed, positive upwards [m/s].
         closed: g_t, whether the gripper is closed.
@@ -73,15 +52,16 @@ def infer_phase(
         return PhaseDecision(Phase.GRASP, descending_s, "gripper closed")
     if was_closed and not closed:
         return PhaseDecision(Phase.RELEASE, descending_s, "gripper opened")
-    if speed <= parameters.v_eps:
+    if speed <= thresholds.v_eps_mm_s / 1000:
         return PhaseDecision(previous, descending_s, "pause: phase held")
 
-    descending_s = descending_s + period_s if vertical_speed < -parameters.vz_min else 0.0
+    descends = vertical_speed < -thresholds.vz_min_mm_s / 1000
+    descending_s = descending_s + period_s if descends else 0.0
     if not closed:
-        if descending_s >= parameters.align_dwell_s:
+        if descending_s >= thresholds.align_dwell_s:
             return PhaseDecision(Phase.ALIGN, descending_s, "open and descending")
         return PhaseDecision(Phase.REACH, descending_s, "open and moving")
-    if descending_s >= parameters.pre_release_dwell_s:
+    if descending_s >= thresholds.pre_release_dwell_s:
         return PhaseDecision(Phase.PRE_RELEASE, descending_s, "closed and descending")
     return PhaseDecision(Phase.TRANSPORT, descending_s, "closed and moving")
 
@@ -89,9 +69,9 @@ def infer_phase(
 class PhaseTracker:
     """Algorithm 1 with its memory: s_{t-1}, g_{t-1} and τ_desc; `phase` is REACH at the start."""
 
-    def __init__(self, parameters: PhaseParameters) -> None:
-        self._parameters = parameters
-        self._closed: bool | None = False if parameters.begins_open else None
+    def __init__(self, thresholds: PhasesConfig) -> None:
+        self._thresholds = thresholds
+        self._closed: bool | None = False if thresholds.inference == "reference" else None
         self._descending_s = 0.0
         self.phase = Phase.REACH
 
@@ -100,10 +80,10 @@ class PhaseTracker:
     ) -> PhaseDecision:
         """One control period.
 
-        The first step has no gripper edge, unless `begins_open`. A gripper of unknown state is
-        taken for open, so that the next command to close it is an edge. Where it was closed and is
-        not known any more, nothing is claimed to be held, and Reach begins. The rest is as for
-        `infer_phase`; `closed`: None: not known.
+        The first step has no gripper edge, but with the inference `reference`. A gripper of unknown
+        state is taken for open, so that the next command to close it is an edge. Where it was
+        closed and is not known any more, nothing is claimed to be held, and Reach begins. The rest
+        is as for `infer_phase`; `closed`: None: not known.
         """
         if self._closed is None:
             self._closed = bool(closed)
@@ -113,7 +93,7 @@ class PhaseTracker:
             self._descending_s, self.phase = 0.0, Phase.REACH
             return PhaseDecision(self.phase, self._descending_s, "gripper not known any more")
         decision = infer_phase(
-            self._parameters,
+            self._thresholds,
             speed=speed,
             vertical_speed=vertical_speed,
             closed=self._closed,
@@ -167,7 +147,7 @@ class PhaseInference:
     """Algorithm 1 on an arm's reports: smooths the TCP's speed and keeps the phase."""
 
     def __init__(self, config: PhasesConfig) -> None:
-        self._tracker = PhaseTracker(PhaseParameters.of(config))
+        self._tracker = PhaseTracker(config)
         self._smoothed = SmoothedSpeed(config.smoothing_ms / 1000)
         self._last_ns: int | None = None
 

@@ -8,16 +8,15 @@ import pytest
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
 from tams_app.policy.offline import label_phases
-from tams_app.policy.phases import PhaseParameters
 
 pytestmark = pytest.mark.untimed
 
-PARAMETERS = PhaseParameters.of(PhasesConfig())
+THRESHOLDS = PhasesConfig()
 HEADER = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n"
 
 
 def phases(text, smoothing_s=0.0):
-    labelled = label_phases(text, "t.csv", PARAMETERS, smoothing_s)
+    labelled = label_phases(text, "t.csv", THRESHOLDS, smoothing_s)
     return [row["phase"] for row in csv.DictReader(io.StringIO(labelled))]
 
 
@@ -42,7 +41,7 @@ def test_smoothing_delays_what_raw_speeds_show_at_once():
 
 def test_further_columns_are_kept_and_two_are_added():
     labelled = label_phases(
-        "note,t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\nhi,0,0,0,0,0\n", "t.csv", PARAMETERS, 0.0
+        "note,t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\nhi,0,0,0,0,0\n", "t.csv", THRESHOLDS, 0.0
     )
     assert labelled.splitlines() == [
         "note,t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper,phase,reason",
@@ -51,9 +50,9 @@ def test_further_columns_are_kept_and_two_are_added():
 
 
 def test_its_own_output_is_refused():
-    labelled = label_phases(HEADER + "0,0,0,0,0\n", "t.csv", PARAMETERS, 0.0)
+    labelled = label_phases(HEADER + "0,0,0,0,0\n", "t.csv", THRESHOLDS, 0.0)
     with pytest.raises(ConfigError, match="has a column phase already"):
-        label_phases(labelled, "t.csv", PARAMETERS, 0.0)
+        label_phases(labelled, "t.csv", THRESHOLDS, 0.0)
 
 
 @pytest.mark.parametrize(
@@ -79,4 +78,4 @@ def test_its_own_output_is_refused():
 )
 def test_bad_tables_are_refused_with_the_line_and_the_reason(text, sentence):
     with pytest.raises(ConfigError, match=sentence.replace("?", r"\?")):
-        label_phases(text, "t.csv", PARAMETERS, 0.0)
+        label_phases(text, "t.csv", THRESHOLDS, 0.0)

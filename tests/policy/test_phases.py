@@ -8,17 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import PhasesConfig
-from tams_app.policy.phases import (
-    PhaseParameters,
-    PhaseTracker,
-    SmoothedSpeed,
-    infer_phase,
-)
+from tams_app.policy.phases import PhaseTracker, SmoothedSpeed, infer_phase
 from tams_app.records import Phase
 
 pytestmark = pytest.mark.untimed
 
-PARAMETERS = PhaseParameters.of(PhasesConfig())
+THRESHOLDS = PhasesConfig()
 
 # (edge, still, descending long enough after this period, closed) -> phase; None matches anything
 DECISION_TABLE = [
@@ -68,7 +63,7 @@ def test_every_step_agrees_with_the_decision_table(
     speed, vertical, closed, was_closed, previous, timer, period
 ):
     decision = infer_phase(
-        PARAMETERS,
+        THRESHOLDS,
         speed=speed,
         vertical_speed=vertical,
         closed=closed,
@@ -88,7 +83,7 @@ def run(tracker, seconds, closed, speed, vertical):
 
 
 def test_a_whole_pick_and_place_passes_through_the_six_phases_in_order():
-    tracker = PhaseTracker(PARAMETERS)
+    tracker = PhaseTracker(THRESHOLDS)
     assert tracker.phase is Phase.REACH
     assert run(tracker, 1, False, 0.1, 0.0) is Phase.REACH
     assert run(tracker, 1, False, 0.05, -0.05) is Phase.ALIGN
@@ -100,21 +95,21 @@ def test_a_whole_pick_and_place_passes_through_the_six_phases_in_order():
 
 
 def test_a_pause_within_a_descent_holds_the_phase_and_the_timer():
-    tracker = PhaseTracker(PARAMETERS)
+    tracker = PhaseTracker(THRESHOLDS)
     run(tracker, 0.2, False, 0.05, -0.05)
     run(tracker, 5.0, False, 0.001, 0.0)
     assert run(tracker, 0.15, False, 0.05, -0.05) is Phase.ALIGN
 
 
 def test_the_first_command_to_a_gripper_of_unknown_state_is_an_edge():
-    tracker = PhaseTracker(PARAMETERS)
+    tracker = PhaseTracker(THRESHOLDS)
     assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.REACH
     assert run(tracker, 0.1, True, 0.0, 0.0) is Phase.GRASP
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.1])
 def test_a_gripper_that_is_not_known_any_more_is_not_claimed_to_hold_anything(speed):
-    tracker = PhaseTracker(PARAMETERS)
+    tracker = PhaseTracker(THRESHOLDS)
     assert run(tracker, 0.1, True, 0.1, -0.1) is Phase.TRANSPORT
     decision = tracker.step(speed=speed, vertical_speed=-0.1, closed=None, period_s=0.01)
     assert (decision.phase, decision.reason) == (Phase.REACH, "gripper not known any more")
@@ -123,7 +118,7 @@ def test_a_gripper_that_is_not_known_any_more_is_not_claimed_to_hold_anything(sp
 
 
 def test_a_gripper_that_is_open_and_then_not_known_releases_nothing():
-    tracker = PhaseTracker(PARAMETERS)
+    tracker = PhaseTracker(THRESHOLDS)
     assert run(tracker, 0.1, False, 0.1, 0.0) is Phase.REACH
     assert run(tracker, 0.1, None, 0.1, 0.0) is Phase.REACH
 

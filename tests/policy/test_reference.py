@@ -17,7 +17,7 @@ from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
 from tams_app.policy.offline import label_phases
-from tams_app.policy.phases import PhaseInference, PhaseParameters
+from tams_app.policy.phases import PhaseInference
 from tams_app.records import Phase
 from tests.synthetic_session import tick
 
@@ -83,9 +83,7 @@ def test_the_phases_are_those_of_the_authors_rule_on_random_and_hostile_rows(see
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper"))
     writer.writerows([*map(repr, row[:4]), row[4]] for row in rows)
-    labelled = label_phases(
-        text.getvalue(), "rows", PhaseParameters.of(config), config.smoothing_ms / 1000
-    )
+    labelled = label_phases(text.getvalue(), "rows", config, config.smoothing_ms / 1000)
     found = [row["phase"] for row in csv.DictReader(io.StringIO(labelled))]
     expected = authors_phases(rows)
     assert len(set(expected)) == len(Phase)
