@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Iterator
 
 import numpy as np
@@ -15,7 +14,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import MountMemory, PresentViews
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.live.frame_ring import SHOWN, FrameReader, FrameWriter, RingLayout
+from tams_app.video.live.frame_ring import SHOWN, FrameBlock, FrameReader, RingLayout
 from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, camera_of, lens_of, picture, placed
 
 pytestmark = pytest.mark.untimed
@@ -36,18 +35,19 @@ class Bench:
 
     def __init__(self) -> None:
         layout = RingLayout(SHOWN, ("eih", "gt", "gs"), 64, 48)
-        self._block = mmap.mmap(-1, layout.block_bytes)
+        self.block = FrameBlock(layout)
+        self.block.create()
         self.clock = VirtualClock(NS_PER_S)
         self.mount = MountMemory(CAMERAS)
-        self._writers = {view: FrameWriter(self._block, layout, view) for view in layout.views}
-        readers = {view: FrameReader(self._block, layout, view) for view in layout.views}
+        memory = open_block(self.block.name)
+        readers = {view: FrameReader(memory, layout, view) for view in layout.views}
         present = PresentViews(CAMERAS, open_block(self.mount.name))
         self.corrected = Corrected(present, readers, self.clock)
         self.plain = Corrected(None, readers, self.clock)
 
     def put(self, view: str) -> None:
         now_ns = self.clock.now_ns()
-        self._writers[view].put(1, now_ns, FRAME, now_ns - AGE_NS)
+        self.block.put(view, 1, now_ns, FRAME, now_ns - AGE_NS)
 
     def know(self, trusted: bool = True) -> None:
         """Where the mount was and is, for the last half second."""
@@ -70,6 +70,7 @@ def bench() -> Iterator[Bench]:
     bench = Bench()
     yield bench
     bench.mount.close()
+    bench.block.close()
 
 
 def test_the_wrist_view_is_drawn_as_it_would_look_now_and_says_so(bench: Bench) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import mmap
 from collections.abc import Iterator
 
 import numpy as np
@@ -18,7 +17,6 @@ from tams_app.video.live.frame_ring import (
     SHOWN,
     FrameBlock,
     FrameReader,
-    FrameWriter,
     RingLayout,
 )
 
@@ -32,23 +30,28 @@ def image(seed: int) -> Image:
 
 
 class Rings:
-    """A writer and a reader of one ring in a block of its own."""
+    """A block, and a reader of one of its rings."""
 
     def __init__(self, layout: RingLayout) -> None:
-        self.block = mmap.mmap(-1, layout.block_bytes)
-        self.writer = FrameWriter(self.block, layout, "gt")
-        self.reader = FrameReader(self.block, layout, "gt")
+        self.block = FrameBlock(layout)
+        self.block.create()
+        self.memory = open_block(self.block.name)
+        self.reader = FrameReader(self.memory, layout, "gt")
 
     def put(self, indices: range) -> None:
         for index in indices:
-            self.writer.put(index, 1000 * index, image(index))
+            self.block.put("gt", index, 1000 * index, image(index))
+
+    def close(self) -> None:
+        self.memory.close()
+        self.block.close()
 
 
 @pytest.fixture(params=[LAYOUT, COLOUR], ids=lambda layout: layout.kind)
 def rings(request: pytest.FixtureRequest) -> Iterator[Rings]:
     rings = Rings(request.param)
     yield rings
-    rings.block.close()
+    rings.close()
 
 
 def test_frames_arrive_once_in_order_as_luma(rings: Rings) -> None:
@@ -64,8 +67,8 @@ def test_frames_arrive_once_in_order_as_luma(rings: Rings) -> None:
 
 def test_the_tasks_region_arrives_with_its_frame(rings: Rings) -> None:
     region = TaskRegion(12.25, 3.5, 8.0)
-    rings.writer.put(0, 0, image(0), task=region)
-    rings.writer.put(1, 1000, image(1))
+    rings.block.put("gt", 0, 0, image(0), task=region)
+    rings.block.put("gt", 1, 1000, image(1))
     entries = rings.reader.read(2)
     assert [one.task for one in entries] == [region, None]
 
@@ -90,11 +93,10 @@ def test_a_frame_that_is_being_overwritten_is_not_read(
     rings.put(range(IMAGES))
     seen = []
 
-    def interrupt(writer: FrameWriter, bulk: object, image: object) -> None:
+    def interrupt(block: FrameBlock, image: object, bulk: object) -> None:
         seen.extend(rings.reader.read(1))
 
-    for method in ("_to_luma", "_copy"):
-        monkeypatch.setattr(FrameWriter, method, interrupt)
+    monkeypatch.setattr(FrameBlock, "_fill", interrupt)
     rings.put(range(IMAGES, IMAGES + 1))
     assert [(one.index, one.luma) for one in seen] == [(0, None)]
 
@@ -105,7 +107,7 @@ def test_the_newest_frame_shown_is_there_in_colour() -> None:
     rings.put(range(IMAGES + 3))
     np.testing.assert_array_equal(rings.reader.newest_frame()[1], image(IMAGES + 2))
     assert len(rings.reader.read(2)) == 2  # which the reader in order does not miss by this
-    rings.block.close()
+    rings.close()
 
 
 def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden_or_closed() -> None:
@@ -132,20 +134,19 @@ def test_other_processes_can_read_what_is_put_into_a_block_until_it_is_hidden_or
         open_block(unhidden.name)
 
 
-def test_rings_do_not_touch_each_other() -> None:
-    with mmap.mmap(-1, COLOUR.block_bytes) as block:
-        writers = [FrameWriter(block, COLOUR, view) for view in COLOUR.views]
-        readers = [FrameReader(block, COLOUR, view) for view in COLOUR.views]
-        for _ in range(2 * IMAGES):
-            for number, writer in enumerate(writers):
-                writer.put(number, number, image(number))
-        for number, reader in enumerate(readers):
-            entries = reader.read(reader.written())
-            assert {one.index for one in entries} == {number}
-            np.testing.assert_array_equal(entries[-1].luma, luma_of(image(number)))
+def test_rings_do_not_touch_each_other(rings: Rings) -> None:
+    layout = rings.block.layout
+    for _ in range(2 * IMAGES):
+        for number, view in enumerate(layout.views):
+            rings.block.put(view, number, number, image(number))
+    for number, view in enumerate(layout.views):
+        reader = FrameReader(rings.memory, layout, view)
+        entries = reader.read(reader.written())
+        assert {one.index for one in entries} == {number}
+        np.testing.assert_array_equal(entries[-1].luma, luma_of(image(number)))
 
 
 def test_a_frame_of_another_size_is_refused(rings: Rings) -> None:
     with pytest.raises(ValueError, match=r"\(22, 34, 3\)"):
-        rings.writer.put(0, 0, np.zeros((22, 35, 3), np.uint8))
+        rings.block.put("gt", 0, 0, np.zeros((22, 35, 3), np.uint8))
     assert rings.reader.written() == 0

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import mmap
 import os
 import signal
 import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 
 import cv2
@@ -15,19 +15,13 @@ import pytest
 
 from tams_app.errors import HelperError
 from tams_app.records import Frame, FrameQuality, Image, Pose
+from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.quality_client import QualityClient
 from tams_app.station.quality_process import WAITING_FATES, SparePace, ViewScores, run
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
-from tams_app.video.live.frame_ring import (
-    CAPTURED,
-    SHOWN,
-    FrameBlock,
-    FrameReader,
-    FrameWriter,
-    RingLayout,
-)
+from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameBlock, FrameReader, RingLayout
 from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
 
 pytestmark = pytest.mark.waiting
@@ -50,36 +44,32 @@ def expected(captured: int, shown: int) -> float:
 
 
 class Bench:
-    """One view's scores over rings in a block, driven by hand."""
+    """One view's scores over its two rings, driven by hand."""
 
-    def __init__(self) -> None:
-        writers, readers = [], []
-        self._blocks = []
-        for kind in (CAPTURED, SHOWN):
-            layout = RingLayout(kind, ("gt",), WIDTH, HEIGHT)
-            block = mmap.mmap(-1, layout.block_bytes)
-            self._blocks.append(block)
-            writers.append(FrameWriter(block, layout, "gt"))
-            readers.append(FrameReader(block, layout, "gt"))
-        self.captured, self.shown = writers
+    def __init__(self, stack: ExitStack) -> None:
+        readers = []
+        blocks = [
+            FrameBlock(RingLayout(kind, ("gt",), WIDTH, HEIGHT)) for kind in (CAPTURED, SHOWN)
+        ]
+        for block in blocks:
+            stack.callback(block.close)
+            block.create()
+            memory = stack.enter_context(open_block(block.name))
+            readers.append(FrameReader(memory, block.layout, "gt"))
+        self.captured, self.shown = blocks
         self.told: list[FrameQuality] = []
         self.scores = ViewScores("gt", *readers, self.told.append)
 
-    def close(self) -> None:
-        for block in self._blocks:
-            block.close()
-
     def frame(self, index: int, shown: bool = True) -> None:
-        self.captured.put(index, index * FRAME_NS, image(index))
+        self.captured.put("gt", index, index * FRAME_NS, image(index))
         if shown:
-            self.shown.put(index, index * FRAME_NS + NS_PER_MS, blurred(index))
+            self.shown.put("gt", index, index * FRAME_NS + NS_PER_MS, blurred(index))
 
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    bench = Bench()
-    yield bench
-    bench.close()
+    with ExitStack() as stack:
+        yield Bench(stack)
 
 
 def test_with_time_enough_every_frame_is_scored(bench: Bench) -> None:

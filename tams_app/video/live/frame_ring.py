@@ -15,6 +15,7 @@ import os
 import struct
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 
 import cv2
 import numpy as np
@@ -79,42 +80,6 @@ class RingEntry:
     capture_ns: int
     luma: Luma | None
     task: TaskRegion | None
-
-
-class FrameWriter:
-    """Puts the frames of one view into a block; from one thread."""
-
-    def __init__(self, block: mmap.mmap, layout: RingLayout, view: str) -> None:
-        self._ring = layout.ring(block, view)
-        self._shape = (layout.height, layout.width, 3)
-        self._bulk_shape = layout.bulk_shape
-
-    def put(
-        self,
-        index: int,
-        t_ns: int,
-        image: Image,
-        capture_ns: int | None = None,
-        task: TaskRegion | None = None,
-    ) -> None:
-        """Put a BGR image, shape (height, width, 3); ValueError for another size.
-
-        `capture_ns`: None: `t_ns`.
-        """
-        if image.shape != self._shape:
-            raise ValueError(f"expected a frame of shape {self._shape}, got {image.shape}")
-        fill = self._to_luma if len(self._bulk_shape) == 2 else self._copy
-        captured_ns = t_ns if capture_ns is None else capture_ns
-        region = _NO_REGION if task is None else (task.x_px, task.y_px, task.radius_px)
-        head = _ENTRY.pack(index, t_ns, captured_ns, *region)
-        self._ring.put(head, lambda bulk: fill(bulk, image))
-        self._ring.wake_readers()
-
-    def _to_luma(self, bulk: Bulk, image: Image) -> None:
-        cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=bulk.reshape(self._bulk_shape))
-
-    def _copy(self, bulk: Bulk, image: Image) -> None:
-        np.copyto(bulk.reshape(self._bulk_shape), image)
 
 
 class FrameReader:
@@ -183,12 +148,12 @@ class FrameBlock:
         self.layout = layout
         self.name = f"{new_block_name()}-{layout.kind}"
         self.descriptor: int | None = None
-        self._writers: dict[str, FrameWriter] = {}
+        self._rings: dict[str, SharedRing] = {}
         self._stack = ExitStack()
 
     def create(self) -> None:
         """Make the memory, unless it is there; OSError if there is no room for it."""
-        if self._writers:
+        if self._rings:
             return
         with ExitStack() as stack:
             block = create_block(self.name, self.layout.block_bytes)
@@ -196,9 +161,7 @@ class FrameBlock:
             stack.callback(self.hide)
             self.descriptor = open_descriptor(self.name)
             stack.callback(os.close, self.descriptor)
-            self._writers = {
-                view: FrameWriter(block, self.layout, view) for view in self.layout.views
-            }
+            self._rings = {view: self.layout.ring(block, view) for view in self.layout.views}
             self._stack = stack.pop_all()
 
     def put(
@@ -210,9 +173,20 @@ class FrameBlock:
         capture_ns: int | None = None,
         task: TaskRegion | None = None,
     ) -> None:
-        """Put a BGR image; each view from one thread. `capture_ns`: None: `t_ns`."""
-        if writer := self._writers.get(view):
-            writer.put(index, t_ns, image, capture_ns, task)
+        """Put a BGR image, shape (height, width, 3); ValueError for another size.
+
+        Each view from one thread. `capture_ns`: None: `t_ns`.
+        """
+        ring, shape = self._rings.get(view), (self.layout.height, self.layout.width, 3)
+        if ring is None:
+            return
+        if image.shape != shape:
+            raise ValueError(f"expected a frame of shape {shape}, got {image.shape}")
+        captured_ns = t_ns if capture_ns is None else capture_ns
+        region = _NO_REGION if task is None else (task.x_px, task.y_px, task.radius_px)
+        head = _ENTRY.pack(index, t_ns, captured_ns, *region)
+        ring.put(head, partial(self._fill, image))
+        ring.wake_readers()
 
     def hide(self) -> None:
         """Take the name away, once all readers have it open: nothing is left behind then."""
@@ -222,7 +196,14 @@ class FrameBlock:
         """Give the memory back, when nothing is put any more; may be called twice."""
         self._stack.close()
 
+    def _fill(self, image: Image, bulk: Bulk) -> None:
+        frame = bulk.reshape(self.layout.bulk_shape)
+        if frame.ndim == 2:
+            cv2.cvtColor(image, cv2.COLOR_BGR2GRAY, dst=frame)
+        else:
+            np.copyto(frame, image)
+
     def _let_go(self, block: mmap.mmap) -> None:
-        self._writers = {}
+        self._rings = {}
         self.descriptor = None
         block.close()
