@@ -12,6 +12,7 @@ import msgspec
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.messages import LONGEST, CommandRequest, Event, Opening
+from tams_app.prediction.cameras import array_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
 from tams_app.station.mount_memory import PresentViews
@@ -48,7 +49,8 @@ class Application:
                 if not content:
                     return None
                 self._socket.setblocking(False)
-                return _opened(msgspec.msgpack.decode(content, type=Opening), *descriptors)
+                opening = msgspec.msgpack.decode(content, type=Opening, dec_hook=array_of)
+                return _opened(opening, *descriptors)
         return None
 
     def report(self, event: Event) -> None:

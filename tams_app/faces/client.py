@@ -26,6 +26,7 @@ from tams_app.faces.messages import (
     Outline,
     Workspace,
 )
+from tams_app.prediction.cameras import numbers_of
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.station.mount_memory import MountMemory
@@ -112,7 +113,8 @@ class FaceClient:
             with suppress(ConnectionError):  # it has ended, which its owner notices
                 descriptors = [screen.descriptor, facts.descriptor]
                 descriptors += [] if mount is None else [mount.descriptor]
-                socket.send_fds(self._socket, [msgspec.msgpack.encode(opening)], descriptors)
+                content = msgspec.msgpack.encode(opening, enc_hook=numbers_of)
+                socket.send_fds(self._socket, [content], descriptors)
 
     @property
     def pid(self) -> int | None:

@@ -43,9 +43,9 @@ def predicted_cameras(config: Config) -> dict[str, PredictedCamera]:
     cameras = {}
     for view, lens in scene.lenses.items():
         if lens.parent == flange:
-            cameras[view] = PredictedCamera.of(lens, tool, grip)
+            cameras[view] = PredictedCamera(lens, tool, grip)
         elif config.view.predict == "all":
-            cameras[view] = PredictedCamera.of(lens, tool, on_arm=False, tip=tip, links=links)
+            cameras[view] = PredictedCamera(lens, tool, on_arm=False, tip=tip, links=links)
     return cameras
 
 

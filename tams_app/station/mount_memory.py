@@ -15,9 +15,10 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tams_app.prediction.cameras import PredictedCamera, numbers7, pose7
+from tams_app.prediction.cameras import PredictedCamera, array_of, numbers_of
 from tams_app.prediction.present import UNKNOWN_JOINTS, MountTrail, Shown, WristView
-from tams_app.records import Image, MountPrediction
+from tams_app.records import Image, MountPrediction, Pose
+from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import (
     RingShape,
     SharedRing,
@@ -54,9 +55,9 @@ class MountMemory:
             _RECORD.pack(
                 placed.then_ns,
                 placed.now_ns,
-                *numbers7(placed.then),
-                *numbers7(placed.now),
-                *numbers7(placed.now if placed.commanded is None else placed.commanded),
+                *_numbers7(placed.then),
+                *_numbers7(placed.now),
+                *_numbers7(placed.now if placed.commanded is None else placed.commanded),
                 *(UNKNOWN_JOINTS if placed.then_joints is None else placed.then_joints),
                 *(UNKNOWN_JOINTS if placed.now_joints is None else placed.now_joints),
                 placed.trusted,
@@ -81,7 +82,10 @@ def mount_specification(mount: MountMemory | None) -> dict[str, Any]:
     """What a helper process makes `described_views` from; None: no view is corrected."""
     if mount is None:
         return {"mount_memory": "", "cameras": {}}
-    return {"mount_memory": mount.name, "cameras": msgspec.to_builtins(mount.cameras)}
+    return {
+        "mount_memory": mount.name,
+        "cameras": msgspec.to_builtins(mount.cameras, enc_hook=numbers_of),
+    }
 
 
 class PresentViews:
@@ -124,14 +128,25 @@ def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown
     name = str(specification["mount_memory"])
     if not name:
         return {}
-    cameras = msgspec.convert(specification["cameras"], dict[str, PredictedCamera])
+    cameras = msgspec.convert(
+        specification["cameras"], dict[str, PredictedCamera], dec_hook=array_of
+    )
     views = PresentViews(cameras, open_block(name))
     return {view: partial(views.show, view) for view in cameras}
 
 
+def _numbers7(pose: Pose) -> tuple[float, ...]:
+    """Position [m] and quaternion."""
+    return (*pose.position.tolist(), *pose.rotation)
+
+
+def _pose7(numbers: list[float]) -> Pose:
+    return Pose(np.array(numbers[:3]), Rotation(*numbers[3:]))
+
+
 def _placed(head: bytes) -> MountPrediction:
     then_ns, now_ns, *numbers = _RECORD.unpack(head)
-    then, now, commanded = (pose7(tuple(numbers[at : at + 7])) for at in (0, 7, 14))
+    then, now, commanded = (_pose7(numbers[at : at + 7]) for at in (0, 7, 14))
     then_joints, now_joints = (np.array(numbers[at : at + 6]) for at in (21, 27))
     beside = (*numbers[33:], commanded, then_joints, now_joints)
     return MountPrediction(then_ns, then, now_ns, now, *beside)

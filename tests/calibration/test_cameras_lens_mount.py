@@ -118,7 +118,7 @@ def test_session_and_doctor_use_what_was_found(calibrated):
     assert {view: camera.on_arm for view, camera in cameras.items()} == {
         "eih": True, "gt": False, "gs": False,
     }  # fmt: skip
-    assert cameras["eih"].distortion == calibrated.config.cameras["eih"].lens.distortion
+    assert cameras["eih"].lens.distortion == calibrated.config.cameras["eih"].lens.distortion
     for finding in checks.predictive_display(config):
         assert finding.ok
         assert finding.detail.startswith("lens within 0.")

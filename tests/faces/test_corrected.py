@@ -23,7 +23,7 @@ FIXED = Lens.ideal("base", Pose(np.array([0.0, 0.0, 0.4]), LOOKS_DOWN), 60.0, 64
 BOX = Solid(SolidKind.BOX, Pose(np.zeros(3), STRAIGHT), (0.1, 0.1, 0.02), (0.0,) * 3)
 CAMERAS = {
     "eih": camera_of(64, 48),
-    "gs": PredictedCamera.of(FIXED, [BOX], on_arm=False),
+    "gs": PredictedCamera(FIXED, (BOX,), on_arm=False),
 }
 THEN, NOW = above(0.0, 0.0, 0.20), above(0.02, 0.0, 0.20)
 FRAME = picture(lens_of(64, 48), THEN)

@@ -106,7 +106,7 @@ def test_a_tool_that_is_out_of_the_picture_or_behind_the_camera_leaves_it_as_it_
 def test_a_fixed_view_shows_the_outline_only_of_what_is_believed() -> None:
     now_ns = 9 * NS_PER_S
     trail = MountTrail()
-    view = PredictedCamera.of(LENS, [BOX], on_arm=False).view(trail)
+    view = PredictedCamera(LENS, (BOX,), on_arm=False).view(trail)
     capture_ns = now_ns - 100 * NS_PER_MS
     assert view.show(GREY, capture_ns, now_ns).as_received is AsReceived.UNKNOWN
     for late_ms in range(600, -1, -10):
@@ -143,8 +143,7 @@ def arm_at(joints: np.ndarray) -> PlacedArm:
 def outline_of(view: str) -> tuple[ArmOutline, Lens]:
     """That of a view of the rig, from its description."""
     camera = predicted_cameras(load_config(None, {"view.predict": "all"}))[view]
-    tool, links = [part.solid for part in camera.tool], [one.link for one in camera.links]
-    return ArmOutline(camera.lens, tool, camera.tip, links), camera.lens
+    return ArmOutline(camera.lens, camera.tool, camera.tip, camera.links), camera.lens
 
 
 def black(lens: Lens) -> np.ndarray:

@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from tams_app.prediction.cameras import PredictedCamera
+from tams_app.prediction.cameras import PredictedCamera, array_of, numbers_of
 from tams_app.prediction.forward_model import ArmHeard
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import (
@@ -216,8 +216,9 @@ def test_a_camera_s_description_corrects_as_the_camera():
 
 def test_a_description_has_the_tool_and_survives_its_way_to_another_process():
     part = Solid(SolidKind.CYLINDER, above(0.0, 0.05, 0.06), (0.02, 0.02, 0.03), (1.0, 0.0, 0.0))
-    camera = PredictedCamera.of(LENS, (part,))
-    received = msgspec.json.decode(msgspec.json.encode(camera), type=PredictedCamera)
+    camera = PredictedCamera(LENS, (part,))
+    content = msgspec.json.encode(camera, enc_hook=numbers_of)
+    received = msgspec.json.decode(content, type=PredictedCamera, dec_hook=array_of)
     age_ns = 120 * NS_PER_MS
     frame = FRAME.copy()
     shown = received.view(trail_of()).show(frame, last_ns() - age_ns, last_ns())

@@ -25,7 +25,7 @@ GRIP = Solid(SolidKind.BOX, Pose(np.array([0.0, 0.05, 0.06]), STRAIGHT), (0.02,)
 
 def camera_of(width: int, height: int) -> PredictedCamera:
     """With nothing before it but closed fingers."""
-    return PredictedCamera.of(lens_of(width, height), (), (GRIP,))
+    return PredictedCamera(lens_of(width, height), (), (GRIP,))
 
 
 def above(x: float, y: float, z: float, turn: Rotation = STRAIGHT) -> Pose:

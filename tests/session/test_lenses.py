@@ -55,7 +55,7 @@ def test_on_hardware_what_was_measured_is_predicted_and_the_rest_is_told() -> No
     ours = config(cameras, **{"view.predict": "all"})
     (eih,) = predicted_cameras(ours).values()
     assert eih.on_arm
-    assert eih.distortion == (-0.1, 0.02, 0.001, 0.0, 0.0)
+    assert eih.lens.distortion == (-0.1, 0.02, 0.001, 0.0, 0.0)
     assert as_received(ours) == {
         "gt": "where it is was not measured",
         "gs": "its lens was not measured",

@@ -38,8 +38,8 @@ class Bench:
 
     def __init__(self, believed: Lens) -> None:
         cameras = {
-            "eih": PredictedCamera.of(believed, ()),
-            "gs": PredictedCamera.of(FIXED, [BOX], on_arm=False),
+            "eih": PredictedCamera(believed, ()),
+            "gs": PredictedCamera(FIXED, (BOX,), on_arm=False),
         }
         self.is_wrong = believed is not LENS
         self.mount = MountMemory(cameras)
@@ -94,7 +94,7 @@ def test_the_station_has_the_frames_checked_that_it_shows(tmp_path: Path) -> Non
     config = load_config(None, {"video.width": LENS.width, "video.height": LENS.height})
     told: list[str] = []
     log = SessionRecords(VirtualClock(), Unkept(), show=told.append)
-    parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera.of(WRONG, ())}
+    parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera(WRONG, ())}
     with parts.stack:
         station = Station(config, VirtualClock(), parts, log, Displays(), True, cameras=cameras)
         assert station.mount is not None

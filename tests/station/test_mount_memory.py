@@ -55,8 +55,8 @@ def test_a_frame_is_corrected_by_what_was_put(memory: MountMemory) -> None:
 
 def test_the_arm_s_joints_are_put_where_they_are_known() -> None:
     camera = predicted_cameras(load_config(None, {"view.predict": "all"}))["gs"]
-    bent = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
-    figure, frame = Lite6Figure(), np.full((camera.height, camera.width), 120, np.uint8)
+    lens, bent = camera.lens, np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
+    figure, frame = Lite6Figure(), np.full((lens.height, lens.width), 120, np.uint8)
     then, now = (figure.place(joints)[figure.flange] for joints in (bent, bent + 0.2))
     images = []
     for known in ({}, {"then_joints": bent, "now_joints": bent + 0.2}):
