@@ -5,8 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.config import load_config
-from tams_app.policy.allocation import make_strategy
-from tams_app.policy.tams_plus import ladder
+from tams_app.policy.allocation import ladder, make_strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tests.policy.test_allocation import weight_rows
