@@ -6,11 +6,12 @@ import os
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 
 import cv2
 import numpy as np
+import psutil
 import pytest
 
 from tams_app.errors import HelperError
@@ -22,6 +23,7 @@ from tams_app.station.quality_process import WAITING_FATES, SparePace, ViewScore
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameBlock, FrameReader, RingLayout
+from tests.faults.applications import until
 from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
 
 pytestmark = pytest.mark.waiting
@@ -128,43 +130,27 @@ def test_at_the_end_time_is_limited_and_every_frame_is_told(bench: Bench) -> Non
     assert 3 <= sum(one.received is not None for one in bench.told) <= 8
 
 
-class Told:
-    """What a client's helper said."""
+class Pushed:
+    """A client, what its helper says, and the memory of the frames shown, the session's."""
 
-    def __init__(self) -> None:
+    def __init__(self, logs: Path, mount: MountMemory | None = None) -> None:
         self.records: list[FrameQuality] = []
         self.failures: list[BaseException] = []
-        self._changed = threading.Condition()
-
-    def add(self, record: FrameQuality) -> None:
-        with self._changed:
-            self.records.append(record)
-            self._changed.notify_all()
-
-    def fail(self, name: str, failure: BaseException) -> None:
-        with self._changed:
-            self.failures.append(failure)
-            self._changed.notify_all()
-
-    def wait(self, records: int = 0, failures: int = 0) -> bool:
-        with self._changed:
-            return self._changed.wait_for(
-                lambda: len(self.records) >= records and len(self.failures) >= failures, 30
-            )
-
-
-class Pushed:
-    """A client, and the memory of the frames shown, which is the session's."""
-
-    def __init__(self, told: Told, logs: Path, mount: MountMemory | None = None) -> None:
         self.screen = FrameBlock(RingLayout(SHOWN, ("eih", "gt"), WIDTH, HEIGHT))
         self.client = QualityClient(
             self.screen,
             log_directory=logs,
-            on_quality=told.add,
-            on_failure=told.fail,
+            on_quality=self.records.append,
+            on_failure=lambda _name, failure: self.failures.append(failure),
             mount=mount,
         )
+
+    def start(self) -> int:
+        """The helper's process id."""
+        self.client.start()
+        assert self.client.process is not None
+        assert self.client.process.pid is not None
+        return self.client.process.pid
 
     def push(self, index: int, shown: bool = True) -> None:
         for view in ("eih", "gt"):
@@ -172,9 +158,18 @@ class Pushed:
             if shown:
                 self.screen.put(view, index, index * FRAME_NS + NS_PER_MS, blurred(index))
 
+    def await_records(self, count: int) -> None:
+        until(lambda: len(self.records) >= count, "the frames' records")
+
     def close(self) -> None:
         self.client.close()
         self.screen.close()
+
+
+@pytest.fixture
+def pushed(tmp_path: Path) -> Iterator[Pushed]:
+    with closing(Pushed(tmp_path)) as pushed:
+        yield pushed
 
 
 def blocks() -> set[str]:
@@ -182,29 +177,29 @@ def blocks() -> set[str]:
     return {path.name for path in Path("/dev/shm").glob(f"tams-{os.getpid()}-*")}
 
 
-def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
-    told = Told()
-    pushed = Pushed(told, tmp_path)
-    client = pushed.client
+def ports_of(pid: int) -> set[int]:
+    """Of the internet's protocols."""
+    return {one.laddr.port for one in psutil.Process(pid).net_connections(kind="inet")}
+
+
+def test_the_helper_tells_what_became_of_every_frame_through_no_port(pushed: Pushed) -> None:
+    before = ports_of(os.getpid())
     pushed.push(0)  # before the start: left out
-    client.start()
-    try:
-        assert blocks() == {pushed.screen.name}  # the session's, which others may read as well
-        pushed.screen.hide()
-        assert blocks() == set()  # nothing that a killed session could leave behind
-        assert client.process is not None
-        assert client.process.pid is not None
-        assert os.sched_getscheduler(client.process.pid) == os.SCHED_IDLE
-        for index in range(1, 11):
-            pushed.push(index)
-            assert told.wait(records=2 * index)
-        pushed.push(11, shown=False)
-    finally:
-        pushed.close()
-        pushed.close()
+    pid = pushed.start()
+    assert blocks() == {pushed.screen.name}  # the session's, which others may read as well
+    pushed.screen.hide()
+    assert blocks() == set()  # nothing that a killed session could leave behind
+    assert os.sched_getscheduler(pid) == os.SCHED_IDLE
+    for index in range(1, 11):
+        pushed.push(index)
+        pushed.await_records(2 * index)
+    assert (ports_of(os.getpid()), ports_of(pid)) == (before, set())
+    pushed.push(11, shown=False)
+    pushed.close()
+    pushed.close()
     pushed.push(12)  # after the end: left out
     for view in ("eih", "gt"):
-        mine = [one for one in told.records if one.view == view]
+        mine = [one for one in pushed.records if one.view == view]
         assert [one.index for one in mine] == list(range(1, 12))
         assert [one.received for one in mine[:10]] == [
             pytest.approx(expected(index, index)) for index in range(1, 11)
@@ -212,34 +207,25 @@ def test_the_helper_tells_what_became_of_every_frame(tmp_path: Path) -> None:
         assert mine[10].shown_ns is None
         # at the lowest priority it may come to nothing in what time it has left
         assert mine[10].delivered in (None, pytest.approx(expected(11, 10)))
-    assert told.failures == []
-    assert client.process.exit_code == 0
+    assert pushed.failures == []
+    assert pushed.client.process is not None
+    assert pushed.client.process.exit_code == 0
 
 
-def test_a_helper_that_is_killed_is_told_and_hurts_nothing_else(tmp_path: Path) -> None:
-    told = Told()
-    pushed = Pushed(told, tmp_path)
-    client = pushed.client
-    client.start()
-    try:
-        assert client.process is not None
-        assert client.process.pid is not None
-        os.kill(client.process.pid, signal.SIGKILL)
-        assert told.wait(failures=1)
-        pushed.push(1)
-    finally:
-        pushed.close()
-    assert isinstance(told.failures[0], HelperError)
-    assert "frames are no longer compared" in str(told.failures[0])
+def test_a_helper_that_is_killed_is_told_and_hurts_nothing_else(pushed: Pushed) -> None:
+    os.kill(pushed.start(), signal.SIGKILL)
+    until(lambda: bool(pushed.failures), "the helper's end")
+    pushed.push(1)
+    assert isinstance(pushed.failures[0], HelperError)
+    assert "frames are no longer compared" in str(pushed.failures[0])
 
 
 def test_a_helper_that_cannot_start_leaves_nothing_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pushed: Pushed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.executable", "/nowhere/python")
-    pushed = Pushed(Told(), tmp_path)
     with pytest.raises(HelperError, match="quality could not be started"):
-        pushed.client.start()
+        pushed.start()
     pushed.close()
     assert blocks() == set()
 
@@ -247,15 +233,13 @@ def test_a_helper_that_cannot_start_leaves_nothing_behind(
 def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None:
     """The camera glides over a pattern; each frame is drawn two frames later."""
     cameras, lens = {"eih": camera_of(WIDTH, HEIGHT)}, lens_of(WIDTH, HEIGHT)
-    told, mount = Told(), MountMemory(cameras)
-    pushed = Pushed(told, tmp_path, mount)
-    pushed.client.start()
+    late_ns = 2 * FRAME_NS
 
     def flange(t_ns: int) -> Pose:
         return above(0.15 * t_ns / 1e9, 0.0, 0.2)
 
-    late_ns = 2 * FRAME_NS
-    try:
+    with closing(MountMemory(cameras)) as mount, closing(Pushed(tmp_path, mount)) as pushed:
+        pushed.start()
         for step in range(150):
             t_ns = step * 8 * NS_PER_MS
             mount.put(placed(t_ns, flange(t_ns - late_ns), flange(t_ns), late_ns))
@@ -267,12 +251,9 @@ def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None
                 pushed.client.push_capture(Frame(view, index, now_ns, seen))
                 late = picture(lens, flange(then_ns))
                 pushed.screen.put(view, index - 2, now_ns + NS_PER_MS, late, then_ns)
-        assert told.wait(records=20)
-    finally:
-        pushed.close()
-        mount.close()
+        pushed.await_records(20)
     live = {
-        view: [one.live for one in told.records if one.view == view and one.live is not None]
+        view: [one.live for one in pushed.records if one.view == view and one.live is not None]
         for view in ("eih", "gt")
     }
     assert len(live["eih"]) > 5

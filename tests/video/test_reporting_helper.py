@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import socket
 import threading
 from collections.abc import Iterator
 from contextlib import suppress
 
-import psutil
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind, PacketRecord
 from tams_app.video.live.relay import REPORT_BUFFER_BYTES, ReportStream
-from tams_app.video.live.reporting_helper import ReportingHelper, decoded, line_of, received
+from tams_app.video.live.reporting_helper import decoded, line_of, received
 
 pytestmark = pytest.mark.waiting
 
 Pair = tuple[socket.socket, socket.socket]
-WITHIN_S = 20.0
 
 
 @pytest.fixture
@@ -69,71 +64,6 @@ def test_silence_alone_ends_nothing(ends: Pair) -> None:
     heard = list(received(session, stop))
     speaker.join()
     assert heard == [b"late"]
-
-
-class Chat:
-    """A helper that reports words, and what became of it."""
-
-    def __init__(self) -> None:
-        self.reports: list[str] = []
-        self.failures: list[BaseException] = []
-        self.received, self.failed = threading.Event(), threading.Event()
-        self.helper = ReportingHelper(
-            "chatty",
-            "tests.video.chatty_helper",
-            log_directory=None,
-            report_type=str,
-            on_report=self._report,
-            on_failure=self._fail,
-            ended_unasked="the helper ended unasked",
-        )
-
-    def _report(self, report: str) -> None:
-        self.reports.append(report)
-        self.received.set()
-
-    def _fail(self, _: str, failure: BaseException) -> None:
-        self.failures.append(failure)
-        self.failed.set()
-
-
-@pytest.fixture
-def chat() -> Iterator[Chat]:
-    one = Chat()
-    yield one
-    one.helper.close()
-
-
-def test_reports_come_through_no_port_that_another_program_could_take(chat: Chat) -> None:
-    before = ports_of(os.getpid())
-    process = chat.helper.launch({"say": ["words"]})
-    assert process.pid is not None
-    assert ports_of(os.getpid()) == before
-    assert chat.helper.wait_ready() == {"said": 1}
-    assert chat.received.wait(WITHIN_S)
-    assert chat.reports == ["words"]
-    assert ports_of(process.pid) == set()
-
-
-def test_a_helper_that_is_killed_has_ended_unasked(chat: Chat) -> None:
-    chat.helper.start({"say": []})
-    assert chat.helper.process is not None
-    assert chat.helper.process.pid is not None
-    os.kill(chat.helper.process.pid, signal.SIGKILL)
-    assert chat.failed.wait(WITHIN_S)
-    assert isinstance(chat.failures[0], HelperError)
-    assert str(chat.failures[0]) == "the helper ended unasked"
-
-
-def test_a_helper_that_is_ended_has_not_failed(chat: Chat) -> None:
-    chat.helper.start({"say": ["one", "two"]})
-    chat.helper.close()
-    assert (chat.reports, chat.failures) == (["one", "two"], [])
-
-
-def ports_of(pid: int) -> set[int]:
-    """Of the internet's protocols."""
-    return {one.laddr.port for one in psutil.Process(pid).net_connections(kind="inet")}
 
 
 # --- reports as bytes, and the relay's way to send them ------------------------------------------
