@@ -122,18 +122,25 @@ class V4l2Rig(CameraRig):
         self._webcam.behaviour = SILENT
 
 
-def write_video(path: Path, frames: int, size: str = "width=160,height=120") -> None:
-    """A video with sound in which every frame is another."""
+def write_video(
+    path: Path,
+    frames: int = 30,
+    size: str = "width=160,height=120",
+    chain: str = "",
+    sound: str = "",
+) -> None:
+    """A video in which every frame is another; without a `chain` of its own in .mkv with sound."""
     Gst: Any = gst.load().Gst
-    sound = max(1, frames * 44100 // 30 // 1024)
+    if not chain:
+        chain, buffers = "jpegenc ! matroskamux name=mux", max(1, frames * 44100 // 30 // 1024)
+        sound = f"audiotestsrc num-buffers={buffers} ! vorbisenc ! mux."
     pipeline = gst.parse_pipeline(
         f"videotestsrc num-buffers={frames} pattern=smpte horizontal-speed=3 "
-        f"! video/x-raw,format=I420,{size},framerate=30/1 ! jpegenc ! matroskamux name=mux "
-        f"! filesink name=file audiotestsrc num-buffers={sound} ! vorbisenc ! mux."
+        f"! video/x-raw,format=I420,{size},framerate=30/1 ! {chain} ! filesink name=file {sound}"
     )
     pipeline.get_by_name("file").set_property("location", str(path))
     pipeline.set_state(Gst.State.PLAYING)
     kinds = Gst.MessageType.EOS | Gst.MessageType.ERROR
     message = pipeline.get_bus().timed_pop_filtered(60 * Gst.SECOND, kinds)
     gst.shut_down(pipeline)
-    assert message.type == Gst.MessageType.EOS
+    assert message.type == Gst.MessageType.EOS, message.parse_error()

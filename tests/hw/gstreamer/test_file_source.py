@@ -97,24 +97,9 @@ CODED = {
 }
 
 
-def encode(path: Path, chain: str, sound: str = "", frames: int = 30) -> None:
-    """A video of SMALL frames in which every frame is another."""
-    Gst: Any = gst.load().Gst
-    pipeline = gst.parse_pipeline(
-        f"videotestsrc num-buffers={frames} pattern=smpte horizontal-speed=3 ! video/x-raw,"
-        f"format=I420,width=160,height=120,framerate=30/1 ! {chain} ! filesink name=file {sound}"
-    )
-    pipeline.get_by_name("file").set_property("location", str(path))
-    pipeline.set_state(Gst.State.PLAYING)
-    kinds = Gst.MessageType.EOS | Gst.MessageType.ERROR
-    message = pipeline.get_bus().timed_pop_filtered(60 * Gst.SECOND, kinds)
-    gst.shut_down(pipeline)
-    assert message.type == Gst.MessageType.EOS, message.parse_error()
-
-
 @pytest.mark.parametrize("name", CODED)
 def test_what_the_installed_decoders_play_is_played(tmp_path: Path, name: str) -> None:
-    encode(tmp_path / name, CODED[name])
+    write_video(tmp_path / name, chain=CODED[name])
     frames, notes = film(FileSource(str(tmp_path / name), SMALL), 20)
     assert len(frames) == 20
     assert len({frame.image.tobytes() for frame in frames}) > 1  # any two: it may begin again
@@ -130,7 +115,7 @@ def test_what_the_export_writes_is_played(tmp_path: Path) -> None:
 
 
 def test_a_video_is_turned_as_its_file_says(tmp_path: Path) -> None:
-    encode(tmp_path / "upright.mp4", CODED["h264.mp4"])
+    write_video(tmp_path / "upright.mp4", chain=CODED["h264.mp4"])
     data = (tmp_path / "upright.mp4").read_bytes()
     unit, quarter = (0x10000, 0, 0, 0, 0x10000), (0, 0x10000, 0, -0x10000, 0)
     parts = [struct.pack(">5i", *matrix) for matrix in (unit, quarter)]
@@ -156,17 +141,15 @@ def test_a_file_keeps_its_own_times_and_its_pauses_are_no_failure(tmp_path: Path
 
 
 def test_a_file_without_pictures_says_so(tmp_path: Path) -> None:
-    encode(
-        tmp_path / "sound.mkv",
-        "fakesink audiotestsrc num-buffers=100 ! vorbisenc ! matroskamux",
-    )
+    sound = "fakesink audiotestsrc num-buffers=100 ! vorbisenc ! matroskamux"
+    write_video(tmp_path / "sound.mkv", chain=sound)
     with pytest.raises(DeviceError, match="it has no video stream; choose another file"):
         film(FileSource(str(tmp_path / "sound.mkv"), SMALL), 1)
 
 
 @pytest.mark.parametrize("sound", ["", "audiotestsrc num-buffers=90 ! avenc_aac ! mux."])
 def test_a_missing_decoder_is_named_with_its_package(tmp_path: Path, sound: str) -> None:
-    encode(tmp_path / "h264.mp4", CODED["h264.mp4"], sound)
+    write_video(tmp_path / "h264.mp4", chain=CODED["h264.mp4"], sound=sound)
     with without("video/x-h264"), pytest.raises(DeviceError) as raised:
         film(FileSource(str(tmp_path / "h264.mp4"), SMALL), 1)
     assert "GStreamer cannot decode video/x-h264 (H.264" in str(raised.value)
@@ -193,7 +176,7 @@ def without(kind: str) -> Iterator[None]:
 
 @pytest.mark.parametrize("share", [0.0, 0.5], ids=["empty", "cut off"])
 def test_a_damaged_file_is_called_that(tmp_path: Path, share: float) -> None:
-    encode(tmp_path / "whole.mp4", CODED["h264.mp4"])
+    write_video(tmp_path / "whole.mp4", chain=CODED["h264.mp4"])
     data = (tmp_path / "whole.mp4").read_bytes()
     (tmp_path / "part.mp4").write_bytes(data[: int(share * len(data))])
     with pytest.raises(DeviceError, match=r"part\.mp4 gives no frame: it is damaged"):
