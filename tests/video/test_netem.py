@@ -134,78 +134,51 @@ def ip(*words):
     return subprocess.run(["ip", *words], capture_output=True, text=True, timeout=10, check=False)
 
 
-def inside(space, *command):
-    return ["ip", "netns", "exec", space, *command]
-
-
 @pytest.fixture
-def spaces():
-    """Two network namespaces joined by a veth pair: names, and the interface of the first."""
+def inside():
+    """Runs a command in a network namespace of its own, which has the interface va."""
     if sys.platform != "linux" or os.geteuid() != 0 or not TC_THERE or not shutil.which("ip"):
         pytest.skip("needs Linux, root, ip and tc")
-    here, there = f"tams-a{os.getpid()}", f"tams-b{os.getpid()}"
-    if ip("netns", "add", here).returncode != 0:
+    space = f"tams-{os.getpid()}"
+    if ip("netns", "add", space).returncode != 0:
         pytest.skip("network namespaces are not permitted here")
     try:
-        steps = [
-            ("netns", "add", there),
-            ("-n", here, "link", "add", "va", "type", "veth", "peer", "name", "vb", "netns", there),
-            ("-n", here, "addr", "add", "10.213.7.1/24", "dev", "va"),
-            ("-n", there, "addr", "add", "10.213.7.2/24", "dev", "vb"),
-            ("-n", here, "link", "set", "va", "up"),
-            ("-n", there, "link", "set", "vb", "up"),
-        ]
-        for step in steps:
-            if (result := ip(*step)).returncode != 0:
-                pytest.skip(f"ip {' '.join(step)}: {result.stderr.strip()}")
-        yield here, there
+        for step in ("add va type veth peer name vb", "set va up"):
+            if (result := ip("-n", space, "link", *step.split())).returncode != 0:
+                pytest.skip(f"ip link {step}: {result.stderr.strip()}")
+        yield lambda command: ip("netns", "exec", space, *command)
     finally:
-        ip("netns", "del", here)
-        ip("netns", "del", there)
+        ip("netns", "del", space)
 
 
-def runner_in(space, **options):
-    def run(command):
-        return subprocess.run(
-            inside(space, *command), capture_output=True, text=True, timeout=10, **options
-        )
-
-    return run
-
-
-def test_the_rate_that_was_asked_for_is_set_and_taken_away(spaces):
-    here, _ = spaces
-    said = []
-    netem.run_network(load_config(), "s2", "va", "rate", said.append, runner_in(here))
-    assert "rate 6Mbit" in netem.show("va", runner_in(here))
-    assert netem.remove("va", runner_in(here))
-    assert "tbf" not in netem.show("va", runner_in(here))
-    assert not netem.remove("va", runner_in(here))
+def test_the_rate_that_was_asked_for_is_set_and_taken_away(inside):
+    netem.run_network(load_config(), "s2", "va", "rate", print, inside)
+    assert "rate 6Mbit" in netem.show("va", inside)
+    assert netem.remove("va", inside)
+    assert "tbf" not in netem.show("va", inside)
+    assert not netem.remove("va", inside)
 
 
-def test_a_condition_is_set_or_the_missing_netem_is_named(spaces):
-    here, _ = spaces
-    run = runner_in(here)
-    kernel_has_netem = run(["tc", "qdisc", "add", "dev", "va", "root", "netem"]).returncode == 0
-    netem.remove("va", run)
+def test_a_condition_is_set_or_the_missing_netem_is_named(inside):
+    kernel_has_netem = inside(["tc", "qdisc", "add", "dev", "va", "root", "netem"]).returncode == 0
+    netem.remove("va", inside)
     if not kernel_has_netem:
         with pytest.raises(SetupError, match="has no netem"):
-            netem.run_network(load_config(), "s2", "va", "apply", lambda line: None, run)
-        assert "tbf" not in netem.show("va", run)
+            netem.run_network(load_config(), "s2", "va", "apply", print, inside)
+        assert "tbf" not in netem.show("va", inside)
         return
-    netem.run_network(load_config(), "s2", "va", "apply", lambda line: None, run)
-    assert "tbf 2:" in netem.show("va", run)
-    assert "delay 40ms" in netem.show("va", run)
+    netem.run_network(load_config(), "s2", "va", "apply", print, inside)
+    assert "tbf 2:" in netem.show("va", inside)
+    assert "delay 40ms" in netem.show("va", inside)
 
 
-def test_without_root_the_command_says_to_use_sudo(spaces):
-    here, _ = spaces
-
-    def run(command):
-        unprivileged = ["setpriv", "--reuid", "65534", "--clear-groups", *command]
-        return runner_in(here)(unprivileged)
-
+def test_without_root_the_command_says_to_use_sudo(inside):
     if not shutil.which("setpriv"):
         pytest.skip("setpriv is not installed")
+    unprivileged = ["setpriv", "--reuid", "65534", "--clear-groups"]
     with pytest.raises(SetupError, match="needs root; run the command again with sudo"):
-        netem.apply(netem.commands(S2, "va", rate_only=True), "va", run)
+        netem.apply(
+            netem.commands(S2, "va", rate_only=True),
+            "va",
+            lambda command: inside([*unprivileged, *command]),
+        )
