@@ -12,7 +12,6 @@ A lens that distorts stands in K's place: x₁ is undistorted to its ray, and th
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import TypeAlias
 
@@ -204,14 +203,6 @@ def _mesh(size: int) -> NDArray[np.float64]:
     return np.asarray((np.arange(cells) - 0.5) * _CELL_PX - 0.5)
 
 
-@dataclass(frozen=True, slots=True)
-class Warped:
-    """A picture as it would look now; `unseen`: the share of it that the frame did not show."""
-
-    image: Image
-    unseen: float
-
-
 class WristWarp:
     """Warps the frames of a camera on the arm; for one size of picture."""
 
@@ -224,7 +215,7 @@ class WristWarp:
         fixed, held = (covered_by(each, lens) * np.uint8(255) for each in (tool, grip))
         self._still = {False: fixed, True: fixed | held}
 
-    def to_now(self, image: Image, then: Pose, now: Pose, closed: bool = False) -> Warped | None:
+    def to_now(self, image: Image, then: Pose, now: Pose, closed: bool = False) -> Image | None:
         """`image`, taken with the lens's parent at `then`, as seen from `now`; None: it cannot be.
 
         Grey or BGR. Tool and gripper stay as received, and if that is `closed` what it holds. Dark
@@ -241,4 +232,4 @@ class WristWarp:
         unseen = ~(seen | still)  # masks of 0 and 255, by which OpenCV copies at once
         cv2.copyTo(np.full_like(image, _UNSEEN), unseen, warped)
         cv2.copyTo(image, still, warped)
-        return Warped(warped, cv2.countNonZero(unseen) / unseen.size)
+        return warped

@@ -49,13 +49,12 @@ class Shown:
     """A frame as it is shown.
 
     correction: None for one as it was received. as_received: why it could not be corrected; None:
-    it was, or there is nothing to correct. unseen: the share of it that the frame did not show.
+    it was, or there is nothing to correct.
     """
 
     image: Image
     correction: Correction | None = None
     as_received: AsReceived | None = None
-    unseen: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,8 +262,7 @@ class WristView(CorrectedView):
 
         The gripper is as it is by the newest belief, of which there must be one.
         """
-        warped = self._warp.to_now(image, then, now, self._trail.closed)
-        return None if warped is None else warped.image
+        return self._warp.to_now(image, then, now, self._trail.closed)
 
     def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
         if not now.camera_fits:
@@ -272,7 +270,7 @@ class WristView(CorrectedView):
         warped = self._warp.to_now(image, then.mount, now.arm.mount, now.closed)
         if warped is None:
             return Shown(image, as_received=AsReceived.HORIZON)
-        return Shown(warped.image, Correction.PREDICTED, unseen=warped.unseen)
+        return Shown(warped, Correction.PREDICTED)
 
 
 class FixedView(CorrectedView):

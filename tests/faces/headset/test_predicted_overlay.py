@@ -82,7 +82,7 @@ def expected_cell(words: str, age_ms: float) -> Image:
 def predicted(now: Pose) -> Image:
     warped = WristWarp(LENS, ()).to_now(RECEIVED, THERE, now)
     assert warped is not None
-    return warped.image
+    return warped
 
 
 @pytest.fixture(scope="module")
