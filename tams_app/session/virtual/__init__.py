@@ -7,8 +7,8 @@ the machine of docs/MEASUREMENTS.md, medians):
 | from | to | takes |
 |---|---|---|
 | instant of a frame | handed to the sender | `rig.DELIVERY_NS`, 12 ms |
-| handed over | first packet on the link | `ProcessingTimes.encoding_ns`, 4.5 ms |
-| access unit out of the jitter buffer | on the screen | `ProcessingTimes.decoding_ns`, 2.5 ms |
+| handed over | first packet on the link | `shared.ENCODING_NS`, 4.5 ms |
+| access unit out of the jitter buffer | on the screen | `shared.DECODING_NS`, 2.5 ms |
 | arm's report | control loop | none; reports come at 100 Hz as live |
 | command of a tick | arm's controller | none; live: half of an SDK round trip of 0.4 ms |
 | phase begins | targets at the senders | none; live: waking a thread |

@@ -88,7 +88,7 @@ class TrialVideo(Video):
             self._start_kbps,
             self._source_drop_below_kbps,
             VideoRecords(log.record, log.record, on_shown, log.packets),
-            uplink=self._uplink,
+            self._uplink,
         )
 
     def advance_to(self, now_ns: int) -> None:

@@ -23,7 +23,7 @@ from tams_app.video.live.view_decoder import ViewDecoder
 from tams_app.video.virtual.chains import DecoderChain
 from tams_app.video.virtual.reception import ArrivalMessages, StreamStatistics
 from tams_app.video.virtual.rtcp_sessions import Feedback, ReceiverSession
-from tams_app.video.virtual.shared import Shared
+from tams_app.video.virtual.shared import DECODING_NS, Shared
 from tams_app.video.virtual.stepped_clock import LaterClock
 
 
@@ -52,7 +52,7 @@ class VirtualReceiver:
         self._statistics = StreamStatistics()
         self._ssrc = media_ssrc(config, view)
         self._session = ReceiverSession(Random(f"{seed}/{view}/receiver-rtcp"), rule.rtx)
-        done_clock = LaterClock(shared.clock, shared.times.decoding_ns)
+        done_clock = LaterClock(shared.clock, DECODING_NS)
         self.decoder = ViewDecoder(view, config, rule, done_clock, identify, self._decoded.append)
         self._chain = DecoderChain(view, rule, self.decoder, shared.clock)
         self.start, self.close = self._chain.start, self._chain.close

@@ -23,7 +23,7 @@ from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import EncoderChain
 from tams_app.video.virtual.rtcp_sessions import Feedback, SenderSession, SentPackets
-from tams_app.video.virtual.shared import Shared
+from tams_app.video.virtual.shared import ENCODING_NS, Shared
 from tams_app.video.virtual.stepped_clock import LaterClock
 
 _ORIGINAL_SEQUENCE_BYTES = 2  # what RTX adds to a packet (RFC 4588)
@@ -89,14 +89,13 @@ class VirtualSender:
             return
         if self._parity is not None:
             self._parity.captured(frame.image)
-        encoding_ns = self._shared.times.encoding_ns
-        self._done_clock.later_ns = encoding_ns
+        self._done_clock.later_ns = ENCODING_NS
         packets = self._chain.encode(buffer)
         self._done_clock.later_ns = 0
         if self._frames.failure or not packets:
             reason = self._frames.failure or f"nothing came of frame {frame.index}"
             raise TamsError(f"the sender of view {self.view} failed: {reason}")
-        done_ns = self._shared.clock.now_ns() + encoding_ns
+        done_ns = self._shared.clock.now_ns() + ENCODING_NS
         self._shared.events.post(done_ns, partial(self._send, packets))
 
     def pad(self, size_bytes: int) -> None:

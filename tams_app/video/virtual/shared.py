@@ -12,6 +12,9 @@ from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.stepped_clock import SteppedClock
 from tams_app.video.virtual.wait_idle import IdleGate
 
+# What encoder and decoder take in virtual time; live: `make bench`, medians.
+ENCODING_NS, DECODING_NS = 4_500_000, 2_500_000
+
 
 @dataclass(frozen=True, slots=True)
 class VideoRecords:
@@ -26,14 +29,6 @@ class VideoRecords:
 
 
 @dataclass(frozen=True, slots=True)
-class ProcessingTimes:
-    """Times of encoder and decoder in virtual time [ns]; live: `make bench`, medians."""
-
-    encoding_ns: int = 4_500_000
-    decoding_ns: int = 2_500_000
-
-
-@dataclass(frozen=True, slots=True)
 class Shared:
     """The one link, the one clock, and the queue of events."""
 
@@ -42,4 +37,3 @@ class Shared:
     clock: SteppedClock
     idle_gate: IdleGate
     records: VideoRecords
-    times: ProcessingTimes

@@ -17,7 +17,7 @@ from tams_app.video.virtual.event_queue import EventQueue
 from tams_app.video.virtual.receiver import VirtualReceiver
 from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.sender import VirtualSender
-from tams_app.video.virtual.shared import ProcessingTimes, Shared, VideoRecords
+from tams_app.video.virtual.shared import Shared, VideoRecords
 from tams_app.video.virtual.stepped_clock import SteppedClock
 from tams_app.video.virtual.wait_idle import IdleGate, IdleWaiter
 
@@ -42,20 +42,16 @@ class VirtualVideo:
         start_kbps: Mapping[str, float],
         source_drop_below_kbps: float,
         records: VideoRecords,
-        times: ProcessingTimes | None = None,
-        uplink: Uplink | None = None,
+        uplink: Uplink,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view."""
-        uplink = uplink or Uplink()
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
         self._waiter = IdleWaiter()
         self._idle_gate = IdleGate(self._waiter, self._clock)
         link = Link(network, network_capacity(network, start_ns), config.views, seed)
-        shared = Shared(
-            link, self._events, self._clock, self._idle_gate, records, times or ProcessingTimes()
-        )
+        shared = Shared(link, self._events, self._clock, self._idle_gate, records)
         self._senders: dict[str, VirtualSender] = {}
         self.receivers: dict[str, VirtualReceiver] = {}
         for view in config.views:

@@ -21,7 +21,7 @@ from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule, repair_rule
 from tams_app.video.virtual.rtcp_sessions import Feedback
-from tams_app.video.virtual.shared import ProcessingTimes, VideoRecords
+from tams_app.video.virtual.shared import VideoRecords
 from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
 from tests.video.streams import checksum, decoded_checksums, jitter_counts
@@ -106,7 +106,6 @@ def make(
     views: tuple[str, ...] = ("eih",),
     kbps: float = 900.0,
     rule: RepairRule | None = None,
-    times: ProcessingTimes | None = None,
     seed: int = 1,
     records: VideoRecords | None = None,
     groups: int = 0,
@@ -127,7 +126,6 @@ def make(
         dict.fromkeys(views, kbps),
         80.0,
         records or run.records,
-        times,
         Uplink(feedback=feedback, parity=parity, **more),
     )
 

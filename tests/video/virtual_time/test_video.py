@@ -17,7 +17,7 @@ from tams_app.records import PacketFate, PacketKind
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule, repair_rule
-from tams_app.video.virtual.shared import ProcessingTimes
+from tams_app.video.virtual.shared import DECODING_NS, ENCODING_NS
 from tests.video.scenes import frame
 from tests.video.streams import PATIENT, UNREPAIRED, checksum, jitter_counts
 from tests.video.virtual_time.runs import (
@@ -71,22 +71,21 @@ def test_every_frame_of_a_clean_link_is_shown_bit_exact_under_its_own_index() ->
 
 
 def test_a_frame_is_shown_after_encoding_link_and_decoding() -> None:
-    run, times = Run(), ProcessingTimes(encoding_ns=3_000_000, decoding_ns=2_000_000)
-    with closing(make(run, CLEAN, times=times)) as video:
-        drive(video, ("eih",), range(20))
-    assert {sent.encoded_ns - sent.capture_ns for sent in run.encoded} == {3_000_000}
+    run = shared_run("clean", 60)
+    assert {sent.encoded_ns - sent.capture_ns for sent in run.encoded} == {ENCODING_NS}
     assert {sent.pushed_ns - sent.capture_ns for sent in run.encoded} == {0}
     captured = {sent.index: sent.capture_ns for sent in run.encoded}
     ages = {seen.index: seen.shown_ns - captured[seen.index] for seen in run.shown}
     # the jitter buffer holds the very first packet for its whole latency
-    assert {age for index, age in ages.items() if index >= 5} == {25 * NS_PER_MS}
+    way_ns = ENCODING_NS + 20 * NS_PER_MS + DECODING_NS
+    assert {age for index, age in ages.items() if index >= 5} == {way_ns}
 
 
 def test_the_screen_changes_at_its_time_and_not_before() -> None:
     run, last = Run(), 9
-    with closing(make(run, CLEAN, times=ProcessingTimes(0, 0))) as video:
+    with closing(make(run, CLEAN)) as video:
         drive(video, ("eih",), range(last + 1), after_ns=0)
-        due_ns = video.now_ns + 20 * NS_PER_MS
+        due_ns = video.now_ns + ENCODING_NS + 20 * NS_PER_MS + DECODING_NS
         video.advance_to(due_ns - 1)
         before = video.receivers["eih"].shown
         video.advance_to(due_ns)
