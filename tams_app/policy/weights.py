@@ -19,7 +19,6 @@ class WeightMatrix:
             self._row_of[view] = max(shares, key=shares.__getitem__)
 
     def row(self, phase: Phase) -> dict[str, float]:
-        """The share of each view in `phase`."""
         return dict(self._rows[phase])
 
     def primary_view(self, phase: Phase, pinned: str = "") -> str:

@@ -227,6 +227,5 @@ class ForwardModel:
             self._errors.append((t_ns, self._apart_m(joints, true), self._apart_m(heard, true)))
 
     def _apart_m(self, joints: Vector, others: Vector) -> float:
-        """How far the TCP is apart."""
         one, other = (self._model.tcp_pose(each).position for each in (joints, others))
         return math.sqrt((one - other) @ (one - other))

@@ -125,7 +125,6 @@ def _numbers6(joints: Vector | None) -> Vector:
 
 
 def _placed(numbers: Vector) -> PlacedArm:
-    """From the mount's pose and the joints."""
     joints = numbers[7:]
     return PlacedArm(_pose(numbers[:7]), None if np.isnan(joints).any() else joints)
 

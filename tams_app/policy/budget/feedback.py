@@ -233,7 +233,6 @@ class FeedbackBudget:
         self._kbps = self._bounded(kbps + weight * max(0.0, arrived_kbps - kbps))
 
     def _turn(self, now_ns: int, queue_ns: int, sent_kbps: float) -> None:
-        """Begin the next phase if it is time."""
         shows_ns = _SHOWS * self._target_ns
         span_ns = self._base_trip_ns + self._window_ns  # until what is sent has been judged
         self._most_sent_kbps = max(self._most_sent_kbps, sent_kbps)

@@ -68,7 +68,6 @@ class VirtualOperator(Operator):
         return self._fresh.of(view)
 
     def screen(self, now_ns: int) -> OnScreen:
-        """What is on the screen."""
         return on_screen(self._frames, self._shows, now_ns)
 
     def see(self, shown: ShownFrame) -> None:

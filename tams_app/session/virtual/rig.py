@@ -86,7 +86,6 @@ class VirtualCameras:
         self._frames = CameraImages(robot.layout, config.seed)
 
     def start(self, now_ns: int) -> None:
-        """Begin the grid of each view."""
         for view in self._views:
             first_ns = now_ns + stagger_ns(view, self._period_ns)
             self._events.post(first_ns, partial(self._take, view, 0, first_ns))

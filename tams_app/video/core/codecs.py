@@ -39,8 +39,6 @@ class Encoder:
 
 @dataclass(frozen=True, slots=True)
 class Decoder:
-    """An H.264 decoder."""
-
     element: str
     settings: tuple[str, ...] = ()
 
@@ -117,8 +115,6 @@ DECODERS = {
 
 @dataclass(frozen=True, slots=True)
 class Codecs:
-    """The codecs of one session."""
-
     encoder: Encoder
     decoder: Decoder
 

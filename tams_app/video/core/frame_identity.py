@@ -91,7 +91,6 @@ class RtpTimes:
         return self._ticks * NS_PER_S // RTP_CLOCK_HZ
 
     def timestamp(self, pts_ns: int) -> int:
-        """The RTP timestamp of the frame with presentation time `pts_ns`."""
         return (self._first_timestamp + _ticks(pts_ns - self._first_pts_ns)) % _RTP_TIMESTAMPS
 
     def follow(self, pts_ns: int, timestamp: int) -> int:

@@ -62,7 +62,6 @@ class FrameIntervals:
         self._recent: deque[int] = deque(maxlen=_REMEMBERED)
 
     def step(self, capture_ns: int) -> FrameTime:
-        """A frame was captured at `capture_ns`."""
         if self._last_ns is not None:
             elapsed_ns = capture_ns - self._last_ns
             self._recent.append(min(max(elapsed_ns, SHORTEST_NS), LONGEST_NS))

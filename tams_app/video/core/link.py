@@ -32,7 +32,6 @@ class Bottleneck:
         self.backlog_bytes = 0
 
     def room_bytes(self, now_ns: int) -> float:
-        """The queue's size at this moment."""
         by_time = self._capacity.rate_kbps(now_ns) * self._queue_ms / 8  # kbit/s · ms = bit
         return max(by_time, self._queue_min_bytes)
 

@@ -49,7 +49,6 @@ class RtpHeader:
 
     @property
     def kind(self) -> PacketKind:
-        """The kind of packet."""
         return _KINDS.get(self.payload_type, PacketKind.MEDIA)
 
 
@@ -59,17 +58,14 @@ def media_ssrc(config: VideoConfig, view: str) -> int:
 
 
 def repair_ssrc(config: VideoConfig, view: str) -> int:
-    """The SSRC of a view's RTX stream."""
     return media_ssrc(config, view) + 1
 
 
 def parity_ssrc(config: VideoConfig, view: str) -> int:
-    """The SSRC of a view's parity stream."""
     return _FIRST_PARITY_SSRC + config.views.index(view)
 
 
 def padding_ssrc(config: VideoConfig, view: str) -> int:
-    """The SSRC of the padding in a view's session."""
     return _FIRST_PADDING_SSRC + config.views.index(view)
 
 

@@ -39,8 +39,6 @@ _SMOOTHING = 1 / 30  # a second of frames
 
 
 class ParityEncoder:
-    """Makes the parity packets of one view."""
-
     def __init__(self, ssrc: int, numbered: bool = False) -> None:
         """`numbered`: its packets have room for the session's number, by which reports know it."""
         self._ssrc = ssrc

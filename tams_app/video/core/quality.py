@@ -148,7 +148,6 @@ class ViewQuality:
         )
 
     def _on_screen(self, shown: _Shown | None, now_ns: int) -> Image | None:
-        """What the screen showed of it."""
         if shown is None or self._correct is None:
             return shown.image if shown else None
         if shown.image.luma is None or shown.capture_ns is None:

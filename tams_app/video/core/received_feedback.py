@@ -59,7 +59,6 @@ class ReceivedFeedback:
                 self._arrivals.append(PacketArrival(self._view, sent_ns, size_bytes, arrived))
 
     def blocks(self, blocks: Iterable[ReportBlock]) -> None:
-        """A report has come."""
         for block in blocks:
             if block.ssrc == self._media_ssrc:
                 if self._block is None:  # GStreamer may count a stream's start as 65,536 losses

@@ -66,7 +66,6 @@ class RingLayout:
         return len(self.views) * self.ring_shape.size
 
     def ring(self, block: mmap.mmap, view: str) -> SharedRing:
-        """The ring of `view` within `block`."""
         shape = self.ring_shape
         return SharedRing(block, shape, self.views.index(view) * shape.size)
 

@@ -141,7 +141,6 @@ class Relay:
         return {view: ViewPorts(**flows) for view, flows in ports.items()}
 
     def run(self, stop: threading.Event) -> None:
-        """Carry datagrams until `stop` is set."""
         sockets = list(self._routes)
         next_report_ns = time.monotonic_ns() + REPORT_PERIOD_NS
         while not stop.is_set():

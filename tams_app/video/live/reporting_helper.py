@@ -129,7 +129,6 @@ def received(connection: socket.socket, stop: threading.Event) -> Iterator[bytes
 
 
 def line_of(report: object) -> bytes:
-    """A report as it is sent."""
     return msgspec.json.encode(report) + b"\n"
 
 

@@ -92,7 +92,6 @@ class EncoderChain(Chain):
         frames.attach(self.pipeline)
 
     def encode(self, buffer: Any) -> list[bytes]:
-        """The RTP packets of one frame."""
         self.push(buffer)
         buffers = gst.pull_available(self._packets)
         return [each.extract_dup(0, each.get_size()) for each in buffers]
@@ -143,7 +142,6 @@ class DecoderChain(Chain):
         return nacks
 
     def take_pli(self) -> bool:
-        """True if a keyframe must be requested."""
         plis, self._plis = self._plis, 0
         return plis > 0
 

@@ -19,10 +19,8 @@ class EventQueue:
         return self._entries[0][0] if self._entries else None
 
     def post(self, due_ns: int, action: Callable[[], None]) -> None:
-        """Do `action` at `due_ns`."""
         self._posted += 1
         heapq.heappush(self._entries, (due_ns, self._posted, action))
 
     def do_next(self) -> None:
-        """Take the next action off and do it."""
         heapq.heappop(self._entries)[2]()

@@ -60,7 +60,6 @@ class VirtualReceiver:
         self.arrive_report = self._session.received_report
 
     def arrive(self, packet: bytes, resent: bool) -> None:
-        """A packet has come over the link."""
         now_ns = self._shared.clock.now_ns()
         header = read_rtp(packet)
         kind = PacketKind.MEDIA if header is None else header.kind

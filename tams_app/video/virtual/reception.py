@@ -61,7 +61,6 @@ class StreamStatistics:
         self._jitter = 0  # 16 times
 
     def received(self, now_ns: int, header: RtpHeader) -> None:
-        """A media packet came."""
         ahead = (header.sequence - self._highest) % SEQUENCES
         if ahead < SEQUENCES // 2:
             self._highest += ahead

@@ -66,12 +66,10 @@ class ReceiverSession:
         self._report_transit_ns: int | None = None
 
     def received(self, now_ns: int, kind: PacketKind) -> None:
-        """A packet of the RTP flow came."""
         self.timing.start(now_ns)
         self._kinds.add(kind)
 
     def received_report(self, transit_ns: int, size_bytes: int) -> None:
-        """A sender report came after `transit_ns`."""
         self._report_transit_ns = transit_ns
         self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
         self.timing.observe(size_bytes)
@@ -142,7 +140,6 @@ class SenderSession:
         self._kinds: set[PacketKind] = set()  # that have left
 
     def sent(self, now_ns: int, kind: PacketKind) -> None:
-        """A packet of the RTP flow left."""
         self.timing.start(now_ns)
         self._kinds.add(kind)
         self.timing.members = 2 + self._rtx + len(self._kinds & _OF_OUR_OWN)
@@ -195,7 +192,6 @@ class SentPackets:
         self._order: deque[tuple[int, int]] = deque()  # (RTP timestamp, sequence number)
 
     def keep(self, sequence: int, timestamp: int, packet: bytes) -> None:
-        """A media packet was sent."""
         self._packets[sequence] = packet
         self._order.append((timestamp, sequence))
         while timestamp - self._order[0][0] > self._history_ticks:

@@ -88,7 +88,6 @@ class VirtualVideo:
 
     @property
     def now_ns(self) -> int:
-        """Virtual time [ns]."""
         return self._clock.now_ns()
 
     def push(self, frame: Frame, left_out: bool = False) -> None:

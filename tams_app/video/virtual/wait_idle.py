@@ -118,7 +118,6 @@ class IdleGate:
         self._must_wait = False
 
     def packet_enters(self, in_order: bool, ends_frame: bool) -> None:
-        """A packet is about to enter a jitter buffer."""
         sensitive = not in_order or self._clock.next_ns() is not None
         if sensitive and self._not_awaited:
             self._waiter.wait()
