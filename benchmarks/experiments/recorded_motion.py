@@ -156,7 +156,8 @@ class _Recording(Listener):
             self._clock.advance_ns(self._period_ns)
             self._loop.tick(self._clock.now_ns())
             self._robot.gate.serve()
-            now_ns, closed = self._clock.now_ns(), self._robot.gripper_closed()
+            now_ns, arm = self._clock.now_ns(), self._robot.arm.state()
+            closed = arm.gripper_closed if arm is not None else None
             if placed_ns is None and self._judge.step(now_ns, self._robot.truth(), closed):
                 placed_ns, end_ns = now_ns, now_ns + _AFTERWARDS_NS
         return self._judge.outcome()

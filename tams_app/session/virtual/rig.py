@@ -52,11 +52,6 @@ class VirtualRobot:
         """The true places of things now: for the trial's rules, never for the operator."""
         return self._world.truth(self.catch_up())
 
-    def gripper_closed(self) -> bool | None:
-        """The last command to the gripper, as the arm reports it."""
-        state = self.arm.state()
-        return state.gripper_closed if state is not None else None
-
     def stop(self) -> None:
         """Stop the arm for good."""
         self.gate.stop()
