@@ -41,18 +41,14 @@ def concealed(found: list[PacketRecord], shown: dict[int, int] = SHOWN) -> list[
     return sorted(concealed_frames(KEYFRAMES, found, shown, INDEX_OF))
 
 
-def test_without_loss_nothing_is_concealed() -> None:
-    assert concealed(packets()) == []
-
-
-def test_a_loss_conceals_what_follows_up_to_the_next_keyframe() -> None:
-    assert concealed(packets(lost=(3,))) == [3, 4, 5]
-    assert concealed(packets(lost=(8,))) == [8, 9]
-
-
-def test_a_keyframe_that_is_incomplete_repairs_nothing() -> None:
-    assert concealed(packets(lost=(3, 6))) == [3, 4, 5, 6, 7, 8, 9]
-    assert concealed(packets(lost=(0,))) == [0, 1, 2, 3, 4, 5]
+@pytest.mark.parametrize(
+    ("lost", "expected"),
+    [((), []), ((3,), [3, 4, 5]), ((8,), [8, 9]), ((3, 6), [*range(3, 10)]), ((0,), [*range(6)])],
+)
+def test_a_loss_conceals_what_follows_up_to_the_next_complete_keyframe(
+    lost: tuple[int, ...], expected: list[int]
+) -> None:
+    assert concealed(packets(lost=lost)) == expected
 
 
 def test_a_repair_that_arrives_in_time_leaves_nothing_concealed() -> None:

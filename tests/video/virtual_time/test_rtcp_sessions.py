@@ -104,15 +104,11 @@ def test_a_keyframe_request_within_two_round_trips_is_ignored() -> None:
     assert session.received(1_361 * NS_PER_MS, asking(1_361 * NS_PER_MS))
 
 
-def test_without_a_round_trip_every_keyframe_request_is_obeyed() -> None:
-    session = SenderSession(Random(1), rtx=False)
-    assert session.received(1000, asking(1000))
-    assert session.received(1001, asking(1001))
-
-
-def test_feedback_without_a_pli_makes_no_keyframe() -> None:
+def test_without_a_round_trip_every_keyframe_request_is_obeyed_and_only_a_request() -> None:
     session = SenderSession(Random(1), rtx=False)
     assert not session.received(1000, asking(1000, pli=False))
+    assert session.received(1000, asking(1000))
+    assert session.received(1001, asking(1001))
 
 
 def test_a_sender_reports_for_each_stream() -> None:
