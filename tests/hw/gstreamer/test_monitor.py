@@ -77,10 +77,3 @@ def test_reopening_does_not_make_the_same_frame_a_new_one(watch: FreezeWatch) ->
     assert watch.frame(reopened_ns + PERIOD_NS, b"a") is FrameStatus.REPEATED
     assert watch.frame(reopened_ns + REPETITION_NS + 1, b"a") is FrameStatus.FROZEN
     assert watch.frame(reopened_ns + REPETITION_NS + PERIOD_NS, b"b") is FrameStatus.NEW
-
-
-def test_a_file_may_show_one_frame_for_ever() -> None:
-    watch = FreezeWatch(noisy=False)
-    watch.opened(OPENED_NS)
-    for number in range(300):
-        assert watch.frame(OPENED_NS + number * PERIOD_NS, b"a") is FrameStatus.NEW
