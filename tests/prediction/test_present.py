@@ -21,7 +21,7 @@ from tams_app.rotation import Rotation
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
 from tests.prediction.sides import MODEL, READY_JOINTS, Sides
-from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
+from tests.prediction.wrist import above, lens_of, picture, placed
 from tests.teleop.rig import PERIOD_NS, hand_for
 
 pytestmark = pytest.mark.untimed
@@ -205,12 +205,6 @@ def test_the_luma_of_what_is_shown_is_that_of_the_picture():
     age_ns = 120 * NS_PER_MS
     grey = view.luma(FRAME[..., 0], last_ns() - age_ns, last_ns())
     assert (grey == show(trail_of()).image[..., 0]).all()
-
-
-def test_a_camera_s_description_corrects_as_the_camera():
-    view = camera_of(64, 48).view(trail_of())
-    shown = view.show(FRAME, last_ns() - 120 * NS_PER_MS, last_ns())
-    assert (shown.image == show(trail_of()).image).all()
 
 
 def test_a_description_has_the_tool_and_survives_its_way_to_another_process():
