@@ -2,28 +2,24 @@
 
 from __future__ import annotations
 
-import heapq
 import select
 import socket
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 
 from tams_app.video.live.udp import ViewPorts
 
 Keep = Callable[[int, bytes], bool]  # ordinal and datagram -> whether it gets through
+ALL: Keep = lambda _ordinal, _datagram: True  # noqa: E731
 
 
 class LossyLink:
     """Carries one view's three flows; `keep` decides about each RTP datagram, `keep_feedback`
     about the receiver's RTCP."""
 
-    def __init__(
-        self,
-        keep: Keep,
-        delay_s: float = 0.01,
-        keep_feedback: Keep = lambda ordinal, datagram: True,
-    ) -> None:
+    def __init__(self, keep: Keep = ALL, delay_s: float = 0.01, keep_feedback: Keep = ALL) -> None:
         self.rtp: list[bytes] = []
         self.feedback: list[bytes] = []
         self._keep = keep
@@ -35,9 +31,7 @@ class LossyLink:
             each.setblocking(False)
         ports = [each.getsockname()[1] for each in self._sockets]
         self.entrances = ViewPorts("127.0.0.1", *ports)
-        self._underway: list[tuple[float, int, int, bytes]] = []
-        self._latest = [0.0, 0.0, 0.0]
-        self._count = 0
+        self._underway: deque[tuple[float, int, bytes]] = deque()  # when due, flow
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="lossy-link")
 
@@ -63,7 +57,7 @@ class LossyLink:
             for ready in select.select(self._sockets, [], [], wait)[0]:
                 self._take_in(self._sockets.index(ready), ready)
             while self._underway and self._underway[0][0] <= time.monotonic():
-                _, _, flow, data = heapq.heappop(self._underway)
+                _, flow, data = self._underway.popleft()
                 way_out = self._sockets[0 if flow == 2 else 2]  # where its receiver sends to
                 way_out.sendto(data, ("127.0.0.1", self._exits[flow]))
 
@@ -81,7 +75,4 @@ class LossyLink:
                 self.feedback.append(data)
                 if not self._keep_feedback(len(self.feedback) - 1, data):
                     continue
-            due = max(self._latest[flow], time.monotonic() + self._delay_s)
-            self._latest[flow] = due
-            self._count += 1
-            heapq.heappush(self._underway, (due, self._count, flow, data))
+            self._underway.append((time.monotonic() + self._delay_s, flow, data))

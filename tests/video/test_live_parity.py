@@ -48,7 +48,7 @@ def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
 
 
 def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to() -> None:
-    link = LossyLink(lambda ordinal, datagram: True)
+    link = LossyLink()
     with stream(link, PROTECTED) as joined:
         joined.carry(range(30))
     assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
@@ -59,7 +59,7 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
     def broken(*_: object) -> list[bytes]:
         raise ValueError("a broken packet")
 
-    with stream(LossyLink(lambda ordinal, datagram: True), PROTECTED) as joined:
+    with stream(LossyLink(), PROTECTED) as joined:
         assert joined.parity is not None
         if end == "sender":
             monkeypatch.setattr(joined.parity, "protect", broken)

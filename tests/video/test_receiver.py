@@ -124,7 +124,7 @@ def test_packets_of_strangers_do_not_end_the_stream(payload_type: int) -> None:
                 link.bring(packet)
             link.bring(b"not RTP at all")
 
-    link = LossyLink(lambda ordinal, datagram: True)
+    link = LossyLink()
     with stream(link) as joined:
         intrude(0)
         joined.push(range(10))

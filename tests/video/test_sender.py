@@ -25,7 +25,7 @@ pytestmark = pytest.mark.waiting
 
 
 def test_packets_carry_the_fixed_numbers_of_their_view_also_where_rtcp_came_before_them() -> None:
-    link = LossyLink(lambda ordinal, datagram: True)
+    link = LossyLink()
     with stream(link) as joined:
         for sequence in range(5):  # so that the receiver has something to report
             header = b"\x80\x60\0" + bytes([sequence]) + b"\0\0\0\1\0\0\0\7"
@@ -86,7 +86,7 @@ class PunctualClock(MonotonicClock):
 def test_a_paced_frame_leaves_in_parts_and_arrives_as_it_was(
     protected: bool,
 ) -> None:
-    link, pacer = LossyLink(lambda ordinal, datagram: True), NotedPacer(2000.0)
+    link, pacer = LossyLink(), NotedPacer(2000.0)
     rule = replace(PATIENT, parity=protected)
     with stream(link, rule, kbps=1500.0, fps=30, pacer=pacer) as joined:
         if joined.parity is not None:
@@ -123,7 +123,7 @@ def test_what_each_stage_takes_is_known_until_the_packets_leave_and_when_they_ca
 @pytest.mark.parametrize("feedback", [False, True])
 def test_what_leaves_at_once_is_asked_for_once_and_not_packet_by_packet(feedback: bool) -> None:
     """At 20 Mbit/s Python would be called 2,000 times a second, for each packet."""
-    link, pacer = LossyLink(lambda ordinal, datagram: True), NotedPacer(1e6)
+    link, pacer = LossyLink(), NotedPacer(1e6)
     with stream(link, PATIENT, kbps=6000.0, fps=30, feedback=feedback, pacer=pacer) as joined:
         joined.carry(range(20))
         packets = sum(identify(datagram)[0] is PacketKind.MEDIA for datagram in link.rtp)
