@@ -9,7 +9,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from zlib import crc32
 
-from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, PacketArrival, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
@@ -21,6 +20,7 @@ from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.receiver import VideoReceiver
+from tams_app.video.live.recorded import decoded
 from tams_app.video.live.sender import VideoSender
 from tams_app.video.live.udp import ViewPorts
 from tams_app.video.live.view_decoder import ViewDecoder
@@ -155,25 +155,11 @@ def stream(
 
 def decoded_checksums(encoded: list[EncodedFrame]) -> dict[int, int]:
     """What each frame looks like (CRC of its BGR bytes) when nothing was lost."""
-    Gst = gst.load().Gst
-    pipeline = gst.parse_pipeline(
-        "appsrc name=in format=time block=true max-buffers=8 "
-        'caps="video/x-h264,stream-format=byte-stream,alignment=au" '
-        "! h264parse ! avdec_h264 max-threads=1 ! video/x-raw,format=I420 "
-        "! appsink name=out sync=false"
-    )
-    gst.set_playing(pipeline, "the reference decoder")
-    source, sink = pipeline.get_by_name("in"), pipeline.get_by_name("out")
-    checksums = {}
-    for order, each in enumerate(encoded):
-        source.emit("push-buffer", gst.raw_buffer(each.data, order * Gst.MSECOND, Gst.MSECOND))
-    source.emit("end-of-stream")
-    while (sample := sink.emit("try-pull-sample", 20 * Gst.SECOND)) is not None:
-        buffer = sample.get_buffer()
-        image = bgr_of(gst.pixels_of(buffer), HEIGHT, WIDTH)
-        checksums[encoded[round(buffer.pts / Gst.MSECOND)].index] = crc32(image.tobytes())
-    gst.shut_down(pipeline)
-    return checksums
+    index_of = {one.capture_ns: one.index for one in encoded}
+    return {
+        index_of[capture_ns]: crc32(bgr_of(planes, HEIGHT, WIDTH).tobytes())
+        for capture_ns, planes in decoded(iter(encoded))
+    }
 
 
 def jitter_counts(decoder: ViewDecoder) -> dict[str, int]:
