@@ -174,7 +174,8 @@ def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", reports))
         config = VideoConfig(first_port=reports - 1)
-        with pytest.raises(ConfigError, match=f"UDP port {reports} on 127.0.0.1"):
+        sentence = f"receiver of view eih .* UDP port {reports} on 127.0.0.1 .*video.first_port"
+        with pytest.raises(ConfigError, match=sentence):
             VideoReceiver(
                 "eih", config, PATIENT, MonotonicClock(), NOTHING_SENT, lambda shown: None
             )

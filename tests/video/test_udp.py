@@ -36,13 +36,6 @@ def test_a_free_port_is_told_and_belongs_to_the_host_asked_for() -> None:
     bound.close()
 
 
-def test_a_port_in_use_is_one_sentence_that_names_the_keys() -> None:
-    first = UdpSocket("127.0.0.1", 0, "receiver of view eih")
-    with pytest.raises(ConfigError, match=r"receiver of view gt .* port \d+ .*video\.first_port"):
-        UdpSocket("127.0.0.1", first.port, "receiver of view gt")
-    first.close()
-
-
 def test_a_host_that_is_no_address_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"video\.bind_host: 'nowhere'"):
         UdpSocket("nowhere", 0, "receiver of view eih")
