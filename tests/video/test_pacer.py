@@ -24,12 +24,6 @@ def test_a_frame_is_spread_over_two_thirds_of_the_time_that_the_link_takes() -> 
     assert pacer.reserve(0, 1) == pytest.approx(carried_ns / 1.5, rel=1e-6)
 
 
-def test_what_comes_after_a_pause_leaves_at_once() -> None:
-    pacer = Pacer(1000.0)
-    pacer.reserve(0, 10_000)
-    assert pacer.reserve(NS_PER_S, 1240) == NS_PER_S
-
-
 def test_a_higher_estimate_lets_what_asks_next_leave_closer_together() -> None:
     pacer = Pacer(1000.0)
     slow_ns = pacer.reserve(0, 1240) or pacer.reserve(0, 1240)

