@@ -9,12 +9,12 @@ from operator import attrgetter
 
 from tams_app.records import PacketArrival, Reception, UplinkReport
 from tams_app.units import NS_PER_S
+from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import SEQUENCES
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, ReportBlock
 
-_RTP_CLOCK_HZ = 90_000
 # Both 16 bits of ticks within a message and 24 bits of 64 ms over all are whole multiples of it.
 _WRAP_NS = ARRIVAL_TICK_NS << 16
 _OLDEST_NS = 10 * NS_PER_S
@@ -81,7 +81,7 @@ class ReceivedFeedback:
             self._view,
             min(1.0, lost / expected) if expected > 0 else 0.0,
             block.round_trip_ns,
-            block.jitter * NS_PER_S // _RTP_CLOCK_HZ,
+            block.jitter * NS_PER_S // RTP_CLOCK_HZ,
         )
 
     def _is_new(self, sent_ns: int, sequence: int) -> bool:

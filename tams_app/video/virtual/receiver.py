@@ -21,8 +21,12 @@ from tams_app.video.core.parity import ParityDecoder
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.view_decoder import ViewDecoder
 from tams_app.video.virtual.chains import DecoderChain
-from tams_app.video.virtual.reception import ArrivalMessages, StreamStatistics
-from tams_app.video.virtual.rtcp_sessions import Feedback, ReceiverSession
+from tams_app.video.virtual.rtcp_sessions import (
+    ArrivalMessages,
+    Feedback,
+    ReceiverSession,
+    StreamStatistics,
+)
 from tams_app.video.virtual.shared import DECODING_NS, Shared
 from tams_app.video.virtual.stepped_clock import LaterClock
 
