@@ -26,12 +26,11 @@ class FrameScores:
         self,
         views: Iterable[str],
         record: Callable[[FrameQuality], None],
-        corrections: Mapping[str, Correction] | None = None,
+        corrections: Mapping[str, Correction],
     ) -> None:
         """`corrections`: by view, what the screen shows of a frame that is corrected."""
-        found = corrections or {}
         self._views = {
-            view: (ViewQuality(view, correct=found.get(view)), Scorer()) for view in views
+            view: (ViewQuality(view, correct=corrections.get(view)), Scorer()) for view in views
         }
         self._record = record
 

@@ -43,6 +43,11 @@ RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAI
 # The last media packets, and every parity packet: nothing of Python runs for a media packet.
 RECENT_PACKETS = 256
 _RECENT = f"appsink name=recent async=false sync=false max-buffers={RECENT_PACKETS} drop=true"
+_ENCODINGS = {
+    REPAIR_PAYLOAD_TYPE: "RTX",
+    PARITY_PAYLOAD_TYPE: "PARITY",
+    PADDING_PAYLOAD_TYPE: "PADDING",
+}
 _PACED = "! queue name=paced max-size-buffers=0 max-size-bytes=0 max-size-time=0 "
 _PARITY = "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
 # Without async=false a live appsink never leaves PAUSED.
@@ -71,13 +76,8 @@ def received_caps(feedback: bool) -> str:
 def rtp_caps(payload_type: int = MEDIA_PAYLOAD_TYPE) -> str:
     """Caps of the RTP stream with `payload_type`, asking for NACK and PLI."""
     common = f"application/x-rtp,media=video,clock-rate=90000,payload={payload_type}"
-    if payload_type == REPAIR_PAYLOAD_TYPE:
-        return f"{common},encoding-name=RTX"
-    if payload_type == PARITY_PAYLOAD_TYPE:
-        return f"{common},encoding-name=PARITY"
-    if payload_type == PADDING_PAYLOAD_TYPE:
-        return f"{common},encoding-name=PADDING"
-    return f"{common},encoding-name=H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true"
+    encoding = _ENCODINGS.get(payload_type, "H264,rtcp-fb-nack=true,rtcp-fb-nack-pli=true")
+    return f"{common},encoding-name={encoding}"
 
 
 def rtx_ssrcs(config: VideoConfig, view: str) -> str:

@@ -121,6 +121,7 @@ class ViewQuality:
     def _decide(self, index: int, capture: _Captured, shown: _Shown | None, now_ns: int) -> Fate:
         before = [one for one in self._history if one.shown_ns <= capture.capture_ns]
         on_screen = before[-1] if before else None
+        seen_ns = on_screen.capture_ns if on_screen else None
         stand_in = shown or max(
             (one for one in self._history if one.index < index),
             key=lambda one: one.index,
@@ -131,7 +132,7 @@ class ViewQuality:
             index=index,
             capture_ns=capture.capture_ns,
             shown_ns=shown.shown_ns if shown else None,
-            age_ns=_age_ns(on_screen, capture.capture_ns),
+            age_ns=None if seen_ns is None else capture.capture_ns - seen_ns,
             frozen=on_screen is not None and self._stayed_ns(on_screen, now_ns) > self._freeze_ns,
             concealed=None,  # known from the log alone (`concealment`)
             received=None,
@@ -213,9 +214,3 @@ class Scorer:
         if len(self._moments) > _KEPT_MOMENTS:
             self._moments.popitem(last=False)
         return similarity(captured, moments, task)
-
-
-def _age_ns(on_screen: _Shown | None, now_ns: int) -> int | None:
-    if on_screen is None or on_screen.capture_ns is None:
-        return None
-    return now_ns - on_screen.capture_ns
