@@ -47,25 +47,20 @@ class SentFrames:
     """
 
     def __init__(self) -> None:
-        self._first_ns: int | None = None
+        self.first_ns: int | None = None  # capture time of the frame with RTP timestamp 0
         self._last_ticks = -1
         self._frames: dict[int, SentFrame] = {}  # oldest first
 
     def add(self, frame: SentFrame) -> int:
         """Remember the next frame of the stream; its presentation time [ns]."""
-        if self._first_ns is None:
-            self._first_ns = frame.capture_ns
-        ticks = _ticks(frame.capture_ns - self._first_ns)
+        if self.first_ns is None:
+            self.first_ns = frame.capture_ns
+        ticks = _ticks(frame.capture_ns - self.first_ns)
         self._last_ticks = ticks = max(ticks, self._last_ticks + 1)
         self._frames[ticks % _RTP_TIMESTAMPS] = frame
         if len(self._frames) > _REMEMBERED:
             del self._frames[next(iter(self._frames))]
         return -(-ticks * NS_PER_S // RTP_CLOCK_HZ)  # rounded up: `rtp_timestamp` rounds down
-
-    @property
-    def first_ns(self) -> int | None:
-        """Capture time of the frame with RTP timestamp 0 [ns]; None before it."""
-        return self._first_ns
 
     def find(self, timestamp: int) -> SentFrame | None:
         """The frame of an RTP timestamp; None if that is not remembered."""

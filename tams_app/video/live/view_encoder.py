@@ -16,7 +16,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.colour import i420_of
 from tams_app.video.core.frame_identity import SentFrame, SentFrames, rtp_timestamp
-from tams_app.video.core.frame_interval import FrameIntervals, FrameTime
+from tams_app.video.core.frame_interval import FrameIntervals
 from tams_app.video.core.rate_control import EncoderServo, SourceDrop
 
 
@@ -76,16 +76,13 @@ class ViewEncoder:
             self._on_dropped(DroppedFrame(frame.view, frame.index, frame.capture_ns, left_out))
             return None
         frame_kbps = self._source_drop.frame_target_kbps(target_kbps, time.usual_ns)
-        self._set_encoder_rate(wire_bytes, frame_kbps, time)
-        sent = SentFrame(frame.index, frame.capture_ns, pushed_ns, frame.ready_ns)
-        pts_ns = self.sent.add(sent)
-        return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
-
-    def _set_encoder_rate(self, wire_bytes: int, frame_kbps: float, time: FrameTime) -> None:
         encoder_kbps = self._servo.step(wire_bytes, frame_kbps, time)
         if encoder_kbps != self.encoder_kbps:
             self._encoder.set_property("bitrate", encoder_kbps)
             self.encoder_kbps = encoder_kbps
+        sent = SentFrame(frame.index, frame.capture_ns, pushed_ns, frame.ready_ns)
+        pts_ns = self.sent.add(sent)
+        return gst.raw_buffer(i420_of(frame.image), pts_ns, time.usual_ns)
 
     # --- in the encoder's thread ------------------------------------------------------------
 

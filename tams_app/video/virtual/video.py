@@ -116,7 +116,7 @@ class VirtualVideo:
         while True:
             wait_ns = _or_never(self._clock.next_ns())
             action_ns = _or_never(self._events.next_ns)
-            reports_ns = self._reports_ns()
+            reports_ns = min([_or_never(end.timing.next_ns) for end in self._ends])
             due_ns = min(wait_ns, action_ns, reports_ns)
             if due_ns > now_ns:
                 break
@@ -150,10 +150,6 @@ class VirtualVideo:
 
     def _return_to(self, view: str) -> Callable[[Feedback], None]:
         return lambda feedback: self._senders[view].obey(feedback)
-
-    def _reports_ns(self) -> int:
-        """The time when RTCP is due next [ns]."""
-        return min([_or_never(end.timing.next_ns) for end in self._ends])
 
     def _send_reports(self, now_ns: int) -> None:
         for end in self._ends:
