@@ -170,31 +170,6 @@ def test_a_camera_that_is_away_is_tried_about_once_a_second_and_told_once(make: 
     assert len(source.opened) == 4
 
 
-def test_away_frames_are_none_after_the_timeout_and_nothing_is_raised(make: Make) -> None:
-    ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=3")
-    camera, _ = make(PlayedSource(ends, DeviceError("gone")))
-    camera.start()
-    until_trouble(camera)
-    clock = MonotonicClock()
-    start_ns = clock.now_ns()
-    assert camera.next_frame(0.3) is None
-    assert clock.now_ns() - start_ns >= 0.3 * NS_PER_S
-
-
-def test_a_camera_that_refuses_at_the_start_is_a_device_error(make: Make) -> None:
-    camera, _ = make(PlayedSource(DeviceError("no camera at all; plug it in")))
-    with pytest.raises(DeviceError, match="camera eih: no camera at all; plug it in"):
-        camera.start()
-    with pytest.raises(DeviceError, match="not started"):
-        camera.next_frame(0.0)
-
-
-def test_a_camera_that_gives_no_first_frame_is_a_device_error(make: Make) -> None:
-    camera, _ = make(PlayedSource(f"{MOVING} ! identity error-after=1"))
-    with pytest.raises(DeviceError, match="camera eih: played camera gives no frame: identity"):
-        camera.start()
-
-
 def test_what_the_device_does_not_do_is_told_once(make: Make) -> None:
     ends = MOVING.replace("videotestsrc", "videotestsrc num-buffers=3")
     source = PlayedSource(ends, MOVING)
