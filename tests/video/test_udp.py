@@ -17,7 +17,6 @@ from tams_app.video.live.udp import (
     requested_ports,
     udp_sink,
     udp_source,
-    wire_bytes_sent,
 )
 
 pytestmark = pytest.mark.waiting
@@ -79,26 +78,6 @@ def pulled(appsink: object) -> bytes:
     sample = appsink.emit("try-pull-sample", 10 * gst.load().Gst.SECOND)  # type: ignore[attr-defined]
     buffer = sample.get_buffer()
     return bytes(buffer.extract_dup(0, buffer.get_size()))
-
-
-def test_wire_bytes_are_datagrams_with_their_ip_and_udp_headers() -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as target:
-        target.bind(("127.0.0.1", 0))
-        target.settimeout(5)
-        port = target.getsockname()[1]
-        source = UdpSocket("127.0.0.1", 0, "sender of view eih")
-        sink = udp_sink("out", "127.0.0.1", port)
-        pipeline = gst.parse_pipeline(f"fakesrc num-buffers=5 sizetype=2 sizemax=100 ! {sink}")
-        source.attach(pipeline.get_by_name("out"))
-        gst.set_playing(pipeline, "the sink")
-        datagrams = [target.recv(2048) for _ in range(5)]
-        messages = pipeline.get_bus()
-        messages.timed_pop_filtered(5 * gst.load().Gst.SECOND, gst.load().Gst.MessageType.EOS)
-        ports = ViewPorts("127.0.0.1", port, 0, 0)
-        sent = wire_bytes_sent(pipeline.get_by_name("out"), ports)
-        gst.shut_down(pipeline)
-        source.close()
-    assert sent == sum(len(data) + 28 for data in datagrams) == 5 * 128
 
 
 def test_each_view_has_any_free_ports_or_three_of_its_own_from_the_first_on() -> None:
