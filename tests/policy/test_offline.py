@@ -49,12 +49,6 @@ def test_further_columns_are_kept_and_two_are_added():
     ]
 
 
-def test_its_own_output_is_refused():
-    labelled = label_phases(HEADER + "0,0,0,0,0\n", "t.csv", THRESHOLDS, 0.0)
-    with pytest.raises(ConfigError, match="has a column phase already"):
-        label_phases(labelled, "t.csv", THRESHOLDS, 0.0)
-
-
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
