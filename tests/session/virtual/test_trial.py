@@ -145,31 +145,11 @@ def test_which_view_the_operator_relied_on_is_told_by_phase(log, summary):
     assert 1000 / 15 - 10 < float(np.median(gaps_ms)) < 1000 / 11 + 10
 
 
-@pytest.fixture(scope="module")
-def lean(tmp_path_factory):
-    """A short trial's log without what can be left out."""
-    folder = tmp_path_factory.mktemp("lean")
-    run(
-        short(**{"seconds": 0.5, "recording.bitstream": False, "video.quality.enabled": False}),
-        folder,
-    )
-    return folder / LOG_NAME
-
-
-def test_the_bitstream_is_in_the_log_and_can_be_left_out(whole, log, lean):
+def test_the_bitstream_is_in_the_log(whole, log):
     frames = list(read_video(whole[0] / LOG_NAME, "gt"))
     assert [len(one.data) for one in frames] == [
         one.size_bytes for one in log.sent if one.view == "gt"
     ]
-    assert len(read_log(lean).sent) > 3
-    assert list(read_video(lean, "gt")) == []
-
-
-def test_frames_are_not_scored_where_quality_is_off(lean):
-    found = read_log(lean)
-    assert found.quality == []
-    assert found.shown != []
-    assert summarise(found)["primary_view"]["received_ssim"] is None
 
 
 def test_without_frames_the_operator_knows_nothing_and_touches_nothing(tmp_path, monkeypatch):

@@ -88,7 +88,11 @@ def test_it_is_found_said_once_and_the_frames_are_shown_as_received_from_then_on
     assert all(one.camera_fits for one in logs["right"].predictions)
 
 
-def test_the_summary_says_so(logs: dict[str, SessionLog]) -> None:
+def test_the_summary_says_so_and_where_quality_is_off_no_frame_is_scored(
+    logs: dict[str, SessionLog],
+) -> None:
+    assert logs["right"].shown
+    assert logs["right"].quality == []
     fits = {name: summarise(log)["prediction"]["camera_fits"] for name, log in logs.items()}
     assert fits == {"right": True, "wrong": False}
 
