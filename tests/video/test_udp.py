@@ -11,13 +11,7 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
 from tams_app.video.core.packets import stream_ssrcs
-from tams_app.video.live.udp import (
-    UdpSocket,
-    ViewPorts,
-    requested_ports,
-    udp_sink,
-    udp_source,
-)
+from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
 
 pytestmark = pytest.mark.waiting
 

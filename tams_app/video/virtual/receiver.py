@@ -46,7 +46,6 @@ class VirtualReceiver:
         feedback: bool = False,
     ) -> None:
         self.view = view
-        self.shown: ShownFrame | None = None
         self._shared = shared
         self._return_feedback = return_feedback
         self._expected = 0  # sequence number of the next media packet, if none is lost
@@ -99,7 +98,7 @@ class VirtualReceiver:
         if self._chain.take_pli():
             self._session.ask_keyframe(now_ns)
         for shown in self._decoded:
-            self._shared.events.post(shown.shown_ns, partial(self._show, shown))
+            self._shared.events.post(shown.shown_ns, partial(self._shared.records.shown, shown))
         self._decoded.clear()
 
     def step(self) -> None:
@@ -120,7 +119,3 @@ class VirtualReceiver:
             sequence = transport_sequence(packet)
             if self._arrivals.received(now_ns, sequence, header.marker):
                 self._session.report_arrivals(now_ns)
-
-    def _show(self, shown: ShownFrame) -> None:
-        self.shown = shown
-        self._shared.records.shown(shown)
