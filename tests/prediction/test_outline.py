@@ -6,15 +6,12 @@ import pytest
 
 from hw.lite6.figure import Lite6Figure
 from tams_app.config import load_config
-from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.outline import ArmOutline, PlacedArm, links_of
 from tams_app.prediction.plane_warp import corners_of, mounted, projected, silhouette
-from tams_app.prediction.present import AsReceived, Correction, MountTrail
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras
-from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above, placed
+from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, above
 
 pytestmark = pytest.mark.untimed
 
@@ -101,36 +98,6 @@ def test_a_tool_that_is_out_of_the_picture_or_behind_the_camera_leaves_it_as_it_
     drawn = ArmOutline(LENS, [BOX]).over(GREY, PlacedArm(THEN), PlacedArm(now), now)
     assert drawn is not None
     assert (drawn == GREY).all()
-
-
-def test_a_fixed_view_shows_the_outline_only_of_what_is_believed() -> None:
-    now_ns = 9 * NS_PER_S
-    trail = MountTrail()
-    view = PredictedCamera(LENS, (BOX,), on_arm=False).view(trail)
-    capture_ns = now_ns - 100 * NS_PER_MS
-    assert view.show(GREY, capture_ns, now_ns).as_received is AsReceived.UNKNOWN
-    for late_ms in range(600, -1, -10):
-        at_ns = now_ns - late_ms * NS_PER_MS
-        trail.add(placed(at_ns, THEN, THEN if late_ms > 50 else NOW))
-    shown = view.show(GREY, capture_ns, now_ns)
-    assert (shown.correction, shown.as_received) == (Correction.OUTLINE, None)
-    assert (shown.image != GREY).any()
-    before = view.show(GREY, capture_ns, now_ns - 60 * NS_PER_MS)
-    assert (before.correction, before.as_received) == (None, None)
-    assert before.image is GREY
-    old = view.show(GREY, now_ns - 501 * NS_PER_MS, now_ns)
-    assert old.as_received is AsReceived.OLD
-
-
-@pytest.mark.parametrize(
-    ("predict", "views"), [("off", {}), ("eih", {"eih": True}),
-                           ("all", {"eih": True, "gt": False, "gs": False})]
-)  # fmt: skip
-def test_the_fixed_views_get_an_outline_only_where_all_is_asked_for(
-    predict: str, views: dict[str, bool]
-) -> None:
-    cameras = predicted_cameras(load_config(None, {"view.predict": predict}))
-    assert {view: camera.on_arm for view, camera in cameras.items()} == views
 
 
 JOINTS = np.array([0.0, 0.64, 1.51, 0.0, 0.87, 0.0])
