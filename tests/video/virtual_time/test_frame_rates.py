@@ -90,13 +90,7 @@ def film(
         for t_ns, view, index in captures
         if index >= LEARNING_FRAMES
     ]
-    log.sent = [
-        FrameSent(
-            one.view, one.index, one.capture_ns, one.encoded_ns, one.keyframe, len(one.data),
-            one.pushed_ns, one.rtp_timestamp,
-        )
-        for one in run.encoded
-    ]  # fmt: skip
+    log.sent = [FrameSent.of(one) for one in run.encoded]
     log.shown = [FrameShown(one.view, one.index, one.shown_ns) for one in run.shown]
     log.packets = run.packets
     return Filmed(run, log)
