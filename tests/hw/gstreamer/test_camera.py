@@ -29,12 +29,11 @@ pytestmark = [pytest.mark.waiting, pytest.mark.usefixtures("glib_complaints")]
 class PlayedSource:
     """Opens the given chains one after the other, the last one again and again."""
 
-    label = "played camera"
+    label, endless = "played camera", True
 
-    def __init__(self, *chains: str | Exception, noisy: bool = True, endless: bool = True) -> None:
+    def __init__(self, *chains: str | Exception, noisy: bool = True) -> None:
         self._chains = list(chains)
         self.noisy = noisy
-        self.endless = endless
         self.opened: list[str] = []
         self.capture: GstCapture | None = None
         self.says: list[str] = []

@@ -1,10 +1,13 @@
-"""GStreamer's test clock in our hands."""
+"""GStreamer's test clock in our hands, and the order of what is done beside it."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app import gst
+from tams_app.video.virtual.event_queue import EventQueue
 from tams_app.video.virtual.stepped_clock import SteppedClock
 from tams_app.video.virtual.wait_idle import IdleWaiter
 
@@ -46,3 +49,13 @@ def test_a_wait_ends_when_it_is_told_to_and_not_when_time_passes() -> None:
     gst.shut_down(pipeline)
     waiter.close()
     assert pipeline.get_state(0)[1] == Gst.State.NULL
+
+
+@given(st.lists(st.integers(0, 5), max_size=30))
+def test_actions_are_done_in_the_order_of_time_and_of_posting(times_ns: list[int]) -> None:
+    events, done = EventQueue(), list[tuple[int | None, int]]()
+    for place, due_ns in enumerate(times_ns):
+        events.post(due_ns, lambda place=place: done.append((due, place)))
+    while (due := events.next_ns) is not None:
+        events.do_next()
+    assert done == sorted((due_ns, place) for place, due_ns in enumerate(times_ns))
