@@ -28,6 +28,9 @@ pytestmark = pytest.mark.untimed
 
 LEARNING_FRAMES = 8  # the servo's window, at a rate that was not announced
 IMAGES_A_SECOND = 10  # how fast the scene moves, whatever the camera's rate
+# x264 itself is 2 to 4 % off on this content, and its bytes differ between processors
+OFF = 0.05
+BIGGEST = 1.5  # intervals
 
 
 @dataclass(frozen=True)
@@ -37,9 +40,11 @@ class Filmed:
     run: Run
     log: SessionLog
 
-    def tracking_error(self, view: str = "eih") -> float:
-        error: float = summarise(self.log)["views"][view]["tracking_error"]
-        return error
+    def is_on_target(self, view: str = "eih", off: float = OFF) -> None:
+        figures = summarise(self.log)["views"][view]
+        assert figures["tracking_error"] <= off
+        assert figures["sent_kbps_mean"] / figures["target_kbps_mean"] >= 0.95
+        assert self.intervals(view).max() <= BIGGEST
 
     def intervals(self, view: str = "eih") -> np.ndarray:
         """Each frame's size, in the time that its target gave it since the frame before."""
@@ -47,11 +52,6 @@ class Filmed:
         target_kbps = Targets.of(self.log).kbps[view][0]
         sizes_ns = wire_bytes(self.log, view, frames, packets) * 8e6 / target_kbps
         return np.asarray(sizes_ns[1:] / np.diff(frames.capture_ns))
-
-    def used(self, view: str = "eih") -> float:
-        """Share of the target that was sent."""
-        found = summarise(self.log)["views"][view]
-        return float(found["sent_kbps_mean"] / found["target_kbps_mean"])
 
     def queue_ms(self, from_s: float, until_s: float) -> float:
         """The longest that a packet waited at the bottleneck."""
@@ -96,17 +96,10 @@ def film(
     return Filmed(run, log)
 
 
-# x264 itself is 2 to 4 % off on this content, and its bytes differ between processors
-OFF = 0.05
-BIGGEST = 1.5  # intervals
-
-
 @pytest.mark.parametrize(("rate_hz", "seconds"), [(5, 14), (10, 6), (15, 5), (30, 4), (60, 3)])
 def test_a_view_meets_its_target_at_any_rate_of_its_camera(rate_hz: int, seconds: int) -> None:
     filmed = film({"eih": camera_times_ns((rate_hz, seconds))})
-    assert filmed.tracking_error() <= OFF
-    assert filmed.used() >= 0.95
-    assert filmed.intervals().max() <= BIGGEST
+    filmed.is_on_target()
     assert [one.index for one in filmed.run.shown] == list(range(rate_hz * seconds))
 
 
@@ -115,17 +108,13 @@ def test_a_view_meets_its_target_when_frames_jitter_or_are_missed(
     disorder: dict[str, float],
 ) -> None:
     filmed = film({"eih": camera_times_ns((30, 5), **disorder)})
-    assert filmed.tracking_error() <= OFF + 0.01
-    assert filmed.used() >= 0.95
-    assert filmed.intervals().max() <= BIGGEST
+    filmed.is_on_target(off=OFF + 0.01)
 
 
 def test_a_camera_that_halves_its_rate_and_doubles_it_again_keeps_its_target() -> None:
     filmed = film({"eih": camera_times_ns((30, 2.5), (15, 3), (30, 2.5))})
-    assert filmed.tracking_error() <= OFF
-    assert filmed.used() >= 0.95
+    filmed.is_on_target()
     sizes = filmed.intervals()
-    assert sizes.max() <= BIGGEST
     slowed, sped_up = 75 - LEARNING_FRAMES - 1, 120 - LEARNING_FRAMES - 1
     assert sizes[slowed + 2 : slowed + 10].mean() == pytest.approx(1.0, abs=0.15)
     assert sizes[sped_up : sped_up + 8].mean() == pytest.approx(1.0, abs=0.15)
@@ -141,9 +130,7 @@ def test_one_slow_view_takes_nothing_from_the_others_and_builds_no_queue() -> No
     }
     filmed = film(times_ns, 1800, NETWORKS["s2"])
     for view in times_ns:
-        assert filmed.tracking_error(view) <= OFF
-        assert filmed.used(view) >= 0.95
-        assert filmed.intervals(view).max() <= BIGGEST
+        filmed.is_on_target(view)
     # a frame of 100 ms at 1800 kbit/s takes the link for 30 ms
     assert filmed.queue_ms(2.0, 4.0) <= filmed.queue_ms(0.5, 2.0) + 30
     assert filmed.queue_ms(4.2, 6.0) <= filmed.queue_ms(0.5, 2.0) + 10
