@@ -118,6 +118,5 @@ class Sides:
     def error_m(self) -> float:
         """How far the TCP is from where it is predicted now."""
         forecast = self.model.at(self.now_ns)
-        assert forecast is not None
         apart = MODEL.tcp_pose(forecast.joints).position - MODEL.tcp_pose(self.arm.joints).position
         return float(np.linalg.norm(apart))

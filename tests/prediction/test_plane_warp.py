@@ -39,7 +39,6 @@ def ray(camera: Pose, point: np.ndarray) -> np.ndarray:
 def test_a_point_of_the_plane_was_where_the_change_of_its_ray_says(z0, z1, turn0, turn1, way):
     then, now = above(0.0, 0.0, z0, turn0), above(way[0], way[1], z1, turn1)
     found = change(then, now)
-    assert found is not None
     for x, y in ((0.0, 0.0), (0.02, -0.03), (-0.05, 0.04)):
         point = np.array([x, y, 0.0])
         before = found @ ray(now, point)
@@ -74,7 +73,6 @@ def test_a_frame_of_the_plane_becomes_what_the_camera_sees_now():
     now = above(0.015, -0.01, 0.17, Rotation.from_rotvec((0.05, -0.04, 0.1)))
     late, true = (picture(LENS, flange) for flange in (then, now))
     warped = WristWarp(LENS, BARE).to_now(late, then, now)
-    assert warped is not None
     seen = (warped != 64).any(axis=2)
     apart = np.abs(warped.astype(int) - true)[seen]
     assert np.percentile(apart, 99) <= 4
@@ -97,7 +95,6 @@ def test_the_tool_stays_where_it_is_in_the_picture_and_what_was_behind_it_is_not
     covered = covered_by((FINGER,), LENS)
     frame[covered] = (0, 0, 200)
     warped = WristWarp(LENS, (FINGER,)).to_now(frame, then, now)
-    assert warped is not None
     assert bare is not None
     assert (warped[covered] == (0, 0, 200)).all()
     assert not (warped[~covered] == (0, 0, 200)).all(axis=1).any()  # no second one beside it
@@ -112,8 +109,6 @@ def test_what_a_closed_gripper_holds_stays_where_it_is_in_the_picture():
     covered = covered_by((FINGER,), LENS)
     warp = WristWarp(LENS, BARE, (FINGER,))
     open_, closed = (warp.to_now(frame, then, now, one) for one in (False, True))
-    assert open_ is not None
-    assert closed is not None
     assert (closed[covered] == frame[covered]).all()
     assert (open_[covered] != frame[covered]).any()
     assert (open_ == WristWarp(LENS, BARE).to_now(frame, then, now)).all()
@@ -145,7 +140,6 @@ def test_pixels_are_taken_between_as_linear():
     frame = np.zeros((LENS.height, LENS.width, 3), np.uint8)
     frame[:, ::2] = 200
     warped = WristWarp(LENS, BARE).to_now(frame, then, now)
-    assert warped is not None
     inside = cv2.cvtColor(warped, cv2.COLOR_BGR2GRAY)[5:-5, 5:-5]
     assert inside.min() >= 90
     assert inside.max() <= 110

@@ -67,7 +67,6 @@ def test_a_receiver_knows_every_frame_from_any_first_packet(
     times = RtpTimes(receiver_pts_ns(stamps[first]), stamps[first])
     for number, stamp in enumerate(stamps):
         found = sent.find(times.timestamp(receiver_pts_ns(stamp)))
-        assert found is not None
         assert found.index == 2 * number
 
 
@@ -83,7 +82,6 @@ def test_timestamps_wrap_after_13_hours_and_still_find_their_frame() -> None:
     stamp = rtp_timestamp(pts_ns[1])
     assert stamp < 14 * 3600 * RTP_CLOCK_HZ
     found = sent.find(stamp)
-    assert found is not None
     assert found.index == 2
 
 

@@ -36,7 +36,6 @@ def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
 
     link = LossyLink(lose_one_of_every_second_frame)
     with stream(link, PROTECTED) as joined:
-        assert joined.parity is not None
         joined.parity.groups = groups
         joined.carry(range(FRAMES))
         assert len(lost) >= 20
@@ -60,7 +59,6 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
         raise ValueError("a broken packet")
 
     with stream(LossyLink(), PROTECTED) as joined:
-        assert joined.parity is not None
         if end == "sender":
             monkeypatch.setattr(joined.parity, "protect", broken)
         else:
@@ -77,7 +75,6 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
 def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
     link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 7)
     with stream(link, PROTECTED, feedback=True) as joined:
-        assert joined.parity is not None
         joined.parity.groups = 2
         joined.push(range(FRAMES))
         assert joined.wait_until(lambda: len(joined.shown) >= FRAMES - 5)

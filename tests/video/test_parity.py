@@ -38,7 +38,6 @@ def frames(draw: st.DrawFn) -> list[bytes]:
 
 def timestamp_of(packet: bytes) -> int:
     header = read_rtp(packet)
-    assert header is not None
     return header.timestamp
 
 
@@ -46,7 +45,6 @@ def received(decoder: ParityDecoder, packets: list[bytes]) -> list[bytes]:
     restored = []
     for packet in packets:
         header = read_rtp(packet)
-        assert header is not None
         is_parity = header.payload_type == PARITY_PAYLOAD_TYPE
         restored += decoder.parity(packet) if is_parity else decoder.media(packet)
     return restored
@@ -97,7 +95,6 @@ def test_two_lost_of_one_group_are_not_restored_and_nothing_false_is(
     packets: list[bytes], data: st.DataObject
 ) -> None:
     header = read_rtp(packets[-1])
-    assert header is not None
     packets += [media(header.sequence + 1, b"x", header.timestamp)]
     parity = ParityEncoder(PARITY_SSRC).protect(packets, 1)
     lost = data.draw(st.lists(st.sampled_from(packets), min_size=2, max_size=2, unique=True))

@@ -136,7 +136,6 @@ def test_receivers_report_losses_and_the_round_trip_without_any_change_of_the_pa
             reception = joined.received.take_reception() or reception
         assert joined.received.take_arrivals() == []
     assert reception.fraction_lost < 0.5
-    assert reception.round_trip_ns is not None
     assert 0.035 * NS_PER_S < reception.round_trip_ns < 2 * NS_PER_S
     assert not any(datagram[0] & 0x10 for datagram in link.rtp)  # no extension
     assert not any(map(is_feedback, link.feedback))

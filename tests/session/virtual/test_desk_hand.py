@@ -39,7 +39,7 @@ Target = tuple[float, float, float]
 class Person:
     """Steps through the task; each step yields what is held until the next look."""
 
-    def __init__(self, truth: Callable[[], SceneTruth | None]) -> None:
+    def __init__(self, truth: Callable[[], SceneTruth]) -> None:
         self._truth = truth
 
     def work(self) -> Iterator[Keys]:
@@ -78,9 +78,7 @@ class Person:
 
     @property
     def _scene(self) -> SceneTruth:
-        truth = self._truth()
-        assert truth is not None
-        return truth
+        return self._truth()
 
     def _at(self, what: str, z_m: float) -> Target:
         x, y, _ = getattr(self._scene, what).position.tolist()

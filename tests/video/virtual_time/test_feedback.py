@@ -115,7 +115,6 @@ def test_receptions_have_losses_and_the_round_trip() -> None:
         media = [one for one in sent if one.kind is PacketKind.MEDIA]
         lost = sum(one.fate is not PacketFate.DELIVERED for one in media)
         assert reception.fraction_lost == pytest.approx(lost / len(media), abs=0.02)
-        assert reception.round_trip_ns is not None
         assert 35 * NS_PER_MS < reception.round_trip_ns < 80 * NS_PER_MS
 
 
