@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from typing import Any
 from zlib import crc32
 
 from tams_app.config import VideoConfig
@@ -134,11 +135,10 @@ def stream(
     rule: RepairRule = PATIENT,
     kbps: float = 1500.0,
     fps: int = 60,
-    feedback: bool = False,
-    may_resend: Callable[[int], bool] = lambda _size_bytes: True,
-    pacer: Pacer | None = None,
+    **more: Any,
 ) -> Iterator[Stream]:
-    joined = Stream(VideoConfig(fps=fps), rule, kbps, feedback, may_resend, pacer)
+    """`more`: as for `Stream`."""
+    joined = Stream(VideoConfig(fps=fps), rule, kbps, **more)
     if link is not None:
         link.start(joined.exits)
     entrances = joined.exits if link is None else link.entrances

@@ -4,7 +4,6 @@ import os
 import signal
 import socket
 import struct
-import threading
 import time
 from contextlib import ExitStack
 
@@ -18,6 +17,7 @@ from tams_app.video.core.link import Link
 from tams_app.video.live.networks import network_capacity
 from tams_app.video.live.relay import RelayClient
 from tams_app.video.live.udp import ViewPorts
+from tests.faults.applications import until
 
 pytestmark = pytest.mark.waiting
 
@@ -51,22 +51,17 @@ class Ends:
             for view in VIEWS
         }
         self.records, self.failures = [], []
-        self.failed = threading.Event()
         self.client = RelayClient(
             network,
             exits,
             seed=5,
             log_directory=tmp_path,
             on_packets=self.records.extend,
-            on_failure=self._on_failure,
+            on_failure=lambda *failure: self.failures.append(failure),
             **{"epoch_ns": time.monotonic_ns()} | options,
         )
         stack.callback(self.client.close)
         self.entrances = self.client.start()
-
-    def _on_failure(self, name, failure):
-        self.failures.append((name, failure))
-        self.failed.set()
 
     def send(self, view, flow, datagram):
         ports = self.entrances[view]
@@ -164,11 +159,8 @@ def test_a_flood_overflows_the_links_queue_and_nothing_else(between):
         ends.send("eih", "rtp", rtp(sequence, 1000))
         if sequence % 100 == 0:
             time.sleep(0.001)  # lets a relay without real-time priority have a turn
-    deadline = time.monotonic() + TIMEOUT_S
-    while len(ends.records) < 2000 and time.monotonic() < deadline:
-        time.sleep(0.05)
+    until(lambda: len(ends.records) == 2000, "all records")
     fates = [record.fate for record in ends.records]
-    assert len(fates) == 2000
     assert fates.count(PacketFate.OVERFLOW) > 0
     assert fates.count(PacketFate.LOST) == 0
     for _ in range(fates.count(PacketFate.DELIVERED)):
@@ -188,7 +180,7 @@ def test_a_trace_begins_at_the_epoch_given(between, tmp_path):
 def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
     ends = between(Network())
     os.kill(ends.client.pid, signal.SIGKILL)
-    assert ends.failed.wait(TIMEOUT_S)
+    until(lambda: ends.failures, "the relay's end")
     ((name, failure),) = ends.failures
     assert name == "relay-reports"
     assert isinstance(failure, HelperError)
