@@ -31,12 +31,11 @@ def raise_error(bench: Bench, code: ErrorCode) -> None:
 
 @pytest.mark.parametrize("code", ERRORS, ids=lambda code: f"C{code.value}")
 def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
-    any_bench: Bench, code: ErrorCode
+    bench: Bench, code: ErrorCode
 ) -> None:
     def shows(state: ArmState) -> bool:
         return state.fault is not None and state.fault.code == code
 
-    bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     with bench.lock:
@@ -51,9 +50,8 @@ def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
 
 @pytest.mark.parametrize("drive_code", [15, 23], ids=lambda code: f"S{code}")
 def test_an_error_of_a_joints_drive_is_cleared_by_enabling_the_motors_first(
-    any_bench: Bench, drive_code: int
+    bench: Bench, drive_code: int
 ) -> None:
-    bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     with bench.lock:
@@ -79,9 +77,8 @@ def close_gripper(bench: Bench) -> None:
 
 
 def test_a_gripper_whose_power_was_cut_is_not_known_and_nothing_is_claimed_to_be_held(
-    any_bench: Bench,
+    bench: Bench,
 ) -> None:
-    bench = any_bench
     close_gripper(bench)
     with bench.lock:
         bench.model.press_emergency_stop()
@@ -101,23 +98,21 @@ def test_a_gripper_whose_power_was_cut_is_not_known_and_nothing_is_claimed_to_be
 def test_a_gripper_that_an_error_may_have_switched_is_not_known_until_it_was_read_again(
     wired_bench: WiredBench,
 ) -> None:
-    bench = wired_bench
-    close_gripper(bench)
-    with bench.lock:
-        bench.model.raise_error(ErrorCode.COLLISION)  # which leaves the outputs as they are
-    bench.until_seen(lambda state: state.fault is not None)
-    seen = bench.next
-    bench.run_until(lambda output: not output.stop)
-    bench.run(READ_AGAIN_S)
-    assert {tick.arm.gripper_closed for tick in bench.ticks[seen:] if tick.arm} == {None}
-    recovers_from_fault(bench)
-    bench.until_seen(lambda state: state.gripper_closed is True)
+    close_gripper(wired_bench)
+    with wired_bench.lock:
+        wired_bench.model.raise_error(ErrorCode.COLLISION)  # which leaves the outputs as they are
+    wired_bench.until_seen(lambda state: state.fault is not None)
+    seen = wired_bench.next
+    wired_bench.run_until(lambda output: not output.stop)
+    wired_bench.run(READ_AGAIN_S)
+    assert {tick.arm.gripper_closed for tick in wired_bench.ticks[seen:] if tick.arm} == {None}
+    recovers_from_fault(wired_bench)
+    wired_bench.until_seen(lambda state: state.gripper_closed is True)
 
 
 def test_a_gripper_whose_outputs_a_stop_switches_off_is_not_known_once_the_stop_is_reported(
-    any_bench: Bench,
+    bench: Bench,
 ) -> None:
-    bench = any_bench
     with bench.lock:
         bench.model.settings.clear_outputs_on_stop = True
     close_gripper(bench)
@@ -130,8 +125,7 @@ def test_a_gripper_whose_outputs_a_stop_switches_off_is_not_known_once_the_stop_
     assert bench.ticks[-1].phase is Phase.REACH
 
 
-def test_a_gripper_that_another_program_opened_is_reported_open(any_bench: Bench) -> None:
-    bench = any_bench
+def test_a_gripper_that_another_program_opened_is_reported_open(bench: Bench) -> None:
     close_gripper(bench)
     with bench.lock:
         bench.model.settings.tool_outputs = outputs_for(False)
@@ -182,9 +176,8 @@ def change(bench: Bench) -> None:
     ids=["state 3", "state 4", "state 5"],
 )
 def test_an_arm_that_was_halted_from_elsewhere_is_stopped_in_the_tick_that_sees_it(
-    any_bench: Bench, elsewhere: Callable[[Bench], None], activity: Activity
+    bench: Bench, elsewhere: Callable[[Bench], None], activity: Activity
 ) -> None:
-    bench = any_bench
     bench.engage_and_move()
     bench.quiesce()
     with bench.lock:

@@ -46,37 +46,35 @@ def guarded(tmp_path: Path, make_bench: MakeBench) -> WiredBench:
 
 
 def test_a_killed_guard_stops_the_arm(guarded: WiredBench) -> None:
-    bench = guarded
-    bench.engage_and_move()
-    os.kill(guard_pid(bench), signal.SIGKILL)
-    assert bench.guarding is not None
-    process = bench.guarding.process
-    bench.until(lambda: process.exit_code is not None)
-    since = bench.next
-    seen = bench.run_until_state(ArmingState.FAULT)
+    guarded.engage_and_move()
+    os.kill(guard_pid(guarded), signal.SIGKILL)
+    assert guarded.guarding is not None
+    process = guarded.guarding.process
+    guarded.until(lambda: process.exit_code is not None)
+    since = guarded.next
+    seen = guarded.run_until_state(ArmingState.FAULT)
     assert seen - since < KILLED_TICKS
-    is_stopped(bench, seen, Reason.GUARD_LOST)
-    stays(bench)
-    is_logged(bench, Reason.GUARD_LOST)
+    is_stopped(guarded, seen, Reason.GUARD_LOST)
+    stays(guarded)
+    is_logged(guarded, Reason.GUARD_LOST)
 
 
 def test_a_guard_that_hangs_stops_the_arm_which_may_go_on_once_it_answers(
     guarded: WiredBench,
 ) -> None:
-    bench = guarded
-    bench.engage_and_move()
-    os.kill(guard_pid(bench), signal.SIGSTOP)
+    guarded.engage_and_move()
+    os.kill(guard_pid(guarded), signal.SIGSTOP)
     try:
-        since = bench.next
-        seen = bench.run_until_state(ArmingState.FAULT)
+        since = guarded.next
+        seen = guarded.run_until_state(ArmingState.FAULT)
         assert seen - since <= STOPPED_TICKS
-        is_stopped(bench, seen, Reason.GUARD_SILENT)
-        tells(bench, Reason.GUARD_SILENT)
+        is_stopped(guarded, seen, Reason.GUARD_SILENT)
+        tells(guarded, Reason.GUARD_SILENT)
     finally:
-        os.kill(guard_pid(bench), signal.SIGCONT)
-    tells(bench, None)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.GUARD_SILENT)
+        os.kill(guard_pid(guarded), signal.SIGCONT)
+    tells(guarded, None)
+    recovers_from_fault(guarded)
+    is_logged(guarded, Reason.GUARD_SILENT)
 
 
 def stays(bench: WiredBench) -> None:
@@ -107,24 +105,23 @@ def tells(bench: WiredBench, in_the_way: Reason | None) -> None:
 def test_a_controller_that_restarts_is_armed_again_once_the_guard_has_found_it(
     guarded: WiredBench,
 ) -> None:
-    bench = guarded
-    bench.engage_and_move()
-    bench.quiesce()
-    bench.reachable = False
-    bench.server.refuse_connections = True
-    bench.server.drop_connections()
-    seen = bench.run_until_state(ArmingState.FAULT)
-    with bench.lock:
-        bench.model.power_cycle()
-    tells(bench, Reason.GUARD_BLIND)
-    assert bench.outputs[seen].reason is Reason.ARM_LINK_LOST
-    assert Reason.GUARD_BLIND.label in bench.outputs[-1].detail
-    bench.server.refuse_connections = False
-    tells(bench, None)
-    bench.reachable = True
-    stands(bench)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.ARM_LINK_LOST)
+    guarded.engage_and_move()
+    guarded.quiesce()
+    guarded.reachable = False
+    guarded.server.refuse_connections = True
+    guarded.server.drop_connections()
+    seen = guarded.run_until_state(ArmingState.FAULT)
+    with guarded.lock:
+        guarded.model.power_cycle()
+    tells(guarded, Reason.GUARD_BLIND)
+    assert guarded.outputs[seen].reason is Reason.ARM_LINK_LOST
+    assert Reason.GUARD_BLIND.label in guarded.outputs[-1].detail
+    guarded.server.refuse_connections = False
+    tells(guarded, None)
+    guarded.reachable = True
+    stands(guarded)
+    recovers_from_fault(guarded)
+    is_logged(guarded, Reason.ARM_LINK_LOST)
 
 
 def test_a_guard_that_alone_loses_the_arm_stops_it_and_finds_it_again(

@@ -88,16 +88,15 @@ def test_without_replies_the_arm_holds_and_then_is_stopped_until_it_answers(
 def test_replies_later_than_a_period_are_counted_and_the_arm_goes_on(
     wired_bench: WiredBench,
 ) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    slow = bench.ticks[-1].link.slow
-    bench.in_step = False
-    bench.server.reply_delay_s = 0.025
-    bench.run_ticks(20)
-    bench.server.reply_delay_s = 0.0
-    assert bench.ticks[-1].link.slow > slow
-    assert {output.arming for output in bench.outputs[-20:]} == {ArmingState.ENGAGED}
-    assert bench.travel_m(bench.next - 10) > 0.004, "it still moves"
+    wired_bench.engage_and_move()
+    slow = wired_bench.ticks[-1].link.slow
+    wired_bench.in_step = False
+    wired_bench.server.reply_delay_s = 0.025
+    wired_bench.run_ticks(20)
+    wired_bench.server.reply_delay_s = 0.0
+    assert wired_bench.ticks[-1].link.slow > slow
+    assert {output.arming for output in wired_bench.outputs[-20:]} == {ArmingState.ENGAGED}
+    assert wired_bench.travel_m(wired_bench.next - 10) > 0.004, "it still moves"
 
 
 def test_replies_later_than_the_arm_may_be_blind_hold_it_until_the_trigger_was_released(
@@ -144,65 +143,61 @@ def test_an_arm_that_answers_no_more_is_stopped_within_100_ms() -> None:
 
 
 def test_a_reset_connection_stops_the_arm_over_a_new_one(wired_bench: WiredBench) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    bench.quiesce()
-    bench.server.drop_connections()
-    seen = until_lost(bench)
-    bench.run_ticks(5)
-    only_stops(bench, seen)
-    stands(bench)
-    assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.ARM_LINK_LOST)
+    wired_bench.engage_and_move()
+    wired_bench.quiesce()
+    wired_bench.server.drop_connections()
+    seen = until_lost(wired_bench)
+    wired_bench.run_ticks(5)
+    only_stops(wired_bench, seen)
+    stands(wired_bench)
+    assert {output.reason for output in wired_bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
+    recovers_from_fault(wired_bench)
+    is_logged(wired_bench, Reason.ARM_LINK_LOST)
 
 
 def test_a_command_connection_that_breaks_alone_stops_the_arm(wired_bench: WiredBench) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    bench.quiesce()
+    wired_bench.engage_and_move()
+    wired_bench.quiesce()
     motion = Register.SET_CARTESIAN_VELOCITY
-    bench.server.is_cut = lambda frame: frame.register == motion
-    bench.run_ticks(1)
-    seen = until_lost(bench)
-    bench.server.is_cut = lambda frame: False
-    is_stopped(bench, seen, Reason.ARM_LINK_LOST, "connection to the arm is lost")
-    recovers_from_fault(bench)
+    wired_bench.server.is_cut = lambda frame: frame.register == motion
+    wired_bench.run_ticks(1)
+    seen = until_lost(wired_bench)
+    wired_bench.server.is_cut = lambda frame: False
+    is_stopped(wired_bench, seen, Reason.ARM_LINK_LOST, "connection to the arm is lost")
+    recovers_from_fault(wired_bench)
 
 
 @pytest.mark.parametrize("ticks_away", [20, SILENT_TICKS + 20])
 def test_a_controller_that_restarts_is_stopped_when_it_is_back_and_set_up_anew(
     wired_bench: WiredBench, ticks_away: int
 ) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    bench.quiesce()
-    settings = bench.model.settings
+    wired_bench.engage_and_move()
+    wired_bench.quiesce()
+    settings = wired_bench.model.settings
     offset, sensitivity = settings.tcp_offset, settings.collision_sensitivity
-    bench.reachable = False
-    bench.server.refuse_connections = True
-    bench.server.drop_connections()
-    seen = until_lost(bench)
-    with bench.lock:
-        bench.model.power_cycle()
-    bench.run_ticks(ticks_away)
-    assert bench.requests(seen) == []
-    bench.server.refuse_connections = False
-    bench.run_until(lambda output: bool(bench.requests(seen)))
-    assert all(request.is_stop for request in bench.requests(seen))
-    stands(bench)
-    assert {output.reason for output in bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
-    bench.reachable = True
-    recovers_from_fault(bench)
-    assert bench.model.settings.tcp_offset == pytest.approx(offset)
-    assert bench.model.settings.collision_sensitivity == sensitivity
+    wired_bench.reachable = False
+    wired_bench.server.refuse_connections = True
+    wired_bench.server.drop_connections()
+    seen = until_lost(wired_bench)
+    with wired_bench.lock:
+        wired_bench.model.power_cycle()
+    wired_bench.run_ticks(ticks_away)
+    assert wired_bench.requests(seen) == []
+    wired_bench.server.refuse_connections = False
+    wired_bench.run_until(lambda output: bool(wired_bench.requests(seen)))
+    assert all(request.is_stop for request in wired_bench.requests(seen))
+    stands(wired_bench)
+    assert {output.reason for output in wired_bench.outputs[seen:]} == {Reason.ARM_LINK_LOST}
+    wired_bench.reachable = True
+    recovers_from_fault(wired_bench)
+    assert wired_bench.model.settings.tcp_offset == pytest.approx(offset)
+    assert wired_bench.model.settings.collision_sensitivity == sensitivity
 
 
 # --- reports ------------------------------------------------------------------------------------
 
 
-def test_frozen_reports_hold_the_arm_although_commands_succeed(any_bench: Bench) -> None:
-    bench = any_bench
+def test_frozen_reports_hold_the_arm_although_commands_succeed(bench: Bench) -> None:
     bench.engage_and_move()
     bench.model.reports_frozen = True
     since = bench.next
@@ -220,8 +215,7 @@ def test_frozen_reports_hold_the_arm_although_commands_succeed(any_bench: Bench)
     reengages(bench)
 
 
-def test_reports_that_stay_frozen_are_a_fault(any_bench: Bench) -> None:
-    bench = any_bench
+def test_reports_that_stay_frozen_are_a_fault(bench: Bench) -> None:
     bench.engage_and_move(SIDEWAYS / 2)
     bench.model.reports_frozen = True
     since = bench.next

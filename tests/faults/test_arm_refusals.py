@@ -54,24 +54,22 @@ def refused(tick: Tick) -> bool:
 def test_a_refused_motion_command_stops_the_arm_in_the_tick_that_sees_it(
     wired_bench: WiredBench, reply: bytes, detail: str
 ) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    bench.quiesce()
-    refuse(bench, Register.SET_CARTESIAN_VELOCITY, reply=reply)
-    since = bench.next
-    bench.run_ticks(1)
-    bench.until(lambda: bench.arm.link().failure != "")
-    bench.run_ticks(1)
-    seen = bench.first_seen(refused, since)
+    wired_bench.engage_and_move()
+    wired_bench.quiesce()
+    refuse(wired_bench, Register.SET_CARTESIAN_VELOCITY, reply=reply)
+    since = wired_bench.next
+    wired_bench.run_ticks(1)
+    wired_bench.until(lambda: wired_bench.arm.link().failure != "")
+    wired_bench.run_ticks(1)
+    seen = wired_bench.first_seen(refused, since)
     assert seen == since + 1
-    is_stopped(bench, seen, Reason.ARM_REFUSES, detail)
-    recovers_from_fault(bench, lambda: obey(bench))
-    is_logged(bench, Reason.ARM_REFUSES)
+    is_stopped(wired_bench, seen, Reason.ARM_REFUSES, detail)
+    recovers_from_fault(wired_bench, lambda: obey(wired_bench))
+    is_logged(wired_bench, Reason.ARM_REFUSES)
 
 
 def test_a_refused_stop_is_repeated_until_it_is_acknowledged(wired_bench: WiredBench) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
+    wired_bench.engage_and_move()
     stops = 0
 
     def refuse_some_stops(register: int, payload: bytes) -> bytes | None:
@@ -81,20 +79,19 @@ def test_a_refused_stop_is_repeated_until_it_is_acknowledged(wired_bench: WiredB
         stops += 1
         return INVALID if stops <= REFUSALS else None
 
-    bench.model.interpose = refuse_some_stops
-    bench.signals.estop()
-    seen = bench.next
-    is_stopped(bench, seen, Reason.EMERGENCY_STOP)
+    wired_bench.model.interpose = refuse_some_stops
+    wired_bench.signals.estop()
+    seen = wired_bench.next
+    is_stopped(wired_bench, seen, Reason.EMERGENCY_STOP)
     assert stops > REFUSALS
-    with bench.lock:
-        assert bench.model.state == State.STOPPED
-    recovers_from_fault(bench)
+    with wired_bench.lock:
+        assert wired_bench.model.state == State.STOPPED
+    recovers_from_fault(wired_bench)
 
 
 def test_an_arm_that_does_not_get_ready_stays_disarmed_and_stopped_and_says_why(
-    any_bench: Bench,
+    bench: Bench,
 ) -> None:
-    bench = any_bench
 
     def refuse_ready(register: int, payload: bytes) -> bytes | None:
         return INVALID if register == Register.SET_STATE and payload[0] == 0 else None
@@ -117,8 +114,7 @@ def test_an_arm_that_does_not_get_ready_stays_disarmed_and_stopped_and_says_why(
 # --- gripper ------------------------------------------------------------------------------------
 
 
-def test_a_refused_gripper_command_stops_the_arm(any_bench: Bench) -> None:
-    bench = any_bench
+def test_a_refused_gripper_command_stops_the_arm(bench: Bench) -> None:
     bench.engage_and_move()
     bench.quiesce()
     refuse(bench, Register.TOOL_GPIO_WRITE)
@@ -138,19 +134,18 @@ def test_a_refused_gripper_command_stops_the_arm(any_bench: Bench) -> None:
 def test_a_gripper_that_does_not_do_what_it_acknowledged_stops_the_arm(
     wired_bench: WiredBench,
 ) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
+    wired_bench.engage_and_move()
     opened = bytes(1) + OUTPUT_OPEN
-    refuse(bench, Register.TOOL_GPIO_READ, reply=opened)
-    since = bench.next
-    bench.hand.a = True
-    seen = bench.run_until_state(ArmingState.FAULT)
-    bench.hand.a = False
-    assert seen == bench.first_seen(refused, since)
-    is_stopped(bench, seen, Reason.GRIPPER_FAILED, "not what was commanded")
-    assert bench.ticks[-1].arm is not None
-    assert bench.ticks[-1].arm.gripper_closed is False, "what was read back"
-    recovers_from_fault(bench, lambda: obey(bench))
+    refuse(wired_bench, Register.TOOL_GPIO_READ, reply=opened)
+    since = wired_bench.next
+    wired_bench.hand.a = True
+    seen = wired_bench.run_until_state(ArmingState.FAULT)
+    wired_bench.hand.a = False
+    assert seen == wired_bench.first_seen(refused, since)
+    is_stopped(wired_bench, seen, Reason.GRIPPER_FAILED, "not what was commanded")
+    assert wired_bench.ticks[-1].arm is not None
+    assert wired_bench.ticks[-1].arm.gripper_closed is False, "what was read back"
+    recovers_from_fault(wired_bench, lambda: obey(wired_bench))
 
 
 # --- an arm that is not fit ---------------------------------------------------------------------

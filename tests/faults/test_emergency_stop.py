@@ -33,21 +33,19 @@ def stops_without_a_tick(bench: WiredBench) -> None:
 
 
 def test_an_emergency_stop_does_not_wait_for_the_control_loop(wired_bench: WiredBench) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    bench.signals.estop()
-    stops_without_a_tick(bench)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.EMERGENCY_STOP)
+    wired_bench.engage_and_move()
+    wired_bench.signals.estop()
+    stops_without_a_tick(wired_bench)
+    recovers_from_fault(wired_bench)
+    is_logged(wired_bench, Reason.EMERGENCY_STOP)
 
 
 def test_a_failed_session_stops_the_arm_over_the_same_way(wired_bench: WiredBench) -> None:
-    bench = wired_bench
-    bench.engage_and_move()
-    last = bench.now
-    bench.signals.fail()
-    bench.until(lambda: any(each.is_stop for each in bench.requests(last)))
-    assert bench.tick().reason is Reason.SESSION_FAILED
+    wired_bench.engage_and_move()
+    last = wired_bench.now
+    wired_bench.signals.fail()
+    wired_bench.until(lambda: any(each.is_stop for each in wired_bench.requests(last)))
+    assert wired_bench.tick().reason is Reason.SESSION_FAILED
 
 
 def test_the_signal_stops_the_arm_while_the_main_thread_holds_what_a_stop_needs(

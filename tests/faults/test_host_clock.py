@@ -125,17 +125,15 @@ def test_only_the_logs_header_and_the_folders_name_ask_for_wall_time() -> None:
 
 def test_the_first_tick_after_a_suspend_stops_the_arm(virtual_bench: VirtualBench) -> None:
     """Every sample and report looks fresh then, and the hand has long let go."""
-    bench = virtual_bench
-    bench.engage_and_move()
-    bench.suspend_s(HOUR_S)
-    seen = bench.next
-    is_stopped(bench, seen, Reason.COMPUTER_SLEPT)
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.COMPUTER_SLEPT)
+    virtual_bench.engage_and_move()
+    virtual_bench.suspend_s(HOUR_S)
+    seen = virtual_bench.next
+    is_stopped(virtual_bench, seen, Reason.COMPUTER_SLEPT)
+    recovers_from_fault(virtual_bench)
+    is_logged(virtual_bench, Reason.COMPUTER_SLEPT)
 
 
 def test_a_pause_of_the_process_is_no_suspend(virtual_bench: VirtualBench) -> None:
-    bench = virtual_bench
-    bench.engage_and_move()
-    bench.tick(after_ns=4 * PERIOD_NS)
-    assert bench.run(0.1).arming is ArmingState.ENGAGED
+    virtual_bench.engage_and_move()
+    virtual_bench.tick(after_ns=4 * PERIOD_NS)
+    assert virtual_bench.run(0.1).arming is ArmingState.ENGAGED

@@ -50,32 +50,30 @@ def bridge(
 def test_an_emergency_stop_in_ros_2_stops_the_arm_until_the_operator_confirms(
     virtual_bench: VirtualBench, domain: int, bridge: Ros2Bridge, notes: list[str]
 ) -> None:
-    bench = virtual_bench
-    bench.engage_and_move()
+    virtual_bench.engage_and_move()
     writer = Node(domain).stop_writer(RELIABLE)
     until(lambda: bool(notes), meanwhile=lambda: writer.write(Empty()))
-    seen = bench.next
+    seen = virtual_bench.next
     bridge.stop_listening()  # what was sent besides until it was heard would stop it again
-    is_stopped(bench, seen, Reason.EMERGENCY_STOP)
+    is_stopped(virtual_bench, seen, Reason.EMERGENCY_STOP)
     assert notes == ["emergency stop, asked for in ROS 2 (/tams/emergency_stop)"]
-    recovers_from_fault(bench)
-    is_logged(bench, Reason.EMERGENCY_STOP)
+    recovers_from_fault(virtual_bench)
+    is_logged(virtual_bench, Reason.EMERGENCY_STOP)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "stopped"])
 def test_a_bridge_that_is_gone_or_stands_still_does_not_touch_the_arm(
     virtual_bench: VirtualBench, bridge: Ros2Bridge, notes: list[str], number: signal.Signals
 ) -> None:
-    bench = virtual_bench
-    bench.engage_and_move()
+    virtual_bench.engage_and_move()
     assert bridge.pid is not None
     os.kill(bridge.pid, number)
     if number is signal.SIGKILL:
         until(lambda: bool(notes))
         assert "the session goes on without it" in notes[0]
-    first = bench.next
+    first = virtual_bench.next
     for _ in range(12):
-        bench.tick()
-        bridge.receive(bench.ticks[-1], bench.clock.now_ns())
-    assert {output.arming for output in bench.outputs[first:]} == {ArmingState.ENGAGED}
-    assert bench.travel_m(first) > 0.001
+        virtual_bench.tick()
+        bridge.receive(virtual_bench.ticks[-1], virtual_bench.clock.now_ns())
+    assert {output.arming for output in virtual_bench.outputs[first:]} == {ArmingState.ENGAGED}
+    assert virtual_bench.travel_m(first) > 0.001
