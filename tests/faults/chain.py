@@ -25,6 +25,7 @@ from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.receiver import VideoReceiver
+from tests.faults.applications import until
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.virtual_bench import VirtualBench
 
@@ -195,11 +196,3 @@ class StreamedBench:
         """Tick for so long of real time."""
         end_s = time.monotonic() + seconds
         self.run_until(lambda: time.monotonic() >= end_s, "time to pass")
-
-
-def until(condition: Callable[[], bool], what: str) -> None:
-    """Wait for a condition."""
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline_s, f"waited for {what} in vain"
-        time.sleep(0.01)

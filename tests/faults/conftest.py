@@ -58,9 +58,7 @@ def wired_bench(tmp_path: Path, make_bench: MakeBench) -> WiredBench:
 
 
 @pytest.fixture(params=["wired", "virtual"])
-def bench(
-    request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench
-) -> Iterator[Bench]:
+def bench(request: pytest.FixtureRequest, tmp_path: Path, make_bench: MakeBench) -> Iterator[Bench]:
     """The driver over TCP and the in-process arm in virtual time, with a log."""
     from tests.faults.virtual_bench import VirtualBench
 

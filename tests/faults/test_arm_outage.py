@@ -8,7 +8,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from ctypes import CDLL
@@ -25,6 +25,7 @@ from tams_app.config import ArmConfig
 from tams_app.records import LinkFault, Twist
 from tams_app.runtime.clock import MonotonicClock
 from tests.faults.wire import TappedModel
+from tests.hw.lite6.controller_rig import until
 from tests.tcp_relay import TcpRelay
 
 pytestmark = [
@@ -38,13 +39,6 @@ SENDING_PERIOD_S = 1 / 120
 ACROSS = Twist(np.array([0.0, 0.1, 0.0]), np.zeros(3))
 NOWHERE = "02:00:00:00:00:99"  # an address that is not on the cable
 HERE_IP, THERE_IP = "10.213.8.1", "10.213.8.2"
-
-
-def until(holds: Callable[[], bool]) -> None:
-    deadline_s = time.monotonic() + WITHIN_S
-    while not holds():
-        assert time.monotonic() < deadline_s
-        time.sleep(0.002)
 
 
 def served_model(cleaning: ExitStack, host: str) -> tuple[TappedModel, ControllerServer]:
@@ -169,7 +163,7 @@ def test_no_motion_from_before_a_network_outage_reaches_the_arm_after_the_fault(
     assert arm.link().fault is LinkFault.LOST
     time.sleep(max(0.0, cut_s + outage_s - time.monotonic()))
     cable.mend()
-    until(lambda: model.state == State.STOPPED)
+    assert until(lambda: model.state == State.STOPPED)
     time.sleep(0.5)  # the kernel repeats what is not acknowledged at growing intervals
     assert sum(request.is_motion for request in model.wire) - before <= 1  # as the cable was cut
     cable.here.submit(arm.clear_errors).result(WITHIN_S)
@@ -180,39 +174,40 @@ def test_no_motion_from_before_a_network_outage_reaches_the_arm_after_the_fault(
 # --- what every machine can show ------------------------------------------------------------------
 
 
-def test_a_lost_command_connection_is_reset_so_that_nothing_it_holds_can_follow(
-    cleaning: ExitStack,
-) -> None:
+def relayed_arm(cleaning: ExitStack) -> tuple[TappedModel, TcpRelay, Lite6]:
+    """An arm under way, and the relay between it and its controller."""
     model, server = served_model(cleaning, "127.0.0.1")
     relay = TcpRelay(server.ports.control)
     cleaning.callback(relay.close)
     config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
-    arm = moving_arm(cleaning, config)
+    return model, relay, moving_arm(cleaning, config)
+
+
+def test_a_lost_command_connection_is_reset_so_that_nothing_it_holds_can_follow(
+    cleaning: ExitStack,
+) -> None:
+    model, relay, arm = relayed_arm(cleaning)
     resets = relay.resets
     relay.hold()
     send_until_lost(arm)
     assert arm.link().fault is LinkFault.LOST
-    until(lambda: relay.resets > resets)
+    assert until(lambda: relay.resets > resets)
     relay.pass_on()
-    until(lambda: model.state == State.STOPPED)
+    assert until(lambda: model.state == State.STOPPED)
 
 
 def test_a_command_unanswered_when_the_arm_is_stopped_is_taken_back_too(
     cleaning: ExitStack,
 ) -> None:
-    model, server = served_model(cleaning, "127.0.0.1")
-    relay = TcpRelay(server.ports.control)
-    cleaning.callback(relay.close)
-    config = ArmConfig(control_port=relay.port, report_port=server.ports.report)
-    arm = moving_arm(cleaning, config)
+    model, relay, arm = relayed_arm(cleaning)
     resets = relay.resets
     relay.hold()
     sent = arm.link().sent
-    until(lambda: arm.send_twist(ACROSS) or arm.link().sent > sent)  # type: ignore[func-returns-value]
+    assert until(lambda: arm.send_twist(ACROSS) or arm.link().sent > sent)  # type: ignore[func-returns-value]
     arm.stop()
-    until(lambda: relay.resets > resets)
-    until(lambda: arm.link().fault is LinkFault.LOST)  # notified after the reset
+    assert until(lambda: relay.resets > resets)
+    assert until(lambda: arm.link().fault is LinkFault.LOST)  # notified after the reset
     relay.pass_on()
-    until(lambda: model.state == State.STOPPED)
+    assert until(lambda: model.state == State.STOPPED)
     arm.clear_errors()
     assert not arm.link().failure

@@ -16,9 +16,10 @@ from tams_app.errors import HelperError
 from tams_app.records import ShownFrame
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
+from tests.faults.applications import until
 from tests.faults.bench import NETWORK
 from tests.faults.braking import TICKS_TO_REST, comes_to_rest
-from tests.faults.chain import Chain, StreamedBench, until
+from tests.faults.chain import Chain, StreamedBench
 from tests.faults.promises import is_logged, recovers_from_hold
 from tests.faults.test_video_freeze import HOLD_NS, expected_scale
 

@@ -22,20 +22,13 @@ from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.errors import DeviceError
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.lite6.controller_rig import until
 
 pytestmark = pytest.mark.waiting
 
 READY = [math.radians(angle) for angle in (0, 36.81, 86.74, 0, 49.93, 0)]
 TIMEOUT_S = 5.0
 BYTES = {ReportKind.NORMAL: 145, ReportKind.RICH: 587, ReportKind.REAL: 87}
-
-
-def eventually(condition: Callable[[], bool], what: str) -> None:
-    """Wait generously for something that happens in another thread."""
-    deadline = time.monotonic() + TIMEOUT_S
-    while not condition():
-        assert time.monotonic() < deadline, what
-        time.sleep(0.01)
 
 
 @pytest.fixture
@@ -89,7 +82,7 @@ def enter(arm: Any, mode: int) -> None:
     assert arm.set_mode(mode) == 0
     assert arm.set_state(0) == 0
     # until its report shows the mode, the SDK warns about every command
-    eventually(lambda: arm.mode == mode, "the report shows the mode")
+    assert until(lambda: arm.mode == mode)
 
 
 @contextmanager
@@ -157,9 +150,9 @@ def test_the_sdk_configures_it(connect_sdk: Callable[..., Any], model: Controlle
     code, position = arm.get_position()
     assert code == 0
     assert position[:3] == pytest.approx([350, 0, 180], abs=0.2)
-    eventually(lambda: arm.tcp_offset[2] == 82, "the report shows the offset")
+    assert until(lambda: arm.tcp_offset[2] == 82)
     assert arm.tcp_load == [pytest.approx(0.35), [0, 0, 40]]
-    eventually(lambda: arm.collision_sensitivity == 4, "the report shows the sensitivity")
+    assert until(lambda: arm.collision_sensitivity == 4)
     assert arm.get_reduced_states()[1][1] == [400, 150, 300, -300, 500, 10]
 
 
@@ -167,7 +160,7 @@ def test_the_sdk_waits_for_a_joint_move(connect_sdk: Callable[..., Any]) -> None
     arm = connect_sdk()
     enter(arm, 0)
     goal = [0.2, *READY[1:]]
-    eventually(lambda: arm.state == 2, "the report shows the ready state")
+    assert until(lambda: arm.state == 2)
     assert arm.set_servo_angle(angle=goal, speed=2.0, mvacc=10, wait=True, timeout=TIMEOUT_S) == 0
     code, joints = arm.get_servo_angle()
     assert code == 0
@@ -186,7 +179,7 @@ def test_the_sdk_streams_velocities_and_the_deadman_time_ends_them(
         time.sleep(0.01)
         moving.append(model.moving)
     assert any(moving)
-    eventually(lambda: not model.moving, "the deadman time stops the arm")
+    assert until(lambda: not model.moving)
     stood = arm.get_position()[1]
     assert stood[1] > start[1] + 5
     time.sleep(0.1)
@@ -227,7 +220,7 @@ def test_the_sdk_sees_an_error_and_cleans_it(
     with server.lock:
         model.raise_error(ErrorCode.COLLISION)
     assert arm.vc_set_cartesian_velocity([0, 5, 0, 0, 0, 0], duration=0.1) == 1
-    eventually(lambda: arm.error_code == 31, "the report tells the error")
+    assert until(lambda: arm.error_code == 31)
     assert arm.get_state() == (0, 4)
     assert arm.clean_error() == 0
     assert arm.get_err_warn_code() == (0, [0, 0])
@@ -242,7 +235,7 @@ def test_the_sdk_reads_every_report(
 ) -> None:
     arm = connect_sdk(report_type)
     enter(arm, 5)
-    eventually(lambda: (arm.mode, arm.state) == (5, 2), "the report shows mode and state")
+    assert until(lambda: (arm.mode, arm.state) == (5, 2))
     assert arm.angles[:6] == pytest.approx(READY, abs=1e-5)
     assert arm.position[:3] == pytest.approx(model.tcp[:3, 3] * 1000, abs=0.01)
 
@@ -258,7 +251,7 @@ def test_a_second_connection_stops_the_arm_while_the_first_waits_for_its_reply(
         stuck = threading.Thread(target=arm.get_position)
         stuck.start()
         second.sendall(struct.pack(">HHHBB", 1, 2, 2, Register.SET_STATE, 4))
-        eventually(lambda: model.state == 4, "the stop gets through")
+        assert until(lambda: model.state == 4)
         assert stuck.is_alive()
         server.reply_delay_s = 0.0
         stuck.join(TIMEOUT_S)
@@ -357,12 +350,12 @@ def test_the_model_s_time_follows_the_clock_and_catches_up_after_a_standstill() 
     server = ControllerServer(ControllerModel(plant), clock=clock)
     server.start()
     clock.advance_ms(4)
-    eventually(lambda: plant.cycles == 1, "a cycle after 4 ms")
+    assert until(lambda: plant.cycles == 1)
     clock.advance_ms(800)
-    eventually(lambda: plant.cycles == 201, "200 cycles after 800 ms")
+    assert until(lambda: plant.cycles == 201)
     assert server.lost_cycles == 0
     clock.advance_ms(3_000)
-    eventually(lambda: plant.cycles + server.lost_cycles == 951, "all cycles accounted for")
+    assert until(lambda: plant.cycles + server.lost_cycles == 951)
     assert server.lost_cycles == 499  # what was due more than a second before
     clock.advance_ms(4)
     server.close()
@@ -407,7 +400,7 @@ def test_a_broken_plant_is_told_to_the_owner() -> None:
         ControllerModel(BrokenPlant()), on_failure=lambda name, failure: told.append(name)
     )
     server.start()
-    eventually(lambda: bool(told), "the owner hears of it")
+    assert until(lambda: bool(told))
     server.close()
     assert told == ["arm-controller-cycle"]
     assert isinstance(server.failure, RuntimeError)
