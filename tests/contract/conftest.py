@@ -162,31 +162,36 @@ class TcpRig(Lite6Rig):
         self.server.close()
 
 
-class VirtualRig(Lite6Rig):
-    """The in-process arm; time passes only when the test says so."""
+class TimelessRig(ArmRig):
+    """Time passes only when the test says so."""
 
     def __init__(self) -> None:
         super().__init__()
         self._clock = VirtualClock()
-        self._arms: list[InProcessArm] = []
-
-    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
-        arm = InProcessArm(ArmConfig(), self._clock, self.model, boundary)
-        self._arms.append(arm)
-        return arm
+        self._arm: Arm | None = None
 
     def advance(self, seconds: float) -> None:
-        self._arms[-1].advance(round(seconds * NS_PER_S))
+        assert self._arm is not None
+        self._clock.advance_ns(round(seconds * NS_PER_S))
+        self._arm.state()
 
     def elapsed_s(self) -> float:
         return self._clock.now_ns() / NS_PER_S
+
+
+class VirtualRig(TimelessRig, Lite6Rig):
+    """The in-process arm."""
+
+    def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
+        self._arm = InProcessArm(ArmConfig(), self._clock, self.model, boundary)
+        return self._arm
 
     @property
     def model_lock(self) -> AbstractContextManager[object]:
         return nullcontext()
 
 
-class ToyRig(ArmRig):
+class ToyRig(TimelessRig):
     """The second arm, by its word in the configuration."""
 
     limits = TOY_LIMITS
@@ -194,9 +199,8 @@ class ToyRig(ArmRig):
     gripper_attempts = 1
 
     def __init__(self) -> None:
-        self._clock = VirtualClock()
+        super().__init__()
         self._box: ToyBox | None = None
-        self._arm: Arm | None = None
 
     def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
         config = ArmConfig(model="toy")
@@ -210,14 +214,6 @@ class ToyRig(ArmRig):
     def box(self) -> ToyBox:
         assert self._box is not None
         return self._box
-
-    def advance(self, seconds: float) -> None:
-        assert self._arm is not None
-        self._clock.advance_ns(round(seconds * NS_PER_S))
-        self._arm.state()
-
-    def elapsed_s(self) -> float:
-        return self._clock.now_ns() / NS_PER_S
 
     def is_stopped(self) -> bool:
         return self.box.word == "off"

@@ -38,7 +38,8 @@ class VirtualBench(Bench):
 
     def advance(self, duration_ns: int) -> None:
         """Let time pass for the arm without a tick."""
-        self._virtual_arm.advance(duration_ns)
+        self._virtual_clock.advance_ns(duration_ns)
+        self._virtual_arm.state()
 
     def suspend_s(self, duration_s: int) -> None:
         """The computer sleeps for that long."""

@@ -108,7 +108,7 @@ class Bench(Listener):
     def run(self, seconds):
         output = None
         for _ in range(round(seconds * 120)):
-            self.arm.advance(PERIOD_NS)
+            self.clock.advance_ns(PERIOD_NS)
             output = self.loop.tick(self.clock.now_ns())
         return output
 
@@ -265,7 +265,7 @@ def test_the_kinematics_given_to_teleoperation_are_those_of_the_arm(bench):
 def test_an_emergency_stop_stops_the_arm_before_the_next_tick(bench):
     bench.engage()
     bench.signals.estop()
-    bench.arm.advance(20_000_000)  # until the next report
+    bench.clock.advance_ns(20_000_000)  # until the next report
     assert bench.arm.state().activity is Activity.STOPPED
     assert bench.run(1 / 120).reason is Reason.EMERGENCY_STOP
 

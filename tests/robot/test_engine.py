@@ -137,7 +137,7 @@ class Bench:
 
     def tick(self, count=1):
         for _ in range(count):
-            self.arm.advance(PERIOD_NS)
+            self.clock.advance_ns(PERIOD_NS)
             for view in CONFIG.video.views:
                 image = np.zeros((2, 2, 3), np.uint8)
                 self.video.push(Frame(view, 0, self.clock.now_ns(), image))

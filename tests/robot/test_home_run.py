@@ -139,7 +139,8 @@ class Bench:
     def _keys(self, timeout_s: float) -> bytes:
         """A terminal: one press when the key goes down, then its repeats."""
         assert self.elapsed_s() < 120.0, "it does not end"
-        self.arm.advance(round(timeout_s * NS_PER_S))
+        self.clock.advance_ns(round(timeout_s * NS_PER_S))
+        self.arm.state()
         if self.elapsed_s() >= self.served_from_s:
             self.serve()
         self.every_step()
@@ -216,7 +217,8 @@ def test_any_other_key_stops_the_arm_on_its_way(key: bytes) -> None:
     bench = Bench(held=lambda _: True, other=lambda at: key if at > 3.0 else b"")
     assert bench.run() is HomingState.ENDED
     assert bench.model.state == State.STOPPED
-    bench.arm.advance(NS_PER_S)
+    bench.clock.advance_ns(NS_PER_S)
+    bench.arm.state()
     ready = np.radians(bench.config.arm.ready_joints_deg)
     assert np.abs(bench.model.joints - ready).max() > 0.1
 

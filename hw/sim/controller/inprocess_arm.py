@@ -90,11 +90,6 @@ class InProcessArm(SimulatedArm):
 
     # --- time -----------------------------------------------------------------------------------
 
-    def advance(self, duration_ns: int) -> None:
-        """Let the clock go on by `duration_ns` and the arm with it."""
-        self._clock.sleep_until_ns(self._clock.now_ns() + duration_ns)
-        self._catch_up()
-
     @property
     def simulated_ns(self) -> int:
         return self._cycle_ns
