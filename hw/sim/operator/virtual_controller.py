@@ -78,14 +78,7 @@ class Wiring:
 class VirtualController(Controller):
     """A controller held by `operator`, with tracking noise."""
 
-    def __init__(
-        self,
-        operator: Holder,
-        config: OperatorConfig,
-        seed: int,
-        wiring: Wiring | None = None,
-    ) -> None:
-        """`wiring`: None for a controller whose every button plays its own role."""
+    def __init__(self, operator: Holder, config: OperatorConfig, seed: int, wiring: Wiring) -> None:
         self._counter = PressCounter()
         self.operator = operator
         self._wiring = wiring
@@ -109,9 +102,9 @@ class VirtualController(Controller):
         self._last = self._read(now_ns)
         return self._last
 
-    def components(self) -> ComponentReading | None:
-        """All that could be read of the newest sample's controller; None for one without wiring."""
-        return self._wiring.reading(self._pressed()) if self._wiring is not None else None
+    def components(self) -> ComponentReading:
+        """All that could be read of the newest sample's controller."""
+        return self._wiring.reading(self._pressed())
 
     def pulse(self, haptic: Haptic) -> None:
         if self._started:
@@ -121,9 +114,7 @@ class VirtualController(Controller):
         self._started = False
 
     def _read(self, now_ns: int) -> ControllerSample:
-        pressed = self._pressed()
-        if self._wiring is not None:
-            pressed = self._wiring.roles(self._wiring.reading(pressed))
+        pressed = self._wiring.roles(self.components())
         a, b, menu = (pressed[role] > 0.5 for role in ("a", "b", "menu"))
         measured = self.operator.hand.pose() + self._wander(now_ns)
         return ControllerSample(

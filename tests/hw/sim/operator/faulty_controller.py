@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from enum import Enum
 
-from hw.sim.operator.virtual_controller import VirtualController
+from hw.sim.operator.virtual_controller import Holder, VirtualController, rig_wiring
+from tams_app.config import OperatorConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 
 NOTHING = ControllerSample(
@@ -27,6 +28,7 @@ class SensorFault(Enum):
     FROZEN_BUTTONS = "frozen buttons"  # status OK, the buttons as they last were
 
 
+_WIRING = rig_wiring(load_config())
 _WITHOUT_POSE = frozenset(
     {
         SensorFault.TRACKING_LOST,
@@ -47,6 +49,9 @@ class FaultyController(VirtualController):
     """A virtual controller that suffers the fault injected last."""
 
     _fault: SensorFault | None = None
+
+    def __init__(self, operator: Holder, config: OperatorConfig, seed: int) -> None:
+        super().__init__(operator, config, seed, _WIRING)
 
     def inject(self, fault: SensorFault | None) -> None:
         """From the next sample on suffer `fault`; None ends it."""

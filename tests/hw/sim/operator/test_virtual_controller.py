@@ -5,8 +5,8 @@ import pytest
 
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import Operator
-from hw.sim.operator.virtual_controller import VirtualController
-from tams_app.config import HandConfig, OperatorConfig
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
+from tams_app.config import HandConfig, OperatorConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.units import NS_PER_S
 from tests.hw.sim.operator.toy_robot import TICK_NS
@@ -18,13 +18,13 @@ def _controller(config: OperatorConfig | None = None, seed: int = 0) -> VirtualC
     """In the hand of an operator who sees nothing and so keeps still."""
     config = config or OperatorConfig()
     operator = Operator(HandConfig(), config, TruePerception(lambda: None), seed)
-    controller = VirtualController(operator, config, seed)
+    controller = VirtualController(operator, config, seed, rig_wiring(load_config()))
     controller.start()
     return controller
 
 
-def _samples(controller: VirtualController, count: int, first: int = 0) -> list[ControllerSample]:
-    return [controller.sample(NS_PER_S + (first + n) * TICK_NS) for n in range(count)]
+def _samples(controller: VirtualController, count: int) -> list[ControllerSample]:
+    return [controller.sample(NS_PER_S + n * TICK_NS) for n in range(count)]
 
 
 def test_a_live_pose_is_new_in_every_sample():
