@@ -18,7 +18,6 @@ from hw.sim.controller.server import ControllerServer
 from hw.sim.layout import draw_layout
 from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
-from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RIG_PRIORITY, use_fifo
@@ -69,11 +68,8 @@ class PublishedWorld:
 
 def main() -> None:
     side = HelperSide()
-    try:
+    with side.failing():
         failure = _serve(side, side.specification)
-    except TamsError as error:
-        side.fail(str(error))
-        raise SystemExit(error.exit_code) from error
     if failure is not None:
         raise failure
 

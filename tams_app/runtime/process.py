@@ -15,11 +15,11 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from tams_app.errors import HelperError
+from tams_app.errors import HelperError, TamsError
 from tams_app.runtime.realtime import ordinary_meanwhile
 
 READY_TIMEOUT_S = 30.0
@@ -165,6 +165,15 @@ class HelperSide:
     def fail(self, sentence: str) -> None:
         """Report to the session in one sentence why this helper cannot work; end after this."""
         self._write({"error": sentence})
+
+    @contextlib.contextmanager
+    def failing(self) -> Iterator[None]:
+        """A `TamsError` inside is reported by `fail`, and ends the process with its exit code."""
+        try:
+            yield
+        except TamsError as error:
+            self.fail(str(error))
+            raise SystemExit(error.exit_code) from error
 
     def _write(self, content: dict[str, Any]) -> None:
         sys.stdout.write(json.dumps(content) + "\n")

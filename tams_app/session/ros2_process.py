@@ -14,7 +14,6 @@ import socket
 import sys
 import threading
 
-from tams_app.errors import SetupError
 from tams_app.recording import Header
 from tams_app.ros2.conversion import Conversion
 from tams_app.ros2.participant import Participant
@@ -33,11 +32,8 @@ def main() -> None:
     side = HelperSide()
     os.nice(ROS2_NICE)
     specification = side.specification
-    try:
+    with side.failing():
         participant = Participant(int(specification["domain"]), specification["views"])
-    except SetupError as error:
-        side.fail(str(error))
-        raise SystemExit(error.exit_code) from error
     with socket.socket(fileno=int(specification["socket"])) as application:
         application.setblocking(False)
         stops = Worker(

@@ -25,7 +25,6 @@ from hw.sim.operator.remote_controller import ControllerPublisher
 from hw.sim.operator.seeing import Images, OnScreen, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config
-from tams_app.errors import TamsError
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
 from tams_app.runtime.process import HelperSide
@@ -86,12 +85,8 @@ class Eyes:
 def main() -> None:
     side = HelperSide()
     cv2.setNumThreads(1)
-    try:
-        with ExitStack() as stack:
-            _serve(side, side.specification, stack)
-    except TamsError as error:
-        side.fail(str(error))
-        raise SystemExit(error.exit_code) from error
+    with side.failing(), ExitStack() as stack:
+        _serve(side, side.specification, stack)
 
 
 def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) -> None:

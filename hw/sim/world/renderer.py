@@ -18,7 +18,6 @@ from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.rig_memory import FrameGrid, FrameShape, FrameWriter, WorldReader
-from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RENDERER_NICE, use_nice
@@ -115,13 +114,9 @@ def run(
 
 def main() -> None:
     side = HelperSide()
-    specification: dict[str, Any] = side.specification
     use_nice(RENDERER_NICE, _NICE_OTHERWISE)
-    try:
-        _serve(side, specification)
-    except TamsError as error:
-        side.fail(str(error))
-        raise SystemExit(error.exit_code) from error
+    with side.failing():
+        _serve(side, side.specification)
 
 
 def _serve(side: HelperSide, specification: dict[str, Any]) -> None:

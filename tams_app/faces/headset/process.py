@@ -31,15 +31,12 @@ def main() -> None:
     use_nice(WINDOW_NICE, 0)
     clock = MonotonicClock()
     with ExitStack() as stack:
-        try:
+        with side.failing():
             runtime = OpenVrRuntime.join()
             stack.callback(runtime.close)
             texture = AtlasTexture()
             stack.callback(texture.close)
             stack.callback(runtime.close)  # before the context whose texture SteamVR has
-        except TamsError as error:
-            side.fail(str(error))
-            raise SystemExit(error.exit_code) from error
         application = stack.enter_context(closing(Application(side)))
         side.ready()
         opened = application.await_opening()

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from contextlib import closing
 
-from tams_app.errors import SetupError, TamsError
+from tams_app.errors import TamsError
 from tams_app.faces.application import Application, Opened
 from tams_app.faces.window.sight import x_server
 from tams_app.faces.window.size_memory import first_size, keep_size, read_size, size_file
@@ -27,11 +27,8 @@ _ENDING_MS = 20  # between looks whether to end
 def main() -> None:
     side = HelperSide()
     use_nice(WINDOW_NICE, 0)
-    try:
+    with side.failing():
         x_server()
-    except SetupError as error:
-        side.fail(str(error))
-        raise SystemExit(error.exit_code) from error
     with closing(Application(side)) as application:
         side.ready()
         opened = application.await_opening()
