@@ -29,9 +29,7 @@ TAP_M = 0.0015  # that one press of a key moves the hand, and no more until it c
 TAP_NS = 250 * NS_PER_MS  # a tap of 100 ms whose release is read 150 ms late is still one
 LATE_NS = 100 * NS_PER_MS  # a report so late counts as new: a window may draw in between
 SILENT_NS = 100 * NS_PER_MS  # a running window reports far more often
-_NOTHING = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
-)
+_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +139,6 @@ class KeyboardController(Controller):
             grip=float(asked.grip),
             a=asked.a,
             b=asked.b,
-            menu=False,
             presses=asked.presses,
         )
 

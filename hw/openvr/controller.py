@@ -31,9 +31,7 @@ POLL_RATE_HZ = 250
 START_TIMEOUT_S = 15.0  # the runtime's own library may wait for its server
 THREAD_NAME = "openvr-poll"
 _WAITING_PULSES = 8
-_NOTHING = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
-)
+_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 class OpenVrController(Controller):

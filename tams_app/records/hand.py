@@ -51,11 +51,13 @@ class ControllerSample:
     pose: Annotated[Pose | None, "of the controller, tracking frame; null: not valid"]
     pose_ns: Annotated[int, "when the value of the pose last changed [ns]"]
     buttons_ns: Annotated[int, "until when the buttons are known [ns]"]
-    trigger: Annotated[float, "how far it is pressed, 0 to 1: deadman and clutch"]
-    grip: Annotated[float, "how far it is pressed, 0 to 1: toggles translation and orientation"]
-    a: Annotated[bool, "button that closes the gripper"]
-    b: Annotated[bool, "button that opens the gripper"]
-    menu: Annotated[bool, "button; held for 1 s: confirm, clicked: emergency stop"]
+    trigger: Annotated[float, "how far it is pressed, 0 to 1: deadman and clutch"] = 0.0
+    grip: Annotated[float, "how far it is pressed, 0 to 1: toggles translation and orientation"] = (
+        0.0
+    )
+    a: Annotated[bool, "button that closes the gripper"] = False
+    b: Annotated[bool, "button that opens the gripper"] = False
+    menu: Annotated[bool, "button; held for 1 s: confirm, clicked: emergency stop"] = False
     presses: Annotated[
         Presses, "how often each button has gone down since its device was read first"
     ] = Presses()

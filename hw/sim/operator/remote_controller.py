@@ -41,9 +41,7 @@ _REQUEST = struct.Struct("<B")
 _SAMPLES = RingShape(_SAMPLE.size, heads=4)
 _ASKED = RingShape(_REQUEST.size, heads=64)
 _NO_POSE = (0.0,) * 7
-_AWAY = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
-)
+_AWAY = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 class ControllerPublisher:

@@ -35,9 +35,7 @@ from tams_app.units import NS_PER_MS
 NOISE_CORRELATION_NS = 200 * NS_PER_MS
 
 
-_NOTHING = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, trigger=0.0, grip=0.0, a=False, b=False, menu=False
-)
+_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 class Holder(Protocol):

@@ -74,10 +74,6 @@ class FarHand:
             self._pose_ns,
             self._buttons_ns,
             trigger=self.trigger,
-            grip=0.0,
-            a=False,
-            b=False,
-            menu=False,
         )
 
 

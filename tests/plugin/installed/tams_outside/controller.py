@@ -10,9 +10,7 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop.hands import HANDS, HandWords
 
-AWAY = ControllerSample(
-    ControllerStatus.DISCONNECTED, None, 0, 0, 0.0, 0.0, a=False, b=False, menu=False
-)
+AWAY = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 PLACE = Pose(np.array([0.0, 1.0, 0.0]), Rotation.identity())
 
 
