@@ -131,19 +131,16 @@ class Lite6Model:
         """Joint speeds [rad/s] to the TCP's twist [m/s, rad/s] in the base frame, shape (6, 6)."""
         return np.array(self._columns(links(joints))[0]).T
 
-    def follow(self, target: Matrix, joints: Numbers, max_steps: int = 10) -> Joints | None:
-        """Joints that put a TCP that is nearly there at `target`, within 10 µm and 10 µrad.
-
-        None if they are not found, as beyond the reach of the arm. Joint limits do not count.
-        Damped least squares whose damping grows with the error (Levenberg-Marquardt), so that far
-        targets and singular poses do not make the joints jump and near ones converge fast.
-        """
-        return self.approach(floats(target[:3, 3]), target[:3, :3], joints, max_steps)
-
     def approach(
         self, goal: Floats3, turn: Matrix, joints: Numbers, max_steps: int = 10
     ) -> Joints | None:
-        """As `follow`, with the target's place and its rotation matrix, shape (3, 3), apart."""
+        """Joints that put a TCP that is nearly there at `goal` [m], within 10 µm and 10 µrad.
+
+        `turn`: its rotation matrix there, shape (3, 3). None if they are not found, as beyond the
+        reach of the arm. Joint limits do not count. Damped least squares whose damping grows with
+        the error (Levenberg-Marquardt), so that far targets and singular poses do not make the
+        joints jump and near ones converge fast.
+        """
         # axes of the flange there
         x, y, z = (turn if self._tool_turn is None else turn @ self._tool_turn.T).T.tolist()
         angles = list(plain(joints))

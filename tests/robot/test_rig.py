@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import load_config
-from tams_app.records import Pose, Vector
+from tams_app.records import Vector
 from tams_app.robot.rig import SimulatedRig
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.vectors import floats
 from tests.faults.applications import until
 
 pytestmark = pytest.mark.waiting
@@ -53,7 +54,7 @@ def test_a_block_that_was_pushed_away_is_put_back_once_nothing_is_in_the_way(
             state = arm.state()
             assert state is not None
             place = np.array([start[0], start[1] + y, z])
-            joints = model.follow(matrix_from_pose(Pose(place, DOWN)), state.joints, 60)
+            joints = model.approach(floats(place), DOWN.as_matrix(), state.joints, 60)
             assert joints is not None
             arm.begin_move_to_joints(list(joints), 0.6)
             until(lambda: is_there(joints), "the arm")

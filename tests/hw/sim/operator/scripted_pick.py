@@ -6,11 +6,12 @@ import math
 
 import numpy as np
 
-from hw.lite6.kinematics import Lite6Model, matrix_from_pose, offset_from_mm_deg
+from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.layout import CONTAINER_INNER_M, Layout
 from hw.sim.world.world import World
-from tams_app.records import Pose, Vector
+from tams_app.records import Vector
 from tams_app.rotation import Rotation
+from tams_app.vectors import floats
 
 READY = np.radians([0, 36.81, 86.74, 0, 49.93, 0])
 ARM = Lite6Model(offset_from_mm_deg((0, 0, 82, 0, 0, 0)))
@@ -74,7 +75,7 @@ class ScriptedPick:
 
     def _step_to(self, place: Vector, yaw: float) -> None:
         rotation = Rotation.from_rotvec((0.0, 0.0, yaw)) * Rotation.from_rotvec((math.pi, 0.0, 0.0))
-        joints = ARM.follow(matrix_from_pose(Pose(place, rotation)), self._joints, max_steps=60)
+        joints = ARM.approach(floats(place), rotation.as_matrix(), self._joints, max_steps=60)
         assert joints is not None
         self._joints = joints
         state = self.world.step(joints, self._drive, CYCLE_NS)
