@@ -84,7 +84,6 @@ class ErrorCode(IntEnum):
     JOINT_OVERSPEED = 24
     COLLISION = 31
     BOUNDARY = 35
-    LINEAR_OVERSPEED = 60
 
 
 # 10 plus the joint; they stay until the motors are enabled anew (UFACTORY in xarm_ros issue 114)

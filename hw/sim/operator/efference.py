@@ -7,13 +7,14 @@ the operator's hand oscillate.
 
 from __future__ import annotations
 
-import math
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
+from operator import itemgetter
 
 import numpy as np
 
+from hw.sim.operator.servoing import norm
 from tams_app.records import Pose, Vector
 from tams_app.units import NS_PER_MS
 
@@ -61,7 +62,7 @@ class EfferenceCopy:
     def asked_at_each(self, times_ns: Sequence[int]) -> list[Vector]:
         """The same for several times."""
         history = list(self._history)
-        places = [bisect_right(history, t_ns, key=_time) - 1 for t_ns in times_ns]
+        places = [bisect_right(history, t_ns, key=itemgetter(0)) - 1 for t_ns in times_ns]
         return [history[max(0, place)][1] for place in places]
 
 
@@ -85,22 +86,14 @@ class FollowCheck:
             return None
         mark_ns, mark_shown, mark_tool = self._mark
         asked = shown - mark_shown
-        moved, turned = _size(asked[:3]), _size(asked[3:])
+        moved, turned = norm(asked[:3]), norm(asked[3:])
         if moved < _BEGUN_M and turned < _BEGUN_RAD:
             self._mark = (view_ns, mark_shown, tool)
             return None
         if view_ns - mark_ns < _DUE_NS or (moved < _DUE_M and turned < _DUE_RAD):
             return None
         self._mark = None
-        if moved >= _DUE_M and _size(tool.position - mark_tool.position) < _FOLLOWED * moved:
+        if moved >= _DUE_M and norm(tool.position - mark_tool.position) < _FOLLOWED * moved:
             return False
         seen_turn = (tool.rotation * mark_tool.rotation.inv()).magnitude()
         return turned < _DUE_RAD or seen_turn >= _FOLLOWED * turned
-
-
-def _time(entry: tuple[int, Vector]) -> int:
-    return entry[0]
-
-
-def _size(vector: Vector) -> float:
-    return math.sqrt(vector @ vector)

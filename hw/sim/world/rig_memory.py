@@ -140,7 +140,8 @@ class FrameWriter:
 
     def grid(self, view: str) -> FrameGrid:
         """The grid of an earlier writer of this memory."""
-        return _grid(self._rings[view])
+        newest = self._rings[view].newest()
+        return FrameGrid(*_FRAME.unpack(newest[1])[2:4]) if newest is not None else FrameGrid()
 
     def publish(
         self,
@@ -200,11 +201,6 @@ def remove_memory(name: str) -> None:
     """Remove all memory of the rig `name`, also after its helpers were killed; may be repeated."""
     for part in (_WORLD, _FRAMES):
         remove_block(f"{name}-{part}")
-
-
-def _grid(ring: SharedRing) -> FrameGrid:
-    newest = ring.newest()
-    return FrameGrid(*_FRAME.unpack(newest[1])[2:4]) if newest is not None else FrameGrid()
 
 
 def _attach(name: str, size: int) -> mmap.mmap:

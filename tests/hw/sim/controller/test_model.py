@@ -219,7 +219,7 @@ def trip(rig: Rig, code: ErrorCode) -> None:
     """Provoke `code` by what causes it in the real arm."""
     if code is ErrorCode.EMERGENCY_STOP:
         rig.model.press_emergency_stop()
-    elif code in (ErrorCode.KINEMATIC, ErrorCode.LINEAR_OVERSPEED):
+    elif code is ErrorCode.KINEMATIC:
         rig.model.raise_error(code)
     elif code is ErrorCode.SELF_COLLISION:
         rig.arm(Mode.POSITION)
