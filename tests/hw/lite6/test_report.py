@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import socket
 import struct
+import threading
 from collections.abc import Iterator
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -21,6 +23,7 @@ from hw.lite6.report import (
     read_status,
 )
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
+from hw.sim.controller.server import _bind_reports
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
@@ -133,49 +136,30 @@ def test_the_status_tells_of_settings_that_another_program_made() -> None:
 class Streams:
     """A controller that says exactly what the test lets it say."""
 
-    def __init__(self) -> None:
-        self.base = 0
-        self._listeners: list[socket.socket] = []
-        while len(self._listeners) < 3:
-            self._listen()
-        self.rich: socket.socket
-        self.real: socket.socket
-
-    def _listen(self) -> None:
-        port = self.base + len(self._listeners) if self.base else 0
-        try:
-            self._listeners.append(socket.create_server(("127.0.0.1", port)))
-        except OSError:
-            self.close()
-            self.base = 0
-            return
-        self._listeners[-1].settimeout(5.0)
-        self.base = self.base or self._listeners[0].getsockname()[1]
+    def __init__(self, closing: ExitStack) -> None:
+        self._closing = closing
+        self._listeners = _bind_reports("127.0.0.1", 0)
+        for listener in self._listeners.values():
+            closing.enter_context(listener)
+        self.base = self._listeners[ReportKind.NORMAL].getsockname()[1]
 
     def accept(self) -> None:
-        self.rich, _ = self._listeners[1].accept()
-        self.real, _ = self._listeners[2].accept()
+        self.rich, self.real = self._accepted(ReportKind.RICH), self._accepted(ReportKind.REAL)
 
     def serve_rich(self, data: bytes) -> None:
-        """Queue an answer before the client connects: the backlog holds the connection."""
-        connection, _ = self._listeners[1].accept()
-        with connection:
+        """Answer a client that may come later."""
+        with self._accepted(ReportKind.RICH) as connection:
             connection.sendall(data)
 
-    def close(self) -> None:
-        for name in ("rich", "real"):
-            connection = getattr(self, name, None)
-            if connection is not None:
-                connection.close()
-        while self._listeners:
-            self._listeners.pop().close()
+    def _accepted(self, kind: ReportKind) -> socket.socket:
+        self._listeners[kind].settimeout(5.0)
+        return self._closing.enter_context(self._listeners[kind].accept()[0])
 
 
 @pytest.fixture
 def streams() -> Iterator[Streams]:
-    made = Streams()
-    yield made
-    made.close()
+    with ExitStack() as closing:
+        yield Streams(closing)
 
 
 @pytest.fixture
@@ -239,8 +223,6 @@ def test_nonsense_on_a_stream_is_a_failure(streams: Streams, reader: ReportReade
 
 
 def test_an_arm_whose_rich_report_ends_early_is_one_sentence(streams: Streams) -> None:
-    import threading
-
     server = threading.Thread(target=streams.serve_rich, args=(RICH[:100],))
     server.start()
     with pytest.raises(DeviceError, match="no reports"):
