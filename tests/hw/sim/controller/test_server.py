@@ -17,7 +17,7 @@ from xarm.core.config.x_config import XCONF
 from xarm.wrapper import XArmAPI
 from xarm.x3.report import ReportDataStructure
 
-from hw.lite6.codes import ErrorCode, Register
+from hw.lite6.codes import Register
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.errors import DeviceError
@@ -198,37 +198,6 @@ def test_an_old_firmware_gets_no_deadman_time_from_the_sdk(
     assert model.moving
 
 
-def test_the_sdk_drives_the_gripper(
-    connect_sdk: Callable[..., Any], model: ControllerModel
-) -> None:
-    arm = connect_sdk()
-    for call, drive, outputs in (
-        (arm.open_lite6_gripper, False, [1, 0]),
-        (arm.close_lite6_gripper, True, [0, 1]),
-        (arm.stop_lite6_gripper, None, [0, 0]),
-    ):
-        assert call() == 0
-        assert model.settings.closing is drive
-        assert arm.get_tgpio_output_digital()[1][:2] == outputs
-
-
-def test_the_sdk_sees_an_error_and_cleans_it(
-    connect_sdk: Callable[..., Any], server: ControllerServer, model: ControllerModel
-) -> None:
-    arm = connect_sdk()
-    enter(arm, 5)
-    with server.lock:
-        model.raise_error(ErrorCode.COLLISION)
-    assert arm.vc_set_cartesian_velocity([0, 5, 0, 0, 0, 0], duration=0.1) == 1
-    assert until(lambda: arm.error_code == 31)
-    assert arm.get_state() == (0, 4)
-    assert arm.clean_error() == 0
-    assert arm.get_err_warn_code() == (0, [0, 0])
-    assert arm.vc_set_cartesian_velocity([0, 5, 0, 0, 0, 0], duration=0.1) == 9  # not ready
-    enter(arm, 5)
-    assert arm.vc_set_cartesian_velocity([0, 5, 0, 0, 0, 0], duration=0.1) == 0
-
-
 @pytest.mark.parametrize("report_type", ["real", "rich"])
 def test_the_sdk_reads_every_report(
     connect_sdk: Callable[..., Any], report_type: str, model: ControllerModel
@@ -238,23 +207,6 @@ def test_the_sdk_reads_every_report(
     assert until(lambda: (arm.mode, arm.state) == (5, 2))
     assert arm.angles[:6] == pytest.approx(READY, abs=1e-5)
     assert arm.position[:3] == pytest.approx(model.tcp[:3, 3] * 1000, abs=0.01)
-
-
-def test_a_second_connection_stops_the_arm_while_the_first_waits_for_its_reply(
-    connect_sdk: Callable[..., Any], server: ControllerServer, model: ControllerModel
-) -> None:
-    arm = connect_sdk()
-    enter(arm, 5)
-    arm.vc_set_cartesian_velocity([0, 20, 0, 0, 0, 0], duration=0)
-    server.reply_delay_s = 1.0
-    with client(server.ports.control) as second:
-        stuck = threading.Thread(target=arm.get_position)
-        stuck.start()
-        second.sendall(struct.pack(">HHHBB", 1, 2, 2, Register.SET_STATE, 4))
-        assert until(lambda: model.state == 4)
-        assert stuck.is_alive()
-        server.reply_delay_s = 0.0
-        stuck.join(TIMEOUT_S)
 
 
 # --- bare sockets -------------------------------------------------------------------------------
