@@ -114,15 +114,16 @@ class FakeRuntime:
     def press(self, action: str, value: float = 1.0, hand: str = "right") -> None:
         self.actions[hand, action] = value
 
-    def await_reading(self, timeout_s: float = 20.0) -> None:
+    def await_reading(self) -> None:
         """Until the driver has read all that is so now: the reading under way may be older."""
-        wanted, deadline_s = self.readings + 2, time.monotonic() + timeout_s
+        wanted, deadline_s = self.readings + 2, time.monotonic() + WAIT_S
         while self.readings < wanted:
             assert time.monotonic() < deadline_s, "the driver does not read"
             time.sleep(1e-3)
 
-    def give_hand_to(self, index: int, role: int = openvr.TrackedControllerRole_RightHand) -> None:
-        """Let the device `index`, and no other, play the hand."""
+    def give_hand_to(self, index: int) -> None:
+        """Let the device `index`, and no other, play the right hand."""
+        role = openvr.TrackedControllerRole_RightHand
         for device in self.devices.values():
             if device.role == role:
                 device.role = openvr.TrackedControllerRole_Invalid
@@ -256,7 +257,7 @@ class FakeRuntime:
 
         if name == "getStringTrackedDeviceProperty":  # a c_char_p argument could not be written to
             arguments = [
-                ctypes.c_void_p if a is ctypes.c_char_p else a for a in _arguments(prototype)
+                ctypes.c_void_p if a is ctypes.c_char_p else a for a in prototype._argtypes_
             ]
             entry = ctypes.CFUNCTYPE(prototype._restype_, *arguments)(answer)
             self._keep.append(entry)
@@ -395,21 +396,10 @@ class FakeRuntime:
 
     def _is_active(self, hand: str, action: str) -> bool:
         """As SteamVR: the set is active, something is bound, the hand is there, no dashboard."""
-        role = {
-            "left": openvr.TrackedControllerRole_LeftHand,
-            "right": openvr.TrackedControllerRole_RightHand,
-        }[hand]
+        role = getattr(openvr, f"TrackedControllerRole_{hand.title()}Hand")
         there = any(d.role == role and d.connected for d in self.devices.values())
-        return (
-            there
-            and self._may_read()
-            and action in self.bound
-            and "/actions/tams" in self._active_sets
-        )
-
-
-def _arguments(prototype: Any) -> tuple[Any, ...]:
-    return tuple(prototype._argtypes_)
+        is_bound = action in self.bound and "/actions/tams" in self._active_sets
+        return there and self._may_read() and is_bound
 
 
 def _fill_pose(pose: Any, device: FakeDevice | None) -> None:

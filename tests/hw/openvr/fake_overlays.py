@@ -95,9 +95,6 @@ class FakeOverlays:
         def show(overlay: FakeOverlay) -> None:
             overlay.shown = True
 
-        def hide(overlay: FakeOverlay) -> None:
-            overlay.shown = False
-
         def widen(overlay: FakeOverlay, width_m: float) -> None:
             overlay.width_m = width_m
 
@@ -123,7 +120,6 @@ class FakeOverlays:
 
         names: dict[str, Callable[..., None]] = {
             "showOverlay": show,
-            "hideOverlay": hide,
             "setOverlayWidthInMeters": widen,
             "setOverlayTextureBounds": bound,
             "setOverlayTransformAbsolute": to_room,

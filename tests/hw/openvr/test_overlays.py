@@ -144,7 +144,6 @@ def test_recentring_brings_them_before_the_head(fake, runtime):
     overlays.look()
     assert np.allclose(position(fake, "tams.front"), (1.5, 1.6, 0.0), atol=1e-6)
     assert is_shown(fake) == [True, True]
-    assert "hideOverlay" not in [what for what, _ in fake.overlays.done]
 
 
 def test_a_runtime_that_quits_is_told_of_and_acknowledged(fake, runtime):
