@@ -48,16 +48,6 @@ def test_connecting_to_an_arm_in_an_error_says_what_it_is_and_lets_it_be_cleared
     assert rig.next_state(unconnected).fault is None
 
 
-@LITE6_ONLY
-def test_connecting_refuses_a_controller_that_only_pretends_to_move(
-    rig: Lite6Rig, unconnected: Arm
-) -> None:
-    with rig.model_lock:
-        rig.model.settings.simulation_robot = True
-    with pytest.raises(DeviceError, match="simulation mode"):
-        unconnected.connect()
-
-
 def test_closing_stops_the_controller_itself(rig: ArmRig, enabled: Arm) -> None:
     rig.stream(enabled, SIDEWAYS, 0.1)
     enabled.close()

@@ -154,8 +154,8 @@ def test_a_gripper_that_does_not_do_what_it_acknowledged_stops_the_arm(
 class Connecting:
     """A controller to connect to, and a driver of it."""
 
-    def __init__(self, kind: str, firmware: str) -> None:
-        self.model = tapped_model(firmware)
+    def __init__(self, kind: str) -> None:
+        self.model = tapped_model()
         self.server: FaultyServer | None = None
         if kind == "virtual":
             self.arm: Arm = InProcessArm(ArmConfig(), VirtualClock(), self.model)
@@ -175,20 +175,8 @@ class Connecting:
 
 
 @pytest.fixture(params=["wired", "virtual"])
-def kind(request: pytest.FixtureRequest, frequent_reports: None) -> str:
-    return str(request.param)
-
-
-@pytest.fixture
-def connecting(kind: str) -> Iterator[Connecting]:
-    made = Connecting(kind, "2.6.0")
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def outdated(kind: str) -> Iterator[Connecting]:
-    made = Connecting(kind, "1.7.9")
+def connecting(request: pytest.FixtureRequest, frequent_reports: None) -> Iterator[Connecting]:
+    made = Connecting(str(request.param))
     yield made
     made.close()
 
@@ -278,11 +266,12 @@ def change_while_moving(bench: WiredBench, setting: str, value: object, sentence
 
 
 def test_firmware_that_would_not_stop_by_itself_is_refused_and_taken_when_updated(
-    outdated: Connecting,
+    connecting: Connecting,
 ) -> None:
-    with pytest.raises(DeviceError, match="firmware"):
-        outdated.arm.connect()
-    assert nothing_but_stops(outdated.model)
-    outdated.model.firmware = "2.6.0"
-    outdated.arm.connect()
-    assert outdated.arm.state() is not None
+    connecting.model.firmware = "1.7.9"
+    with pytest.raises(DeviceError, match=r"firmware 1\.7\.9 is older than 1\.8\.0"):
+        connecting.arm.connect()
+    assert nothing_but_stops(connecting.model)
+    connecting.model.firmware = "2.6.0"
+    connecting.arm.connect()
+    assert connecting.arm.state() is not None

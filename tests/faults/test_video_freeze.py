@@ -51,6 +51,20 @@ def expected_scale(age_ns: int) -> float:
     return min(1.0, max(0.0, (HOLD_NS - age_ns) / (HOLD_NS - SLOW_NS)))
 
 
+def slows_holds_and_recovers(bench: VirtualBench, frozen: int) -> None:
+    """As the view that counts, which has stood still since tick `frozen`, grows old."""
+    for after, output in enumerate(bench.outputs[frozen : frozen + HOLD_TICKS], start=1):
+        assert output.arming is ArmingState.ENGAGED
+        scale = expected_scale(PICTURE_DELAY_NS + after * PERIOD_NS)
+        assert output.speed_scale == pytest.approx(scale, abs=1e-9)
+    assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST
+    stands(bench)
+    bench.hand.velocity = np.zeros(3)
+    bench.frames.thaw()
+    recovers_from_hold(bench, Reason.STALE_VIDEO)
+    is_logged(bench, Reason.STALE_VIDEO)
+
+
 @pytest.mark.parametrize("phase", PRIMARY, ids=str)
 @pytest.mark.parametrize("view", [*VIEWS, "all"])
 def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
@@ -65,16 +79,7 @@ def test_a_frozen_view_holds_the_arm_exactly_if_it_is_the_primary_one(
         assert {output.speed_scale for output in bench.outputs[frozen:]} == {1.0}
         assert bench.travel_m(bench.next - 30) > 0.001
         return
-    for after, output in enumerate(bench.outputs[frozen : frozen + HOLD_TICKS], start=1):
-        assert output.arming is ArmingState.ENGAGED
-        scale = expected_scale(PICTURE_DELAY_NS + after * PERIOD_NS)
-        assert output.speed_scale == pytest.approx(scale, abs=1e-9)
-    assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST
-    stands(bench)
-    bench.hand.velocity = np.zeros(3)
-    bench.frames.thaw()
-    recovers_from_hold(bench, Reason.STALE_VIDEO)
-    is_logged(bench, Reason.STALE_VIDEO)
+    slows_holds_and_recovers(bench, frozen)
 
 
 def test_the_older_the_frame_the_slower_the_arm(bench: VirtualBench) -> None:
@@ -157,16 +162,7 @@ def test_a_frozen_view_that_is_pinned_slows_and_holds_the_arm_in_any_phase_as_th
     frozen = bench.next
     bench.frames.freeze(pinned)
     bench.run(1.3)
-    for after, output in enumerate(bench.outputs[frozen : frozen + HOLD_TICKS], start=1):
-        assert output.arming is ArmingState.ENGAGED
-        scale = expected_scale(PICTURE_DELAY_NS + after * PERIOD_NS)
-        assert output.speed_scale == pytest.approx(scale, abs=1e-9)
-    assert holds(bench, frozen + HOLD_TICKS, Reason.STALE_VIDEO) <= TICKS_TO_REST
-    stands(bench)
-    bench.hand.velocity = np.zeros(3)
-    bench.frames.thaw()
-    recovers_from_hold(bench, Reason.STALE_VIDEO)
-    is_logged(bench, Reason.STALE_VIDEO)
+    slows_holds_and_recovers(bench, frozen)
 
 
 def test_pinning_a_view_that_is_minutes_old_holds_a_moving_arm_in_the_next_tick(

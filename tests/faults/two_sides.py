@@ -75,9 +75,8 @@ class RobotSide(Application):
 class OperateSide(Application):
     """`run_tams.py operate` with the simulated operator, in a process of its own."""
 
-    def __init__(self, out: Path, port: int, key: Path | None = None) -> None:
+    def __init__(self, out: Path, port: int) -> None:
         words = ["operate", "--sim", "--robot", f"{HOST}:{port}"]
-        words += [] if key is None else ["--key", str(key)]
         out.mkdir(exist_ok=True)
         super().__init__(out, operator="seeing", words=words)
 
@@ -92,12 +91,8 @@ class HandSide:
         key: Path | None = None,
         seconds: float | None = None,
         headless: bool = True,
-        predict: str = "off",
     ) -> None:
-        """`port`: where it calls, on loopback. `seconds`: after which it ends.
-
-        `predict`: `view.predict`.
-        """
+        """`port`: where it calls, on loopback. `seconds`: after which it ends."""
         out.mkdir()
         self._hand: Hand | None = None
         self._notes: list[str] = []
@@ -107,7 +102,7 @@ class HandSide:
                 "rig.enabled": True,
                 "headless": headless,
                 "seconds": seconds,
-                "view.predict": predict,
+                "view.predict": "off",
                 "recording.directory": str(out),
                 "recording.min_free_mb": 1.0,
             }

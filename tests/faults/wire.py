@@ -89,9 +89,9 @@ class TappedModel(ControllerModel):
         return [request for request in self.wire if request.tick >= tick]
 
 
-def tapped_model(firmware: str = "2.6.0") -> TappedModel:
+def tapped_model() -> TappedModel:
     """The controller of an arm at the ready pose, as yet before the first tick."""
     joints = np.radians(np.array(ArmConfig().ready_joints_deg))
-    model = TappedModel(IdealPlant(), start_joints=joints, firmware=firmware)
+    model = TappedModel(IdealPlant(), start_joints=joints)
     model.tick = -1
     return model

@@ -151,14 +151,6 @@ def test_reports_at_the_controllers_true_rates_will_do() -> None:
         arm.close()
 
 
-def test_firmware_without_a_deadman_is_refused() -> None:
-    with controller(firmware="1.7.9") as old:
-        arm = make_arm(old.config())
-        with pytest.raises(DeviceError, match=r"older than 1\.8\.0"):
-            arm.connect()
-        arm.close()
-
-
 def test_two_arms_with_ports_of_their_own_live_in_one_process(rig: ControllerRig) -> None:
     with controller() as other:
         arms = [make_arm(rig.config()), make_arm(other.config())]

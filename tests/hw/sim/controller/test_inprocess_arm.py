@@ -8,7 +8,6 @@ import pytest
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant
 from tams_app.config import ArmConfig
-from tams_app.errors import DeviceError
 from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -57,12 +56,6 @@ def test_the_same_commands_at_the_same_times_give_the_same_motion() -> None:
         return np.array(path).tobytes()
 
     assert play() == play()
-
-
-def test_an_arm_whose_firmware_knows_no_deadman_time_is_refused() -> None:
-    model = ControllerModel(IdealPlant(), firmware="1.7.9")
-    with pytest.raises(DeviceError, match="firmware"):
-        InProcessArm(ArmConfig(), VirtualClock(), model).connect()
 
 
 def test_the_deadman_time_is_the_configuration_s() -> None:
