@@ -94,7 +94,8 @@ def test_a_program_reads_what_was_found_and_what_is_missing(
 
 
 def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:
-    model = ControllerModel(IdealPlant(), firmware="1.7.0")
+    model = ControllerModel(IdealPlant())
+    model.firmware = "1.7.0"
     server = ControllerServer(model)
     server.start()
     try:

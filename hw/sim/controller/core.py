@@ -62,11 +62,9 @@ def outputs_for(closed: bool | None) -> int:
 class ControllerCore:
     """The box's state and behaviour; joint targets go to `plant`. Holds no thread or clock."""
 
-    def __init__(
-        self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
-    ) -> None:
-        """`start_joints` [rad]: where `plant` stands; `firmware`: three numbers."""
-        self.firmware: str = firmware
+    def __init__(self, plant: Plant, start_joints: Numbers = HOME_JOINTS) -> None:
+        """`start_joints` [rad]: where `plant` stands."""
+        self.firmware = "2.6.0"
         self.settings: ControllerSettings = ControllerSettings()
         self.mode = Mode.POSITION
         self.enabled = False

@@ -19,9 +19,9 @@ WITHIN_S = 10.0  # generous: the machine may be busy
 class ControllerRig:
     """A served controller model, and the configuration that reaches it."""
 
-    def __init__(self, firmware: str = "2.6.0") -> None:
+    def __init__(self) -> None:
         joints = np.radians(ArmConfig().ready_joints_deg)
-        self.model = ControllerModel(IdealPlant(), start_joints=joints, firmware=firmware)
+        self.model = ControllerModel(IdealPlant(), start_joints=joints)
         self.server = ControllerServer(self.model)
         self.server.start()
 
@@ -67,8 +67,8 @@ class ControllerRig:
 
 
 @contextmanager
-def controller(firmware: str = "2.6.0") -> Iterator[ControllerRig]:
-    rig = ControllerRig(firmware)
+def controller() -> Iterator[ControllerRig]:
+    rig = ControllerRig()
     try:
         yield rig
     finally:

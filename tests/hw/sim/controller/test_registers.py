@@ -81,7 +81,9 @@ def test_a_command_that_makes_no_sense_is_refused_and_changes_nothing(
 
 
 def test_the_version_text_ends_within_forty_bytes() -> None:
-    text = ask(ControllerModel(IdealPlant(), firmware="1.7.3"), Register.GET_VERSION)
+    model = ControllerModel(IdealPlant())
+    model.firmware = "1.7.3"
+    text = ask(model, Register.GET_VERSION)
     assert len(text) == 40
     assert text[:39].rstrip(b"\0").endswith(b"v1.7.3")
     assert text[39] == 0

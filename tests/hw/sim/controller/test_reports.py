@@ -22,7 +22,7 @@ BYTES = {ReportKind.NORMAL: 145, ReportKind.RICH: 587, ReportKind.REAL: 87}
 
 def busy_model() -> ControllerModel:
     """A model in which every reported number differs from its default."""
-    model = ControllerModel(IdealPlant(), firmware="2.6.0")
+    model = ControllerModel(IdealPlant())
     model.set_tcp_offset((1.0, 2.0, 82.0, 0.1, 0.2, 0.3))
     model.settings.load = (0.35, 1.0, 2.0, 40.0)
     model.settings.collision_sensitivity = 4
