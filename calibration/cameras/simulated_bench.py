@@ -57,10 +57,7 @@ class SimulatedBench:
         self._random = np.random.default_rng([_SEED, seed])
         self.truth = _draw_truth(config.video.views, self._random, self.fps)
         self._scenes = _scenes(config, seed)
-        self._noise = {
-            name: SensorNoise(seed, truth.view, HEIGHT_PX, WIDTH_PX)
-            for name, truth in self.truth.items()
-        }
+        self._noise = {name: SensorNoise(seed, truth.view) for name, truth in self.truth.items()}
         self._flashes: Flashes | None = None
         self.refused: Sequence[str] = ()
         figure = arm_kind(config.arm.model).figure()

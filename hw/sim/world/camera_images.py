@@ -39,12 +39,10 @@ class SensorNoise:
     once and shifted for each frame.
     """
 
-    def __init__(
-        self, seed: int, view: str, height: int = HEIGHT_PX, width: int = WIDTH_PX
-    ) -> None:
+    def __init__(self, seed: int, view: str) -> None:
         self._entropy = [seed, *view.encode()]
         random = np.random.default_rng(self._entropy)
-        size = (height + _MARGIN_PX, width + _MARGIN_PX)
+        size = (HEIGHT_PX + _MARGIN_PX, WIDTH_PX + _MARGIN_PX)
         noise = np.rint(NOISE_SIGMA * random.standard_normal(size)).astype(np.int16)
         self._brighter = _grey(np.maximum(noise, 0))
         self._darker = _grey(np.maximum(-noise, 0))

@@ -9,35 +9,14 @@ import numpy as np
 import pytest
 
 from hw.sim.world.camera import SimCamera
-from hw.sim.world.rig_memory import (
-    SLOTS,
-    FrameReader,
-    FrameShape,
-    FrameWriter,
-    remove_memory,
-)
+from hw.sim.world.rig_memory import SLOTS, FrameReader, FrameWriter
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.runtime.shared_ring import new_block_name
+from tests.hw.sim.world.conftest import SHAPE
 
 pytestmark = pytest.mark.waiting
 
-SHAPE = FrameShape(("eih", "gt"), 16, 8)
 PATIENCE_S = 10.0
-
-
-@pytest.fixture
-def name() -> Iterator[str]:
-    name = new_block_name()
-    yield name
-    remove_memory(name)
-
-
-@pytest.fixture
-def writer(name: str) -> Iterator[FrameWriter]:
-    writer = FrameWriter(name, SHAPE)
-    yield writer
-    writer.close()
 
 
 def grey(value: int) -> Image:

@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -15,35 +14,20 @@ from hw.sim.viewpoints import VIEWS
 from hw.sim.world import renderer
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.renderer import CameraSchedule
-from hw.sim.world.rig_memory import FrameShape, FrameWriter, WorldReader, remove_memory
+from hw.sim.world.rig_memory import FrameWriter, WorldReader
 from tams_app.errors import HelperError
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import RENDERER_NICE
-from tams_app.runtime.shared_ring import new_block_name
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.hw.sim.world.conftest import SHAPE
 
 pytestmark = pytest.mark.waiting
 
-SHAPE = FrameShape(VIEWS, 16, 8)
 PERIOD_NS = NS_PER_S // 30
 BLACK = np.zeros((SHAPE.height, SHAPE.width, 3), np.uint8)
 READY_DEG = [0, 36.81, 86.74, 0, 49.93, 0]
-
-
-@pytest.fixture
-def name() -> Iterator[str]:
-    name = new_block_name()
-    yield name
-    remove_memory(name)
-
-
-@pytest.fixture
-def writer(name: str) -> Iterator[FrameWriter]:
-    writer = FrameWriter(name, SHAPE)
-    yield writer
-    writer.close()
 
 
 def test_views_take_turns_a_third_of_a_period_apart(writer: FrameWriter) -> None:
@@ -154,26 +138,10 @@ def test_renderer_without_a_rig_says_so_in_one_sentence(name: str, tmp_path: Pat
     assert helper.exit_code == 1
 
 
-def test_the_renderer_is_never_real_time_so_that_a_full_machine_keeps_its_control_loop(
-    name: str, tmp_path: Path
-) -> None:
-    rig, renderer = rig_process(name, tmp_path), renderer_process(name, tmp_path)
-    rig.start()
-    try:
-        rig.wait_ready()
-        renderer.start()
-        renderer.wait_ready()
-        assert renderer.pid is not None
-        assert os.sched_getscheduler(renderer.pid) == os.SCHED_OTHER
-        assert os.getpriority(os.PRIO_PROCESS, renderer.pid) in (RENDERER_NICE, 10)
-    finally:
-        renderer.stop()
-        rig.stop()
-
-
 def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
     name: str, tmp_path: Path
 ) -> None:
+    """The renderer is never real-time, so that a full machine keeps its control loop."""
     clock = MonotonicClock()
     helpers = [rig_process(name, tmp_path)]
     try:
@@ -184,6 +152,9 @@ def test_rig_and_renderer_deliver_every_view_and_survive_being_killed(
         helpers.append(renderer_process(name, tmp_path))
         helpers[1].start()
         helpers[1].wait_ready()
+        assert helpers[1].pid is not None
+        assert os.sched_getscheduler(helpers[1].pid) == os.SCHED_OTHER
+        assert os.getpriority(os.PRIO_PROCESS, helpers[1].pid) in (RENDERER_NICE, 10)
         cameras = {view: SimCamera(view, name, clock) for view in VIEWS}
         last = {}
         for view, camera in cameras.items():

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import pytest
 
 from hw.sim.world.rig_memory import (
@@ -14,16 +12,9 @@ from hw.sim.world.rig_memory import (
     remove_memory,
 )
 from tams_app.errors import DeviceError
-from tams_app.runtime.shared_ring import create_block, new_block_name
+from tams_app.runtime.shared_ring import create_block
 
 pytestmark = pytest.mark.untimed
-
-
-@pytest.fixture
-def name() -> Iterator[str]:
-    name = new_block_name()
-    yield name
-    remove_memory(name)
 
 
 def state(t_ns: int) -> WorldState:

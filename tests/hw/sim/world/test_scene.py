@@ -63,13 +63,6 @@ def test_a_step_is_as_long_as_the_world_counts_it(model):
     assert model.opt.timestep == STEP_NS / 1e9
 
 
-def test_things_stand_where_the_layout_says(model):
-    for name, place in (("block", LAYOUT.block), ("container", LAYOUT.container)):
-        body = model.body(name)
-        assert body.pos[:2] == pytest.approx((place.x, place.y))
-        assert 2 * np.arctan2(body.quat[3], body.quat[0]) == pytest.approx(place.yaw)
-
-
 def test_fixed_cameras_look_as_the_operator_believes(model):
     for view, camera in fixed_cameras().items():
         seen = model.camera(view)

@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera_images import NOISE_SIGMA, SensorNoise
 from tams_app.records import Image
 
@@ -10,12 +11,12 @@ pytestmark = pytest.mark.untimed
 
 
 def grey(value: int = 120) -> Image:
-    return np.full((48, 64, 3), value, np.uint8)
+    return np.full((HEIGHT_PX, WIDTH_PX, 3), value, np.uint8)
 
 
 def test_noise_repeats_for_a_frame_and_differs_between_frames_views_and_seeds() -> None:
     def noisy(seed: int, view: str, index: int) -> Image:
-        return SensorNoise(seed, view, 48, 64).apply(grey(), index)
+        return SensorNoise(seed, view).apply(grey(), index)
 
     reference = noisy(1, "gt", 5)
     assert np.array_equal(reference, noisy(1, "gt", 5))
@@ -24,11 +25,11 @@ def test_noise_repeats_for_a_frame_and_differs_between_frames_views_and_seeds() 
 
 
 def test_noise_has_its_strength_and_no_bias() -> None:
-    noisy = SensorNoise(1, "gt", 48, 64).apply(grey(), 0).astype(float)
+    noisy = SensorNoise(1, "gt").apply(grey(), 0).astype(float)
     assert noisy.std() == pytest.approx(NOISE_SIGMA, rel=0.1)
     assert noisy.mean() == pytest.approx(120, abs=0.3)
 
 
 def test_noise_never_wraps_around() -> None:
-    assert SensorNoise(1, "gt", 48, 64).apply(grey(255), 0).min() > 200
-    assert SensorNoise(1, "gt", 48, 64).apply(grey(0), 0).max() < 55
+    assert SensorNoise(1, "gt").apply(grey(255), 0).min() > 200
+    assert SensorNoise(1, "gt").apply(grey(0), 0).max() < 55

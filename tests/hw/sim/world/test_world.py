@@ -56,6 +56,7 @@ def test_block_and_container_stand_where_the_layout_says() -> None:
     assert truth.block.position[:2] == pytest.approx([layout.block.x, layout.block.y])
     assert truth.container.position[:2] == pytest.approx([layout.container.x, layout.container.y])
     assert truth.block.rotation.as_rotvec()[2] == pytest.approx(layout.block.yaw)
+    assert truth.container.rotation.as_rotvec()[2] == pytest.approx(layout.container.yaw)
 
 
 def test_fingers_open_sixteen_millimetres_close_fully_and_rest_when_off() -> None:
