@@ -67,3 +67,10 @@ def shortened(a: Floats3, bound: float) -> Floats3:
     """`a` with a norm of at most `bound`, direction kept."""
     size = norm(a)
     return a if size <= bound else times(a, bound / size)
+
+
+def towards(a: Floats3, goal: Floats3, most: float) -> Floats3:
+    """`a` brought nearer to `goal` by at most `most`."""
+    way = minus(goal, a)
+    size = norm(way)
+    return goal if size <= most else plus_times(a, way, most / size)

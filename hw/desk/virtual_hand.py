@@ -10,7 +10,7 @@ from tams_app.config import DeskConfig
 from tams_app.records import Pose, Presses
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.vectors import ZERO, Floats3, minus, norm, plus_times, times
+from tams_app.vectors import ZERO, Floats3, plus_times, shortened, times, towards
 
 _LONGEST_GAP_NS = 50 * NS_PER_MS  # what was asked for in a longer one is not made up for
 
@@ -65,10 +65,11 @@ class VirtualHand:
     def _go(self, interval_s: float, asked: Deflection) -> None:
         config = self.config
         change = interval_s / RAMP_S
-        for_linear = times(_within_one(asked.linear), config.speed_m_s)
-        for_angular = times(_within_one(asked.angular), config.turn_rad_s)
-        self._linear = _towards(self._linear, for_linear, config.speed_m_s * change)
-        self._angular = _towards(self._angular, for_angular, config.turn_rad_s * change)
+        # two axes at once are no faster than one
+        for_linear = times(shortened(asked.linear, 1.0), config.speed_m_s)
+        for_angular = times(shortened(asked.angular, 1.0), config.turn_rad_s)
+        self._linear = towards(self._linear, for_linear, config.speed_m_s * change)
+        self._angular = towards(self._angular, for_angular, config.turn_rad_s * change)
         way = self._in_tracking_frame(times(self._linear, interval_s))
         turn = self._in_tracking_frame(times(self._angular, interval_s))
         self._position = plus_times(self._position, way, 1.0)
@@ -79,15 +80,3 @@ class VirtualHand:
         (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation
         x, y, z = vector
         return xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z
-
-
-def _within_one(vector: Floats3) -> Floats3:
-    """Two axes at once are no faster than one."""
-    size = norm(vector)
-    return vector if size <= 1.0 else times(vector, 1.0 / size)
-
-
-def _towards(vector: Floats3, target: Floats3, most: float) -> Floats3:
-    way = minus(target, vector)
-    size = norm(way)
-    return target if size <= most else plus_times(vector, way, most / size)

@@ -27,12 +27,11 @@ from tams_app.vectors import (
     Joints,
     Numbers,
     floats,
-    minus,
-    norm,
     plain,
     plus,
     plus_times,
     times,
+    towards,
 )
 
 CYCLE_NS = 4_000_000  # the box runs at 250 Hz
@@ -81,8 +80,8 @@ class TwistServo:
             self._path = None
             return None
         linear, angular = self._twist = (
-            _accelerated(self._twist[0], self._command[0], VELOCITY_ACCELERATION_M_S2 * CYCLE_S),
-            _accelerated(self._twist[1], self._command[1], VELOCITY_ACCELERATION_RAD_S2 * CYCLE_S),
+            towards(self._twist[0], self._command[0], VELOCITY_ACCELERATION_M_S2 * CYCLE_S),
+            towards(self._twist[1], self._command[1], VELOCITY_ACCELERATION_RAD_S2 * CYCLE_S),
         )
         if self._path is None:
             tcp = model.tcp_matrix(joints)
@@ -95,15 +94,6 @@ class TwistServo:
         if following is None:
             raise MotionError(ErrorCode.KINEMATIC)
         return following
-
-
-def _accelerated(velocity: Floats3, command: Floats3, largest_change: float) -> Floats3:
-    """`velocity` one cycle later, on its way to `command`."""
-    change = minus(command, velocity)
-    size = norm(change)
-    return (
-        command if size <= largest_change else plus_times(velocity, change, largest_change / size)
-    )
 
 
 def brake(joints: Joints, velocity: Joints) -> tuple[Joints, Joints]:
@@ -172,12 +162,10 @@ def check_motion(
 def _hits_base(wrist: Floats3, flange: Floats3, tcp: Floats3) -> bool:
     """True if the line through wrist, flange and TCP comes too near the base column."""
     points = (wrist, _middle(wrist, flange), flange, _middle(flange, tcp), tcp)
-    return any(_distance_to_column(*point) < KEEP_OUT_RADIUS_M for point in points)
+    return any(
+        math.hypot(x, y, max(z - BASE_TO_SHOULDER_M, 0.0)) < KEEP_OUT_RADIUS_M for x, y, z in points
+    )
 
 
 def _middle(a: Floats3, b: Floats3) -> Floats3:
     return times(plus(a, b), 0.5)
-
-
-def _distance_to_column(x: float, y: float, z: float) -> float:
-    return math.hypot(x, y, max(z - BASE_TO_SHOULDER_M, 0.0))

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.records import Vector
+from tams_app.vectors import ZERO, Floats3, floats, shortened
 
 REST_POSITION_M = (0.15, 1.05, -0.35)  # in front of a seated person
 WRIST_REACH_RAD = 0.8  # comfortable turn of the wrist to either side
@@ -36,9 +37,6 @@ _TREMOR_M = 4e-5
 _TREMOR_RAD = 1e-4
 _MAX_STEP_S = 0.01
 _NOISE_CORRELATION_S = 0.15
-
-_Triple = tuple[float, float, float]
-_REST: _Triple = (0.0, 0.0, 0.0)
 
 
 class Button(Enum):
@@ -76,17 +74,17 @@ class VelocityFollower:
         self.reach = reach
         self.offset: Vector = np.zeros(3)  # from the rest point
         self.velocity: Vector = np.zeros(3)
-        self._offset, self._velocity, self._acceleration = _REST, _REST, _REST
+        self._offset, self._velocity, self._acceleration = ZERO, ZERO, ZERO
         self._max_speed = max_speed
         self._max_acceleration = max_acceleration
 
     def step(self, command: Vector, dt_s: float) -> None:
         """Move on by `dt_s` <= 10 ms towards the velocity `command`."""
-        wanted = self._within_reach(_bounded(_triple(command), self._max_speed))
+        wanted = self._within_reach(shortened(floats(command), self._max_speed))
         (wx, wy, wz), (vx, vy, vz) = wanted, self._velocity
         lag = _VELOCITY_LAG_S
         needed = (wx - vx) / lag, (wy - vy) / lag, (wz - vz) / lag
-        (tx, ty, tz), (ax, ay, az) = _bounded(needed, self._max_acceleration), self._acceleration
+        (tx, ty, tz), (ax, ay, az) = shortened(needed, self._max_acceleration), self._acceleration
         blend = 1.0 - math.exp(-dt_s / _ACCELERATION_LAG_S)
         ax, ay, az = ax + blend * (tx - ax), ay + blend * (ty - ay), az + blend * (tz - az)
         vx, vy, vz = vx + ax * dt_s, vy + ay * dt_s, vz + az * dt_s
@@ -96,7 +94,7 @@ class VelocityFollower:
         self._stop_at_reach()
         self.offset, self.velocity = np.array(self._offset), np.array(self._velocity)
 
-    def _within_reach(self, command: _Triple) -> _Triple:
+    def _within_reach(self, command: Floats3) -> Floats3:
         """`command` without the outward speed that could not be stopped before the end."""
         (x, y, z), (vx, vy, vz), lag = self._offset, self._velocity, _VELOCITY_LAG_S
         x, y, z = x + lag * vx, y + lag * vy, z + lag * vz
@@ -190,20 +188,6 @@ class Hand:
         tremor = self._tremor_size * np.sin(phases).sum(axis=0)
         steady = np.concatenate((self._rest + self.arm.offset, self.wrist.offset))
         return np.asarray(steady + tremor)
-
-
-def _triple(vector: Vector) -> _Triple:
-    x, y, z = vector.tolist()
-    return x, y, z
-
-
-def _bounded(vector: _Triple, size: float) -> _Triple:
-    x, y, z = vector
-    length = math.sqrt(x * x + y * y + z * z)
-    if length <= size:
-        return vector
-    part = size / length
-    return x * part, y * part, z * part
 
 
 def _press(value: float, pressed: bool, dt_s: float) -> float:
