@@ -50,25 +50,19 @@ def make_controller(
     return DEVICES[device](ControllerParts(config, hand, clock, note))
 
 
-def keyboard_of(controller: Controller) -> KeyboardController | None:
-    """The controller, if it is one that the console's window has to feed."""
-    return controller if isinstance(controller, KeyboardController) else None
-
-
 def _openvr(parts: ControllerParts) -> Controller:
     from hw.openvr.controller import OpenVrController
 
     return OpenVrController(parts.config, parts.clock, parts.note)
 
 
-def _keyboard(parts: ControllerParts) -> Controller:
-    return KeyboardController(parts.config.desk, parts.hand.rotation)
-
-
 DEVICES: Registry[Callable[[ControllerParts], Controller]] = Registry(
     "controller.device",
     "tams.controllers",
-    {"openvr": _openvr, "keyboard": _keyboard},
+    {
+        "openvr": _openvr,
+        "keyboard": lambda parts: KeyboardController(parts.config.desk, parts.hand.rotation),
+    },
 )
 """Makers of a controller by their word for `controller.device`; entry points of `tams.controllers`.
 """

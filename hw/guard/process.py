@@ -175,17 +175,14 @@ class Guard:
             return Cause.NONE
         return self._motion.look(before_ns, self._reported_ns, report)
 
-    @property
-    def _is_blind(self) -> bool:
-        return self._clock.now_ns() - self._reported_ns > BLIND_NS
-
     def _answer(self, arming: int, sequence: int) -> None:
+        is_blind = self._clock.now_ns() - self._reported_ns > BLIND_NS
         answer = Heartbeat(
             GuardMessage.ACKNOWLEDGEMENT,
             arming,
             sequence,
             latched=self._watch.watch is Watch.LATCHED,
-            arm_lost=bool(self._arm.failure) or self._is_blind,
+            arm_lost=bool(self._arm.failure) or is_blind,
             cause=self._watch.cause,
         )
         self._memory.answers.put(answer.encode())

@@ -76,7 +76,9 @@ class Lite6Connection:
             self.reports.start()
             self.api: Any = connect_sdk(config.host, config.control_port)
             opened.callback(disconnect_sdk, self.api)
-            self._check_identity()
+            api = self.api
+            if problem := unfitness(api.axis, api.device_type, api.version_number):
+                raise DeviceError(problem)
             self.api.set_timeout(config.reply_timeout_s)
             self.sender = CommandSender(
                 self.api,
@@ -156,7 +158,9 @@ class Lite6Connection:
             raise DeviceError(refusal)
         with self.with_setup_timeout():
             self._settings.set_boundary()
-        self._raise_standing_error()
+        status = reports.status
+        if status is not None and status.error_code:
+            raise DeviceError(standing_error_sentence(status.error_code))
         with self.with_setup_timeout():
             self._settings.set()
             accept(self.api.set_state(StateCommand.STOP), "a stop")
@@ -233,11 +237,6 @@ class Lite6Connection:
         if status is not None and status.error_code:
             raise DeviceError(error_sentence(status.error_code, status.drive_codes))
 
-    def _raise_standing_error(self) -> None:
-        status = self.reports.status
-        if status is not None and status.error_code:
-            raise DeviceError(standing_error_sentence(status.error_code))
-
     def _next_status(self) -> StatusReport:
         status = self.reports.next_status(REPORT_TIMEOUT_S)
         if status is None:
@@ -245,11 +244,6 @@ class Lite6Connection:
                 self.reports.failure or "The arm sends no reports; restart its control box."
             )
         return status
-
-    def _check_identity(self) -> None:
-        api = self.api
-        if problem := unfitness(api.axis, api.device_type, api.version_number):
-            raise DeviceError(problem)
 
     def _look_for_changes(self, before: StatusReport, status: StatusReport) -> None:
         """What events and other programs change while the arm is used."""

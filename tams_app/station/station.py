@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
-from hw.make_controller import keyboard_of, make_controller
+from hw.make_controller import make_controller
 from tams_app.config import Config
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.recording.journal import Journal
@@ -146,7 +146,8 @@ class Station:
         """The operator's controller, started; DeviceError if it is not there."""
         make = self._make or self._configured
         controller = make(self._config)
-        self.keyboard = keyboard_of(controller)
+        if isinstance(controller, KeyboardController):  # the console's window feeds it
+            self.keyboard = controller
         self._parts.stack.callback(controller.close)
         controller.start()
         self._parts.hurry(controller.realtime_thread_ids)

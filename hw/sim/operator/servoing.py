@@ -16,7 +16,7 @@ from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.config import Config, HandConfig
-from tams_app.records import Pose, Vector
+from tams_app.records import Vector
 from tams_app.rotation import Rotation
 
 _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
@@ -110,9 +110,3 @@ def _azimuth(axis: Vector) -> float:
 def _half_turn(angle: float) -> float:
     """`angle` [rad] reduced to ±90°: an axis has no direction."""
     return (angle + math.pi / 2) % math.pi - math.pi / 2
-
-
-def nearby(pose: Pose, other: Pose, distance_m: float) -> bool:
-    """True if two poses are within `distance_m` of each other."""
-    gap = pose.position - other.position
-    return bool(gap @ gap <= distance_m**2)

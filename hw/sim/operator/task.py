@@ -15,7 +15,7 @@ import numpy as np
 from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
 from hw.sim.operator.hand import Button
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.servoing import Sight, approach, grasp_turn, nearby, norm, speed_factor
+from hw.sim.operator.servoing import Sight, approach, grasp_turn, norm, speed_factor
 from tams_app.records import Vector
 from tams_app.units import NS_PER_S
 
@@ -270,7 +270,8 @@ class PickAndPlace:
     def _dropped(self, now_ns: int, sight: Sight) -> bool:
         """True if the block has been away from the fingers for longer than a glance."""
         percept = sight.percept
-        if not _sees_block(sight) or nearby(percept.tcp.pose, percept.block.pose, HELD_WITHIN_M):
+        gap = percept.tcp.pose.position - percept.block.pose.position
+        if not _sees_block(sight) or gap @ gap <= HELD_WITHIN_M**2:
             self._lost_ns = None
             return False
         if self._lost_ns is None:

@@ -92,7 +92,7 @@ class FreezeWatch:
         grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
         small = np.asarray(cv2.resize(grey, _SMALL_PX, interpolation=cv2.INTER_AREA), np.uint8)
         last, self._last = self._last, small
-        if last is None or _moved(last, small):
+        if last is None or np.count_nonzero(cv2.absdiff(last, small) > _CHANGE) >= _CHANGED_PX:
             self._path_m, self._since_ns = 0.0, now_ns
             return False
         if asked_m > 0.0:
@@ -102,7 +102,3 @@ class FreezeWatch:
         elif now_ns - self._since_ns > _TRUSTS_AGAIN_NS:
             self._path_m, self._since_ns = 0.0, now_ns
         return self._path_m >= _FROZEN_AFTER_M
-
-
-def _moved(one: Image, other: Image) -> bool:
-    return int(np.count_nonzero(cv2.absdiff(one, other) > _CHANGE)) >= _CHANGED_PX

@@ -124,7 +124,7 @@ def find_blobs(window: Window, colour: int, expected_area: float) -> list[Blob]:
     for label in wanted[:3]:
         rows, columns = _frame(statistics[label])
         corner = window.corner + np.array((columns.start, rows.start))
-        core = _mask(labels[rows, columns] == label)
+        core = (labels[rows, columns] == label).view(np.uint8) * np.uint8(255)
         blobs.append(_measure(corner, strong[rows, columns], core, top, noise))
     return blobs
 
@@ -186,10 +186,6 @@ def _measure(corner: Vector, strong: Image, core: Image, top: float, noise: floa
     return Blob(
         middle, moments["m00"] / full, top / max(steepest, 1.0), noise, corner + hull.astype(float)
     )
-
-
-def _mask(chosen: NDArray[np.bool_]) -> Image:
-    return chosen.view(np.uint8) * np.uint8(255)
 
 
 def _disc(radius: int) -> Image:
