@@ -12,7 +12,6 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StartTimeout
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -150,4 +149,6 @@ class OpenVrController(Controller):
     def _disconnect(self) -> None:
         """From now on give no pose, everything released, the times as they were."""
         last = self._readings.latest() or _NOTHING
-        self._readings.put(replace(_NOTHING, pose_ns=last.pose_ns, buttons_ns=last.buttons_ns))
+        self._readings.put(
+            ControllerSample(ControllerStatus.DISCONNECTED, None, last.pose_ns, last.buttons_ns)
+        )

@@ -9,7 +9,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
 
 import numpy as np
 
@@ -41,7 +40,6 @@ _REQUEST = struct.Struct("<B")
 _SAMPLES = RingShape(_SAMPLE.size, heads=4)
 _ASKED = RingShape(_REQUEST.size, heads=64)
 _NO_POSE = (0.0,) * 7
-_AWAY = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 class ControllerPublisher:
@@ -124,7 +122,7 @@ class RemoteController(Controller):
         self._taken_up = False
         self._number = -1  # of the newest sample
         self._met = 0  # requests, when it was taken
-        self._last = _AWAY
+        self._last = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
     def hide(self) -> None:
         """Take the memory's name away, once the publisher works: nothing is left behind then."""
@@ -173,8 +171,7 @@ class RemoteController(Controller):
         return self._asked.written()
 
     def _away(self, status: ControllerStatus) -> ControllerSample:
-        last = self._last
-        return replace(_AWAY, status=status, pose_ns=last.pose_ns, buttons_ns=last.buttons_ns)
+        return ControllerSample(status, None, self._last.pose_ns, self._last.buttons_ns)
 
     def _read(self) -> bool:
         """Take the newest sample; whether there was a new one."""

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -33,9 +32,6 @@ from tams_app.units import NS_PER_MS
 
 # Runtimes fuse cameras with inertial sensors: the error wanders rather than jumps at each sample.
 NOISE_CORRELATION_NS = 200 * NS_PER_MS
-
-
-_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 class Holder(Protocol):
@@ -87,15 +83,15 @@ class VirtualController(Controller):
         self._noise: NDArray[np.float64] = np.zeros(6)
         self._noise_ns = 0
         self._started = False
-        self._last = _NOTHING
+        self._last = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
     def start(self) -> None:
         self._started = True
 
     def sample(self, now_ns: int) -> ControllerSample:
         if not self._started:
-            times = self._last.pose_ns, self._last.buttons_ns
-            return replace(_NOTHING, pose_ns=times[0], buttons_ns=times[1])
+            pose_ns, buttons_ns = self._last.pose_ns, self._last.buttons_ns
+            return ControllerSample(ControllerStatus.DISCONNECTED, None, pose_ns, buttons_ns)
         self.operator.step(now_ns)
         self._last = self._read(now_ns)
         return self._last
