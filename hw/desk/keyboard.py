@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from hw.controller import Controller
 from hw.desk.virtual_hand import Deflection, VirtualHand
@@ -29,7 +29,6 @@ TAP_M = 0.0015  # that one press of a key moves the hand, and no more until it c
 TAP_NS = 250 * NS_PER_MS  # a tap of 100 ms whose release is read 150 ms late is still one
 LATE_NS = 100 * NS_PER_MS  # a report so late counts as new: a window may draw in between
 SILENT_NS = 100 * NS_PER_MS  # a running window reports far more often
-_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,15 +116,10 @@ class KeyboardController(Controller):
             self._amounts = self._taps.step(now_ns, held)
         if not self._started:
             self._pose_ns = self._buttons_ns = 0
-            return _NOTHING
+            return ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
         if held is None or not held.focused:
             self._hand, self._pose = VirtualHand(self._config, self._rotation), None
-            return replace(
-                _NOTHING,
-                status=ControllerStatus.STANDBY,
-                pose_ns=self._pose_ns,
-                buttons_ns=self._buttons_ns,
-            )
+            return ControllerSample(ControllerStatus.STANDBY, None, self._pose_ns, self._buttons_ns)
         asked = deflection_of(held.keys, held.presses, self._amounts)
         self._buttons_ns = max(self._buttons_ns, min(now_ns, held.t_ns + LATE_NS))
         if now_ns - held.t_ns <= SILENT_NS + LATE_NS or self._pose is None:
