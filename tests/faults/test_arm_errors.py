@@ -9,7 +9,8 @@ import pytest
 
 from hw.lite6.codes import ErrorCode, StateCommand
 from hw.sim.controller.core import outputs_for
-from tams_app.records import Activity, ArmState, Phase, Tick
+from hw.sim.controller.model import ControllerModel
+from tams_app.records import Activity, ArmState, Phase
 from tams_app.teleop.safety import Reason
 from tests.faults.bench import Bench
 from tests.faults.promises import is_logged, is_stopped, only_stops, recovers_from_fault
@@ -21,29 +22,36 @@ ERRORS = tuple(ErrorCode)
 READ_AGAIN_S = 1.1  # the gripper's outputs, by the bench's clock
 
 
-def raise_error(bench: Bench, code: ErrorCode) -> None:
-    """As the controller does by itself; C2 by its button."""
-    if code is ErrorCode.EMERGENCY_STOP:
-        bench.model.press_emergency_stop()
-    else:
-        bench.model.raise_error(code)
+Event = Callable[[ControllerModel], None]
+
+
+def stops_for(
+    bench: Bench, event: Event, shows: Callable[[ArmState], bool], reason: Reason, detail: str = ""
+) -> None:
+    """What happens to the controller of a moving arm stops it in the tick that sees it."""
+    bench.engage_and_move()
+    bench.quiesce()
+    with bench.lock:
+        event(bench.model)
+    bench.until_seen(shows)
+    seen = bench.next
+    bench.run_ticks(1)
+    is_stopped(bench, seen, reason, detail)
 
 
 @pytest.mark.parametrize("code", ERRORS, ids=lambda code: f"C{code.value}")
 def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
     bench: Bench, code: ErrorCode
 ) -> None:
+    def happens(model: ControllerModel) -> None:
+        """As the controller does by itself; C2 by its button."""
+        is_button = code is ErrorCode.EMERGENCY_STOP
+        model.press_emergency_stop() if is_button else model.raise_error(code)
+
     def shows(state: ArmState) -> bool:
         return state.fault is not None and state.fault.code == code
 
-    bench.engage_and_move()
-    bench.quiesce()
-    with bench.lock:
-        raise_error(bench, code)
-    bench.until_seen(shows)
-    seen = bench.next
-    bench.run_ticks(1)
-    is_stopped(bench, seen, Reason.ARM_ERROR, f"C{code.value} (")
+    stops_for(bench, happens, shows, Reason.ARM_ERROR, f"C{code.value} (")
     recovers_from_fault(bench, bench.model.release_emergency_stop)
     is_logged(bench, Reason.ARM_ERROR)
 
@@ -52,14 +60,13 @@ def test_an_error_of_the_controller_stops_the_arm_in_the_tick_that_sees_it(
 def test_an_error_of_a_joints_drive_is_cleared_by_enabling_the_motors_first(
     bench: Bench, drive_code: int
 ) -> None:
-    bench.engage_and_move()
-    bench.quiesce()
-    with bench.lock:
-        bench.model.raise_drive_error(2, drive_code)
-    bench.until_seen(lambda state: state.fault is not None)
-    seen = bench.next
-    bench.run_ticks(1)
-    is_stopped(bench, seen, Reason.ARM_ERROR, f"C12 (motor of joint 2 failed, S{drive_code}")
+    stops_for(
+        bench,
+        lambda model: model.raise_drive_error(2, drive_code),
+        lambda state: state.fault is not None,
+        Reason.ARM_ERROR,
+        f"C12 (motor of joint 2 failed, S{drive_code}",
+    )
     recovers_from_fault(bench)
     is_logged(bench, Reason.ARM_ERROR)
 
@@ -158,38 +165,18 @@ def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(
         bench.close()
 
 
-def pause(bench: Bench) -> None:
-    bench.model.set_state(StateCommand.PAUSE)
-
-
-def stop(bench: Bench) -> None:
-    bench.model.set_state(StateCommand.STOP)
-
-
-def change(bench: Bench) -> None:
-    bench.model.configuration_changed()
-
-
 @pytest.mark.parametrize(
     ("elsewhere", "activity"),
-    [(pause, Activity.PAUSED), (stop, Activity.STOPPED), (change, Activity.STOPPED)],
+    [
+        (lambda model: model.set_state(StateCommand.PAUSE), Activity.PAUSED),
+        (lambda model: model.set_state(StateCommand.STOP), Activity.STOPPED),
+        (lambda model: model.configuration_changed(), Activity.STOPPED),
+    ],
     ids=["state 3", "state 4", "state 5"],
 )
 def test_an_arm_that_was_halted_from_elsewhere_is_stopped_in_the_tick_that_sees_it(
-    bench: Bench, elsewhere: Callable[[Bench], None], activity: Activity
+    bench: Bench, elsewhere: Event, activity: Activity
 ) -> None:
-    bench.engage_and_move()
-    bench.quiesce()
-    with bench.lock:
-        elsewhere(bench)
-    bench.until_seen(lambda arm: arm.activity is activity)
-    seen = bench.next
-    bench.run_ticks(1)
-    assert sees(bench.ticks[seen], activity)
-    is_stopped(bench, seen, Reason.ARM_STOPPED)
+    stops_for(bench, elsewhere, lambda arm: arm.activity is activity, Reason.ARM_STOPPED)
     recovers_from_fault(bench)
     is_logged(bench, Reason.ARM_STOPPED)
-
-
-def sees(tick: Tick, activity: Activity) -> bool:
-    return tick.arm is not None and tick.arm.activity is activity

@@ -16,7 +16,7 @@ from tests.faults.promises import (
     is_stopped,
     only_stops,
     recovers_from_fault,
-    reengages,
+    recovers_from_hold,
     stands,
 )
 from tests.faults.wired_bench import REPLY_TIMEOUT_S, SIDEWAYS, MakeBench, WiredBench
@@ -112,12 +112,7 @@ def test_replies_later_than_the_arm_may_be_blind_hold_it_until_the_trigger_was_r
     brakes(bench, held)
     answer_again(bench)
     bench.run_until(lambda output: bench.ticks[-1].link.round_trip_ns < 50_000_000)
-    bench.run_ticks(3)
-    assert bench.outputs[-1].arming is ArmingState.HOLDING
-    stands(bench)
-    bench.hand.trigger = 0.0
-    bench.run_until_state(ArmingState.READY)
-    reengages(bench)
+    recovers_from_hold(bench, Reason.ARM_REPLY_LATE)
 
 
 def test_replies_later_than_the_time_out_are_a_fault(make_bench: MakeBench) -> None:
@@ -207,12 +202,7 @@ def test_frozen_reports_hold_the_arm_although_commands_succeed(bench: Bench) -> 
     brakes(bench, held)
     assert bench.requests(held)[-1].is_motion, "it holds, and goes on commanding zero"
     bench.model.reports_frozen = False
-    bench.run_ticks(5)
-    assert bench.outputs[-1].arming is ArmingState.HOLDING
-    stands(bench)
-    bench.hand.trigger = 0.0
-    bench.run_until_state(ArmingState.READY)
-    reengages(bench)
+    recovers_from_hold(bench, Reason.ARM_STATE_STALE)
 
 
 def test_reports_that_stay_frozen_are_a_fault(bench: Bench) -> None:
