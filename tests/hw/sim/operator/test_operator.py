@@ -40,6 +40,13 @@ def _work(trial: Trial, seconds: float = 100.0) -> Result:
     return Result(trial, samples, armed_s, len(samples) * TICK_NS / NS_PER_S - armed_s)
 
 
+def _places(trial: Trial, seconds: float = 100.0) -> list[ControllerSample]:
+    """The block ends in the container; the samples until then."""
+    samples = _work(trial, seconds).samples
+    assert trial.robot.placed()
+    return samples
+
+
 def _trial(seed: int, **conditions) -> Trial:
     return Trial(draw_layout(seed), seed, **conditions)
 
@@ -117,8 +124,7 @@ def test_participants_differ_and_the_same_participant_repeats(results):
     ids=str,
 )
 def test_what_the_operator_does_not_know_of_the_robot_is_corrected_by_sight(conditions):
-    result = _work(_trial(5, **conditions), seconds=45.0)
-    assert result.trial.robot.placed()
+    _places(_trial(5, **conditions), seconds=45.0)
 
 
 def test_a_late_view_and_a_lagging_arm_cause_no_oscillation():
@@ -141,10 +147,8 @@ def test_a_late_view_and_a_lagging_arm_cause_no_oscillation():
 def test_a_missed_grasp_is_seen_and_tried_again():
     trial = _trial(2)
     trial.robot.slips_left = 1
-    samples = _work(trial).samples
-    closings = sum(b.a and not a.a for a, b in pairwise(samples))
+    closings = sum(b.a and not a.a for a, b in pairwise(_places(trial)))
     assert closings == 2
-    assert trial.robot.placed()
 
 
 def test_a_block_dropped_on_the_way_is_picked_up_again():
@@ -155,8 +159,7 @@ def test_a_block_dropped_on_the_way_is_picked_up_again():
     trial.robot.attached = None
     trial.robot.block = Pose(np.array([x, y, 0.01]), trial.robot.block.rotation)
     trial.run_until(Stage.OPEN, seconds=3.0)
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_a_held_robot_makes_the_operator_let_go_and_try_again():
@@ -168,8 +171,7 @@ def test_a_held_robot_makes_the_operator_let_go_and_try_again():
     assert squeezes > 5
     assert not any(sample.menu for sample in samples)
     trial.robot.held = False
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 @pytest.mark.parametrize("answers_after_s", [0.2, 0.6, 1.2])
@@ -195,8 +197,7 @@ def test_an_armed_robot_that_does_not_answer_is_never_confirmed_again():
     trial.robot.held = True
     assert not any(sample.menu for sample in trial.run(20.0))
     trial.robot.held = False
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_an_arm_that_was_not_armed_is_confirmed_again():
@@ -204,17 +205,14 @@ def test_an_arm_that_was_not_armed_is_confirmed_again():
     trial.run(1.9)
     assert trial.robot.arming == "ready"
     trial.robot.arming = "disarmed"
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_an_operator_who_does_not_arm_never_touches_the_menu():
     trial = _trial(0, confirms=False)
     trial.run(20.0)
     trial.robot.arming = "ready"
-    samples = _work(trial).samples
-    assert not any(sample.menu for sample in samples)
-    assert trial.robot.placed()
+    assert not any(sample.menu for sample in _places(trial))
 
 
 def test_a_robot_that_moves_by_itself_is_left_alone_until_it_stands():
@@ -233,15 +231,13 @@ def test_an_arm_that_quietly_ignores_the_hand_makes_the_operator_let_go():
     samples = trial.run(3.0)
     assert min(sample.trigger for sample in samples) == 0.0
     trial.robot.deaf = False
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_the_wrong_mode_is_found_out_and_toggled():
     trial = _trial(0)
     trial.robot.turning = True
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
     assert trial.robot.toggles % 2 == 1
 
 
@@ -255,8 +251,7 @@ def test_a_fault_is_left_to_the_experimenter_at_the_console():
     assert not any(sample.menu for sample in samples)
     assert sum(sample.trigger > 0.0 for sample in samples) < 0.2 * len(samples)
     trial.robot.arming = "ready"
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_a_link_that_was_away_is_confirmed_twice_and_the_task_goes_on():
@@ -271,8 +266,7 @@ def test_a_link_that_was_away_is_confirmed_twice_and_the_task_goes_on():
         assert len(samples) < 12 * 120
     presses = [after.menu and not before.menu for before, after in pairwise(samples)]
     assert sum(presses) == 2
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 # --- eyes ---------------------------------------------------------------------------------------
@@ -297,8 +291,7 @@ def test_a_frozen_image_makes_the_operator_stop_and_let_go():
     assert all(sample.trigger == 0.0 for sample in trial.run(2.0))
     assert trial.robot.position == pytest.approx(rest, abs=1e-3)
     trial.showing = True
-    _work(trial)
-    assert trial.robot.placed()
+    _places(trial)
 
 
 def test_an_image_that_vanishes_makes_the_operator_let_go_at_once():
