@@ -329,12 +329,7 @@ def test_a_warning_shows_and_does_not_stop(rig: Rig) -> None:
 
 @pytest.mark.parametrize(
     ("outputs", "drive"),
-    [
-        (0b01, False),
-        (0b10, True),
-        (0b00, None),
-        (0b11, None),
-    ],
+    [(0b01, False), (0b10, True), (0b00, None), (0b11, None)],
 )
 def test_two_tool_outputs_drive_the_gripper(rig: Rig, outputs: int, drive: bool | None) -> None:
     rig.model.settings.tool_outputs = 0b11 & ~outputs
@@ -352,9 +347,3 @@ def test_a_write_changes_only_the_outputs_it_names(rig: Rig) -> None:
     payload = struct.pack(">BH", 9, 0x0A15) + struct.pack("<f", 0x0101)
     rig.ask(Register.TOOL_GPIO_WRITE, payload)
     assert rig.model.settings.tool_outputs == 0b11
-
-
-def test_the_emergency_stop_cuts_the_tool_s_power(rig: Rig) -> None:
-    rig.model.settings.tool_outputs = 0b10
-    rig.model.press_emergency_stop()
-    assert rig.model.settings.closing is None
