@@ -216,7 +216,7 @@ class ToyRig(TimelessRig):
         return self._box
 
     def is_stopped(self) -> bool:
-        return self.box.word == "off"
+        return not self.box.runs
 
     def gripper_driven(self) -> bool | None:
         return self.box.gripper_closed

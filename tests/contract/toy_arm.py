@@ -59,7 +59,6 @@ FAULTS = {
     FENCED: ArmFault(FENCED, "T8 (outside its fence): bring the toy back"),
     BUTTON: ArmFault(BUTTON, "T9 (emergency stop): release the emergency stop"),
 }
-_ACTIVITIES = {"runs": Activity.IDLE, "held": Activity.PAUSED, "off": Activity.STOPPED}
 _NOT_CONNECTED = "The toy is not connected; connect it first."
 
 
@@ -69,8 +68,7 @@ class ToyBox:
     def __init__(self, joints: Vector, plant: Plant | None = None) -> None:
         self.joints = joints.copy()
         self.measured = joints.copy()
-        self.word = "off"
-        self.follows = False  # twists
+        self.runs = self.follows = False  # moves, follows twists
         self.fault = 0
         self.button_pressed = False
         self.boundary: TcpBoundary | None = None
@@ -88,18 +86,16 @@ class ToyBox:
 
     def halt(self, fault: int = 0) -> None:
         self.fault = self.fault or fault
-        self.word, self.follows, self._goal = "off", False, None
+        self.runs, self.follows, self._goal = False, False, None
         self._twist = np.zeros(6)
 
-    def run(self, follows: bool) -> None:
+    def run(self, goal: tuple[Vector, float] | None) -> None:
+        """Move to joints at a speed; None: follow twists."""
         self.halt()
-        self.word, self.follows = "runs", follows
+        self.runs, self.follows, self._goal = True, goal is None, goal
 
     def twist(self, twist: Vector, until_ns: int) -> None:
         self._twist, self._until_ns = twist, until_ns
-
-    def go(self, goal: Vector, speed: float) -> None:
-        self._goal = (goal, speed)
 
     def cycle(self, now_ns: int) -> None:
         if now_ns >= self._until_ns:
@@ -118,7 +114,7 @@ class ToyBox:
         outside = self.boundary is not None and not self.boundary.contains(
             self.kinematics.tcp_matrix(self.joints)[:3, 3]
         )
-        if self.word == "runs" and (state.collision or (outside and self.follows)):
+        if self.runs and (state.collision or (outside and self.follows)):
             self.halt(BUMPED if state.collision else FENCED)
 
 
@@ -147,7 +143,7 @@ class ToyArm(SimulatedArm):
 
     def enable(self) -> None:
         self._check()
-        self.box.run(True)
+        self.box.run(None)
         self._link = replace(self._link, failure="", fault=LinkFault.NONE)
 
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
@@ -158,8 +154,7 @@ class ToyArm(SimulatedArm):
             raise DeviceError("The joints are outside the toy's limits.")
         if not 0 < speed <= LIMITS.joint_speed_rad_s:
             raise DeviceError("The speed is outside the toy's limits.")
-        self.box.run(False)
-        self.box.go(goal, speed)
+        self.box.run((goal, speed))
 
     def state(self) -> ArmState | None:
         self._catch_up()
@@ -171,7 +166,10 @@ class ToyArm(SimulatedArm):
         return self._link
 
     def send_twist(self, twist: Twist) -> None:
-        if not self._accepts():
+        self._catch_up()
+        if self.box.fault and self._link.sent and self._connected:
+            self._fail(FAULTS[self.box.fault].sentence, LinkFault.REFUSED)
+        if not self.box.follows:
             return
         if not float(np.linalg.norm(twist.linear)) * 1000.0 <= LIMITS.tcp_speed_mm_s:
             self._fail("A velocity was refused.", LinkFault.REFUSED)
@@ -229,12 +227,6 @@ class ToyArm(SimulatedArm):
         if self.box.fault:
             raise DeviceError(FAULTS[self.box.fault].sentence)
 
-    def _accepts(self) -> bool:
-        self._catch_up()
-        if self.box.fault and self._link.sent and self._connected:
-            self._fail(FAULTS[self.box.fault].sentence, LinkFault.REFUSED)
-        return self.box.follows
-
     def _sent(self) -> None:
         now_ns = self._clock.now_ns()
         self._link = replace(self._link, sent=self._link.sent + 1, acknowledged_ns=now_ns)
@@ -256,11 +248,12 @@ class ToyArm(SimulatedArm):
         box = self.box
         if box.reports_frozen or not self._connected:
             return
+        stands = Activity.IDLE if box.runs else Activity.STOPPED
         self._state = ArmState(
             received_ns=now_ns,
             joints=box.measured.copy(),
             tcp=box.kinematics.tcp_pose(box.measured),
-            activity=Activity.MOVING if box.moves else _ACTIVITIES[box.word],
+            activity=Activity.MOVING if box.moves else stands,
             servo=ServoMode.VELOCITY if box.follows else None,
             fault=FAULTS.get(box.fault),
             gripper_closed=box.gripper_closed,
