@@ -46,13 +46,12 @@ def witness(application: Application) -> Witness:
     return application.engaged()
 
 
-def first_tick(log: SessionLog, arming: ArmingState, reason: str) -> int:
-    """The first tick that stands in `arming` for `reason`."""
-    return next(
-        number
-        for number, tick in enumerate(log.ticks)
-        if tick.arming == arming and tick.reason.startswith(reason)
-    )
+def stays_in_fault(log: SessionLog) -> str:
+    """From the first fault on nothing is commanded to move, and nothing goes on; its reason."""
+    first = next(n for n, tick in enumerate(log.ticks) if tick.arming == ArmingState.FAULT)
+    assert all(tick.twist.is_zero for tick in log.ticks[first:])
+    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[first:])
+    return log.ticks[first].reason.split(":")[0]
 
 
 def came_to_rest(log: SessionLog, reason: str) -> bool:
@@ -107,12 +106,8 @@ def test_a_stopped_arm_is_a_fault_and_does_not_go_on_by_itself(
     rig.resume()
     witness.waits_for_the_stop()
     witness.stands()
-    log = application.interrupted()
-    stopped = next(n for n, tick in enumerate(log.ticks) if tick.arming == ArmingState.FAULT)
-    assert all(tick.twist.is_zero for tick in log.ticks[stopped:])
-    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
-    shown = log.ticks[stopped].reason
-    assert shown.split(":")[0] in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
+    reason = stays_in_fault(application.interrupted())
+    assert reason in {Reason.ARM_SILENT.label, Reason.ARM_LINK_LOST.label}
 
 
 def test_a_stopped_runtime_of_the_controller_is_a_fault_and_does_not_go_on_by_itself(
@@ -127,10 +122,7 @@ def test_a_stopped_runtime_of_the_controller_is_a_fault_and_does_not_go_on_by_it
     assert stopped, application.lines
     witness.waits_for_the_stop()
     witness.stands()
-    log = application.interrupted()
-    fault = first_tick(log, ArmingState.FAULT, Reason.POSE_FROZEN.label)
-    assert all(tick.twist.is_zero for tick in log.ticks[fault:])
-    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[fault:])
+    assert stays_in_fault(application.interrupted()) == Reason.POSE_FROZEN.label
 
 
 def test_an_operator_who_sees_does_nothing_without_video_and_goes_on_with_it(
@@ -187,12 +179,9 @@ def test_a_stopped_application_is_stopped_by_the_guard_and_moves_nothing_when_it
     application.says("fault", before)
     witness.stands(1.0)
     assert witness.state() == State.STOPPED
-    log = application.interrupted()
-    stopped = next(n for n, tick in enumerate(log.ticks) if tick.arming == ArmingState.FAULT)
     # the latter if it was stopped between hearing the guard and looking at the arm
-    assert log.ticks[stopped].reason in {Reason.GUARD_STOPPED.label, Reason.ARM_STOPPED.label}
-    assert all(tick.twist.is_zero for tick in log.ticks[stopped:])
-    assert all(tick.arming == ArmingState.FAULT for tick in log.ticks[stopped:])
+    reasons = {Reason.GUARD_STOPPED.label, Reason.ARM_STOPPED.label}
+    assert stays_in_fault(application.interrupted()) in reasons
 
 
 def ends_armed(log: SessionLog) -> bool:
