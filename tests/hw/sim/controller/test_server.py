@@ -156,36 +156,6 @@ def test_the_sdk_configures_it(connect_sdk: Callable[..., Any], model: Controlle
     assert arm.get_reduced_states()[1][1] == [400, 150, 300, -300, 500, 10]
 
 
-def test_the_sdk_waits_for_a_joint_move(connect_sdk: Callable[..., Any]) -> None:
-    arm = connect_sdk()
-    enter(arm, 0)
-    goal = [0.2, *READY[1:]]
-    assert until(lambda: arm.state == 2)
-    assert arm.set_servo_angle(angle=goal, speed=2.0, mvacc=10, wait=True, timeout=TIMEOUT_S) == 0
-    code, joints = arm.get_servo_angle()
-    assert code == 0
-    assert joints[:6] == pytest.approx(goal, abs=1e-4)
-
-
-def test_the_sdk_streams_velocities_and_the_deadman_time_ends_them(
-    connect_sdk: Callable[..., Any], model: ControllerModel
-) -> None:
-    arm = connect_sdk()
-    enter(arm, 5)
-    start = arm.get_position()[1]
-    moving = []
-    for _ in range(20):
-        assert arm.vc_set_cartesian_velocity([0, 60, 0, 0, 0, 0], duration=0.2) == 0
-        time.sleep(0.01)
-        moving.append(model.moving)
-    assert any(moving)
-    assert until(lambda: not model.moving)
-    stood = arm.get_position()[1]
-    assert stood[1] > start[1] + 5
-    time.sleep(0.1)
-    assert arm.get_position()[1] == stood
-
-
 def test_an_old_firmware_gets_no_deadman_time_from_the_sdk(
     connect_sdk: Callable[..., Any], model: ControllerModel
 ) -> None:
