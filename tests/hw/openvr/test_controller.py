@@ -42,6 +42,10 @@ def controller(fake, notes):
     controller.close()
 
 
+def fail(*_: object) -> None:
+    raise RuntimeError("a broken thing")
+
+
 def is_old(sample: ControllerSample) -> bool:
     return CLOCK.now_ns() - sample.pose_ns > 200 * NS_PER_MS
 
@@ -99,9 +103,6 @@ def test_the_end_of_the_thread_is_told_and_reads_as_disconnected(
     fake.press("trigger")
     last = until(controller, lambda sample: sample.trigger == 1.0)
 
-    def fail(*_: object) -> None:
-        raise RuntimeError("a broken thing")
-
     monkeypatch.setattr(openvr_controller.OpenVrPoller, "step", fail)
     sample = until(controller, lambda s: s.status is ControllerStatus.DISCONNECTED)
     assert (sample.pose, sample.trigger) == (None, 0.0)
@@ -112,9 +113,6 @@ def test_the_end_of_the_thread_is_told_and_reads_as_disconnected(
 
 
 def test_an_unexpected_end_during_the_start_is_a_device_error(controller, fake, monkeypatch):
-    def fail(*_: object) -> None:
-        raise RuntimeError("a broken thing")
-
     monkeypatch.setattr(openvr_controller.OpenVrPoller, "step", fail)
     with pytest.raises(DeviceError, match="a broken thing"):
         controller.start()

@@ -221,7 +221,7 @@ def test_a_controller_that_is_lost_and_found_is_told_each_time_once(rig):
     assert (sample.pose, sample.trigger) == (None, 0.0)
     rig.runtime.devices[RIGHT].connected = True
     assert rig.run(0.5).status is ControllerStatus.OK
-    assert rig.told("disconnected") == 1
+    assert rig.told("warning: controller: disconnected") == 1
     assert rig.told("info: controller: ok") == 2
 
 
@@ -294,13 +294,8 @@ def test_another_device_in_the_hand_is_told_and_moves_nothing(rig):
     swap(rig.runtime)
     sample = rig.run(3.0)
     assert sample.status is ControllerStatus.ROLE_SWAPPED
-    assert (sample.pose, sample.trigger, sample.grip, sample.a, sample.b) == (
-        None,
-        0.0,
-        0.0,
-        False,
-        False,
-    )
+    assert sample.pose is None
+    assert not any((sample.trigger, sample.grip, sample.a, sample.b))
     assert sample.pose_ns == before.pose_ns
     assert rig.told("role swapped, now CTL_SPARE") == 1
 
@@ -496,9 +491,8 @@ def test_a_headset_that_goes_to_sleep_alone_is_no_lost_runtime(rig):
 
 def test_the_manifest_is_set_before_the_first_event_is_taken(rig):
     rig.step()
-    assert rig.runtime.calls.index("setActionManifestPath") < rig.runtime.calls.index(
-        "pollNextEvent"
-    )
+    calls = rig.runtime.calls
+    assert calls.index("setActionManifestPath") < calls.index("pollNextEvent")
     assert rig.runtime.manifest["action_sets"][0]["name"] == "/actions/tams"
 
 

@@ -65,17 +65,6 @@ def announcer(notes):
     return Announcer(lambda level, text: notes.append((level, text)))
 
 
-def test_a_change_is_told_once(announcer, notes):
-    for now_ns in range(5):
-        announcer.notify(ControllerStatus.OK, "", now_ns)
-    for n in range(5):
-        announcer.notify(ControllerStatus.TRACKING_LOST, "out of range", QUIET_NS + n)
-    assert notes == [
-        ("info", "controller: ok"),
-        ("warning", "controller: tracking lost, out of range"),
-    ]
-
-
 def test_flicker_is_told_as_it_ends_up(announcer, notes):
     announcer.notify(ControllerStatus.OK, "", 0)
     for now_ns in range(1, QUIET_NS, QUIET_NS // 20):
