@@ -73,7 +73,7 @@ def test_an_arm_that_moves_while_ready_is_stopped(bench: WiredBench) -> None:
     bench.run_ticks(3)
     bench.signals.confirm(bench.clock.now_ns())
     bench.run_until_state(ArmingState.DISARMED)
-    is_logged_as(bench, Reason.ARM_MOVED_UNASKED)
+    assert Reason.ARM_MOVED_UNASKED.label in {tick.reason for tick in bench.read_back().ticks}
 
 
 def test_an_arm_that_goes_on_after_the_release_is_stopped(bench: WiredBench) -> None:
@@ -112,7 +112,3 @@ def test_an_arm_that_leaves_the_workspace_is_stopped(bench: WiredBench) -> None:
 
 def radius_m(bench: WiredBench) -> float:
     return float(np.hypot(*bench.position[:2]))
-
-
-def is_logged_as(bench: WiredBench, reason: Reason) -> None:
-    assert reason.label in {tick.reason for tick in bench.read_back().ticks}

@@ -21,10 +21,7 @@ from tests.faults.virtual_bench import VirtualBench
 pytestmark = pytest.mark.untimed
 
 HOLDS = {
-    "tracking lost": (
-        distortions.status(ControllerStatus.TRACKING_LOST),
-        Reason.TRACKING_LOST,
-    ),
+    "tracking lost": (distortions.status(ControllerStatus.TRACKING_LOST), Reason.TRACKING_LOST),
     "invalid": (distortions.invalid, Reason.TRACKING_LOST),
     "standby": (distortions.status(ControllerStatus.STANDBY), Reason.CONTROLLER_STANDBY),
     "gaps": (distortions.status(ControllerStatus.LINK_GAPS), Reason.LINK_GAPS),
@@ -96,13 +93,11 @@ def test_the_arm_is_stopped_in_the_tick_in_which_the_controller_is_gone(
 
 @pytest.mark.parametrize("distortion", [entry[0] for entry in FAULTS.values()], ids=FAULTS)
 def test_a_lost_controller_cannot_engage_an_arm_that_waits(
-    distortion: Distortion,
+    bench: VirtualBench, distortion: Distortion
 ) -> None:
-    bench = VirtualBench()
     bench.arm_it()
     bench.hand.distortion = distortion
     bench.hand.trigger = 1.0
     first = bench.next
     bench.run(0.5)
     assert not any(command is not None and command.any() for command in bench.commands(first))
-    bench.close()

@@ -10,7 +10,7 @@ import pytest
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
 from tests.faults import distortions
-from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_NS, PERIOD_S
+from tests.faults.bench import ACROSS, FULL_SPEED_M_S, PERIOD_S
 from tests.faults.braking import TICKS_TO_REST, holds, keeps_stop_profile
 from tests.faults.hand import Distortion
 from tests.faults.promises import (
@@ -179,7 +179,3 @@ def test_a_jump_slow_enough_for_a_hand_is_followed_within_all_limits(
         assert accelerations.max() <= profile.acceleration_m_s2 * 1.01
         assert speeds(bench, bench.next - 1)[0] < 0.005
     assert bench.travel_m(jump) <= by_m + 0.001
-
-
-def test_the_period_is_the_one_the_numbers_are_counted_in() -> None:
-    assert PERIOD_NS == 8_333_333
