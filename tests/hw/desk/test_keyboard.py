@@ -75,12 +75,6 @@ def test_before_the_window_has_told_anything_the_controller_is_laid_down(
     assert (sample.pose_ns, sample.buttons_ns) == (0, 0)
 
 
-def test_a_keyboard_that_was_not_started_is_not_there() -> None:
-    made = KeyboardController(DeskConfig(), HandConfig().rotation)
-    made.feed(held("shift", "w"))
-    assert made.sample(NS_PER_S).status is ControllerStatus.DISCONNECTED
-
-
 def test_keys_that_were_held_before_the_end_are_not_held_after_the_next_start(
     keyboard: KeyboardController,
 ) -> None:

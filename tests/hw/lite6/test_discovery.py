@@ -99,11 +99,6 @@ def test_what_connecting_sets_and_what_is_harmless_is_noted_only(rig: Controller
     )
 
 
-def test_old_firmware_is_told(rig: ControllerRig) -> None:
-    rig.model.firmware = "1.7.9"
-    assert "older than 1.8.0" in probe(rig).problem
-
-
 def test_another_arm_is_told_from_a_lite6(
     rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
