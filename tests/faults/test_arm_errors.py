@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -146,8 +147,7 @@ def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(
     tmp_path: Path,
 ) -> None:
     """With the true report rates: states at 100 Hz, errors at 5 Hz."""
-    bench = WiredBench(folder=tmp_path)
-    try:
+    with closing(WiredBench(folder=tmp_path)) as bench:
         bench.engage_and_move()
         bench.quiesce()
         with bench.lock:
@@ -161,8 +161,6 @@ def test_an_error_that_the_state_told_of_first_is_named_as_soon_as_it_is_known(
         bench.run_until(lambda output: not output.stop)
         only_stops(bench, seen)
         recovers_from_fault(bench)
-    finally:
-        bench.close()
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -262,8 +262,7 @@ def test_a_link_that_is_not_armed_hears_whether_the_guard_has_the_arm_but_of_no_
     silent_guard: SilentGuard, link: GuardLink
 ) -> None:
     link.beat(0)
-    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, latched=True, arm_lost=True)
-    silent_guard.answer(answer)
+    silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 0, 1, latched=True, arm_lost=True))
     assert until(lambda: link.beat(1) or link.arm_lost)
     assert not link.latched
 
@@ -301,8 +300,7 @@ def test_a_stop_among_the_answers_that_wait_is_a_latch_until_the_next_arming(
 def test_a_guard_that_lost_the_arm_is_not_alive(silent_guard: SilentGuard, link: GuardLink) -> None:
     link.arm()
     link.beat(0)
-    answer = Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, arm_lost=True)
-    silent_guard.answer(answer)
+    silent_guard.answer(Heartbeat(GuardMessage.ACKNOWLEDGEMENT, 1, 1, arm_lost=True))
     assert until(lambda: link.beat(1) or link.arm_lost)
     assert not link.alive(1)
     assert link.answers(1)
@@ -460,11 +458,8 @@ def rig() -> Iterator[ControllerRig]:
 
 @pytest.fixture
 def guarded(rig: ControllerRig) -> Iterator[GuardedArm]:
-    arm = GuardedArm(rig)
-    try:
+    with closing(GuardedArm(rig)) as arm:
         yield arm
-    finally:
-        arm.close()
 
 
 def test_while_the_heart_beats_the_arm_is_left_alone_and_then_stopped_until_armed_anew(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from contextlib import closing
 
 import cv2
 import numpy as np
@@ -33,11 +34,9 @@ THE_THINGS_COLOURS = ((40, 120, 240), (60, 200, 60), (200, 90, 30))  # BGR, near
 @pytest.fixture(scope="module")
 def clear():
     layout = draw_layout(5)
-    world, renderer = World(layout, READY), SceneRenderer(layout)
-    try:
+    world = World(layout, READY)
+    with closing(SceneRenderer(layout)) as renderer:
         return {view: renderer.render(view, world.qpos).copy() for view in VIEWS}
-    finally:
-        renderer.close()
 
 
 class Eyes:

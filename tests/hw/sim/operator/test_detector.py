@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 
 import cv2
@@ -198,14 +199,12 @@ def test_a_container_whose_marker_cannot_be_read_is_found_by_its_blue(scene):
 
 
 def test_the_fingers_opening_is_read_off_the_pads():
-    world, renderer = World(LAYOUT, READY), SceneRenderer(LAYOUT)
-    try:
+    world = World(LAYOUT, READY)
+    with closing(SceneRenderer(LAYOUT)) as renderer:
         gauge, pairs = FingerGauge(wrist_camera()), []
         for _ in range(20):
             pairs.append((gauge.measure(renderer.render("eih", world.qpos)), world.truth(0)))
             world.step(READY, True, 8 * CYCLE_NS)
-    finally:
-        renderer.close()
     read = [(seen, truth.fingers_opening) for seen, truth in pairs if seen is not None]
     assert len(read) > 10
     assert all(abs(seen - true) < 0.002 for seen, true in read)

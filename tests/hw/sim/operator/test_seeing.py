@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import cv2
 import numpy as np
 import pytest
@@ -62,13 +64,10 @@ def reaches(cameras):
     }
     results = {}
     for name, (condition, seconds) in conditions.items():
-        rig = _rig(cameras, **condition)
-        try:
+        with closing(_rig(cameras, **condition)) as rig:
             rig.tick()
             live = dict(rig.images())
             results[name] = (_reach(rig, seconds), rig, live)
-        finally:
-            rig.close()
     return results
 
 
@@ -81,8 +80,7 @@ def test_on_clear_images_the_operator_gets_over_the_block_and_knows_where_it_is(
 
 
 def test_images_that_freeze_make_the_operator_let_go_and_wait(cameras):
-    rig = _rig(cameras)
-    try:
+    with closing(_rig(cameras)) as rig:
         start = rig.tcp
         while np.linalg.norm(rig.tcp - start) < 0.03:
             rig.tick()
@@ -94,8 +92,6 @@ def test_images_that_freeze_make_the_operator_let_go_and_wait(cameras):
         assert sum(held) < 0.6 * len(held)
         rig.frozen = False
         assert _reach(rig, 20.0) < 20.0
-    finally:
-        rig.close()
 
 
 def test_blurred_images_make_the_operator_less_certain(reaches):
@@ -129,11 +125,9 @@ def test_a_wrist_view_that_is_titled_as_predicted_is_taken_for_the_present(camer
     """The others are late. Who does not read the title takes it for late, and is misled."""
     errors_mm = []
     for reads in (True, False):
-        rig = _rig(cameras, delay_ms=400.0, ahead=frozenset({"eih"}), titled=reads)
-        try:
+        late = _rig(cameras, delay_ms=400.0, ahead=frozenset({"eih"}), titled=reads)
+        with closing(late) as rig:
             errors_mm.append(_present_errors_mm(rig))
-        finally:
-            rig.close()
     read, misread = errors_mm
     assert len(read) > 40
     assert np.median(misread) > 1.5 * np.median(read)
@@ -146,12 +140,10 @@ def test_each_glance_tells_how_much_each_view_gave(reaches):
 
 
 def test_the_same_images_and_seed_give_the_same_percepts(cameras, reaches):
-    rig, first = _rig(cameras), reaches["clear"][1]
-    try:
+    first = reaches["clear"][1]
+    with closing(_rig(cameras)) as rig:
         for _ in range(60):
             rig.tick()
-    finally:
-        rig.close()
     assert len(rig.glances) > 4
     for one, other in zip(rig.glances, first.glances, strict=False):
         assert one.glance == other.glance
