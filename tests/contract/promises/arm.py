@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 
 import numpy as np
 
@@ -96,15 +96,12 @@ def _received_ns(arm: Arm) -> int:
 @contextmanager
 def _under(bench: ArmBench, connect: bool = True, enable: bool = True) -> Iterator[Arm]:
     """A driver as a promise needs it; it is closed, whatever fails."""
-    arm = bench.make_arm()
-    try:
+    with closing(bench.make_arm()) as arm:
         if connect:
             arm.connect()
             if enable:
                 arm.enable()
         yield arm
-    finally:
-        arm.close()
 
 
 def _moves(bench: ArmBench, arm: Arm, before: Pose, seconds: float = 0.2) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -47,12 +47,9 @@ class CameraBench(ABC):
 
 @contextmanager
 def _started(bench: CameraBench) -> Iterator[Camera]:
-    camera = bench.camera()
-    try:
+    with closing(bench.camera()) as camera:
         camera.start()
         yield camera
-    finally:
-        camera.close()
 
 
 def frames_are_of_the_view_and_of_the_size_asked_for(bench: CameraBench) -> None:
@@ -104,12 +101,9 @@ def each_frame_is_the_callers_own(bench: CameraBench) -> None:
 
 
 def before_the_start_and_after_the_end_there_are_no_frames(bench: CameraBench) -> None:
-    camera = bench.camera()
-    try:
+    with closing(bench.camera()) as camera:
         refused(lambda: camera.next_frame(0.01))
         camera.start()
-    finally:
-        camera.close()
         camera.close()
     refused(lambda: camera.next_frame(0.01))
 

@@ -7,6 +7,7 @@ import platform
 import shutil
 import subprocess
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -78,9 +79,8 @@ def fake(client_library: Path, no_registry: Path, tmp_path: Path) -> Iterator[Fa
 def test_the_whole_driver_runs_through_the_real_library(fake):
     fake.devices[RIGHT].trembles = True
     fake.press("trigger", 0.5)
-    controller = OpenVrController(ControllerConfig(), CLOCK, lambda *_: None)
-    controller.start()
-    try:
+    with closing(OpenVrController(ControllerConfig(), CLOCK, lambda *_: None)) as controller:
+        controller.start()
         sample = controller.sample(CLOCK.now_ns())
         assert sample.status is ControllerStatus.OK
         assert sample.trigger == 0.5
@@ -91,8 +91,6 @@ def test_the_whole_driver_runs_through_the_real_library(fake):
         until(controller, lambda s: s.status is ControllerStatus.RUNTIME_QUIT)
         fake.restart()
         until(controller, lambda s: s.status is ControllerStatus.OK)
-    finally:
-        controller.close()
     assert fake.quits_acknowledged == 1
     assert not fake.launched
     join = [openvr.VRApplication_Background, openvr.VRApplication_Overlay]
@@ -107,15 +105,12 @@ def test_controllers_are_listed_through_the_real_library(fake):
 def test_overlays_are_made_through_the_real_library(fake):
     fake.overlays.reads_back = False
     fake.devices[HEADSET].put((0.0, 1.6, 0.0))
-    runtime = OpenVrRuntime.join()
-    try:
+    with closing(OpenVrRuntime.join()) as runtime:
         overlays = Overlays(runtime, ("front",), follow_head=False)
         overlays.arrange(0, np.eye(4), 1.1)
         overlays.crop(0, 0.0, 0.25, 0.5, 0.75)
         overlays.submit(0, 7)
         assert overlays.look() == ""
-    finally:
-        runtime.close()
     made = fake.overlays.of("tams.front")
     assert (made.shown, made.of, made.submitted) == (True, "room", 1)
     assert made.bounds == (0.0, 0.75, 0.5, 0.25)
