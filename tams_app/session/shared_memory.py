@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hw.sim.world.rig_memory import FrameShape
+from hw.sim.world.rig_memory import FRAMES_BYTES
 from tams_app.config import Config
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, RingLayout
 
@@ -11,7 +11,7 @@ _SMALL_BYTES = 2_000_000  # world, facts, mount, guard, a simulated hand: some k
 
 def robot_bytes(config: Config) -> int:
     """What the robot's side takes: the frames of the rig's renderer."""
-    return _SMALL_BYTES + (FrameShape().block_bytes if config.rig.enabled else 0)
+    return _SMALL_BYTES + (FRAMES_BYTES if config.rig.enabled else 0)
 
 
 def station_bytes(config: Config) -> int:

@@ -12,10 +12,11 @@ import numpy as np
 
 from hw.camera import Camera
 from hw.make_camera import make_camera
+from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera import SimCamera
-from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
+from hw.sim.world.rig_memory import FrameWriter, remove_memory
 from tams_app import gst
-from tams_app.config import CameraConfig
+from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
@@ -28,7 +29,7 @@ VIEW = "gt"
 
 
 class CameraRig(CameraBench):
-    """Makes cameras of `SMALL` frames, and absent and silent ones."""
+    """Makes cameras of `video`'s frames, and absent and silent ones."""
 
     view, video = VIEW, SMALL
 
@@ -47,22 +48,23 @@ class CameraRig(CameraBench):
 class SimRig(CameraRig):
     """Frames of one grey, published at their instants as a renderer does."""
 
+    video = VideoConfig()
+
     def __init__(self) -> None:
         super().__init__()
         self._name = new_block_name()
         self.cleaning.callback(remove_memory, self._name)
-        self._shape = FrameShape((VIEW,), SMALL.width, SMALL.height)
-        self._writer = FrameWriter(self._name, self._shape)
+        self._writer = FrameWriter(self._name)
         self.cleaning.callback(self._writer.close)
         self._renderer = Worker("renderer", self._render)
         self.cleaning.callback(self._renderer.stop)
         self._renderer.start()
 
     def camera(self) -> Camera:
-        return SimCamera(VIEW, self._name, MonotonicClock(), self._shape)
+        return SimCamera(VIEW, self._name, MonotonicClock())
 
     def absent_camera(self) -> Camera:
-        return SimCamera("left", self._name, MonotonicClock(), self._shape)
+        return SimCamera("left", self._name, MonotonicClock())
 
     def silence(self) -> None:
         self._renderer.stop()
@@ -73,7 +75,7 @@ class SimRig(CameraRig):
             number = (time.monotonic_ns() - first_ns) * SMALL.fps // NS_PER_S + 1
             due_ns = first_ns + number * NS_PER_S // SMALL.fps
             MonotonicClock().sleep_until_ns(due_ns)
-            image = np.full((SMALL.height, SMALL.width, 3), number % 256, np.uint8)
+            image = np.full((HEIGHT_PX, WIDTH_PX, 3), number % 256, np.uint8)
             self._writer.publish(VIEW, number, due_ns, image)
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from hw.camera import Camera
-from hw.sim.world.rig_memory import FrameReader, FrameShape
+from hw.sim.viewpoints import VIEWS
+from hw.sim.world.rig_memory import FrameReader
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
 from tams_app.runtime.clock import Clock
@@ -16,25 +17,21 @@ class SimCamera(Camera):
     It sleeps until the renderer, or the one that has taken its place, wakes it.
     """
 
-    def __init__(
-        self, view: str, memory_name: str, clock: Clock, shape: FrameShape | None = None
-    ) -> None:
+    def __init__(self, view: str, memory_name: str, clock: Clock) -> None:
         self.view = view
         self._memory_name = memory_name
         self._clock = clock
-        self._shape = shape or FrameShape()
         self._reader: FrameReader | None = None
         self._looked_at = 0  # so many frames had been written at the last look
         self._last_index = -1
 
     def start(self) -> None:
         """Open the shared memory; DeviceError if there is no renderer or no such view."""
-        if self.view not in self._shape.views:
+        if self.view not in VIEWS:
             raise DeviceError(
-                f"the simulated rig has no camera {self.view!r}; use one of "
-                f"{', '.join(self._shape.views)}"
+                f"the simulated rig has no camera {self.view!r}; use one of {', '.join(VIEWS)}"
             )
-        self._reader = FrameReader(self._memory_name, self.view, self._shape)
+        self._reader = FrameReader(self._memory_name, self.view)
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         reader = self._reader

@@ -17,7 +17,7 @@ import cv2
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
 from hw.sim.world.camera_images import CameraImages, stagger_ns
-from hw.sim.world.rig_memory import FrameGrid, FrameShape, FrameWriter, WorldReader
+from hw.sim.world.rig_memory import FrameGrid, FrameWriter, WorldReader
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RENDERER_NICE, use_nice
@@ -126,7 +126,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
 
     world = WorldReader(name)
     frames = CameraImages(draw_layout(seed), seed)
-    writer = FrameWriter(name, FrameShape())
+    writer = FrameWriter(name)
     try:
         side.ready(memory_name=name)
         while not side.stop_requested.is_set() and world.read() is None:

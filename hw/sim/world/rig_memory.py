@@ -31,6 +31,8 @@ QPOS_SIZE = 15  # joints 6, fingers 2, block 7
 _STATE = struct.Struct(f"<q{QPOS_SIZE}d21d2d")
 _WORLD_RING = RingShape(_STATE.size, heads=4)
 _FRAME = struct.Struct("<5q")  # index, capture, grid start and period, when it was ready [ns]
+_FRAME_RING = RingShape(_FRAME.size, SLOTS, WIDTH_PX * HEIGHT_PX * 3, SLOTS)
+FRAMES_BYTES = len(VIEWS) * _FRAME_RING.size
 _WORLD, _FRAMES = "world", "frames"
 
 
@@ -103,27 +105,6 @@ class WorldReader:
 
 
 @dataclass(frozen=True, slots=True)
-class FrameShape:
-    """The views and the size of their frames; writer and readers must agree on it."""
-
-    views: tuple[str, ...] = VIEWS
-    width: int = WIDTH_PX
-    height: int = HEIGHT_PX
-
-    @property
-    def ring_shape(self) -> RingShape:
-        return RingShape(_FRAME.size, SLOTS, self.width * self.height * 3, SLOTS)
-
-    @property
-    def block_bytes(self) -> int:
-        return len(self.views) * self.ring_shape.size
-
-    def ring(self, block: mmap.mmap, view: str) -> SharedRing:
-        """The ring of `view` within `block`."""
-        return SharedRing(block, self.ring_shape, self.views.index(view) * self.ring_shape.size)
-
-
-@dataclass(frozen=True, slots=True)
 class FrameGrid:
     """Times of frames: number n of a view at `start_ns + n * period_ns`; 0 if not known."""
 
@@ -134,9 +115,9 @@ class FrameGrid:
 class FrameWriter:
     """Publishes frames under `memory_name`; one writer at a time."""
 
-    def __init__(self, memory_name: str, shape: FrameShape) -> None:
-        self._block = create_block(f"{memory_name}-{_FRAMES}", shape.block_bytes)
-        self._rings = {view: shape.ring(self._block, view) for view in shape.views}
+    def __init__(self, memory_name: str) -> None:
+        self._block = create_block(f"{memory_name}-{_FRAMES}", FRAMES_BYTES)
+        self._rings = {view: _frame_ring(self._block, view) for view in VIEWS}
 
     def grid(self, view: str) -> FrameGrid:
         """The grid of an earlier writer of this memory."""
@@ -152,7 +133,7 @@ class FrameWriter:
         grid: FrameGrid | None = None,
         ready_ns: int = 0,
     ) -> None:
-        """Put a BGR image, shape (height, width, 3), in the ring of `view`.
+        """Put a BGR image, shape (480, 640, 3), in the ring of `view`.
 
         `ready_ns`: when it was rendered; 0: not known.
         """
@@ -169,11 +150,10 @@ class FrameWriter:
 class FrameReader:
     """Reads one view's frames under `memory_name`; DeviceError when no renderer ever started."""
 
-    def __init__(self, memory_name: str, view: str, shape: FrameShape) -> None:
+    def __init__(self, memory_name: str, view: str) -> None:
         self._view = view
-        self._image_shape = (shape.height, shape.width, 3)
-        self._block = _attach(f"{memory_name}-{_FRAMES}", shape.block_bytes)
-        self._ring = shape.ring(self._block, view)
+        self._block = _attach(f"{memory_name}-{_FRAMES}", FRAMES_BYTES)
+        self._ring = _frame_ring(self._block, view)
 
     def written(self) -> int:
         """The number of frames put so far."""
@@ -191,7 +171,8 @@ class FrameReader:
         if head is None or pixels is None:
             return None
         index, capture_ns, _, _, ready_ns = _FRAME.unpack(head)
-        return Frame(self._view, index, capture_ns, pixels.reshape(self._image_shape), ready_ns)
+        image = pixels.reshape(HEIGHT_PX, WIDTH_PX, 3)
+        return Frame(self._view, index, capture_ns, image, ready_ns)
 
     def close(self) -> None:
         self._block.close()
@@ -201,6 +182,10 @@ def remove_memory(name: str) -> None:
     """Remove all memory of the rig `name`, also after its helpers were killed; may be repeated."""
     for part in (_WORLD, _FRAMES):
         remove_block(f"{name}-{part}")
+
+
+def _frame_ring(block: mmap.mmap, view: str) -> SharedRing:
+    return SharedRing(block, _FRAME_RING, VIEWS.index(view) * _FRAME_RING.size)
 
 
 def _attach(name: str, size: int) -> mmap.mmap:

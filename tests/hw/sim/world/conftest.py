@@ -1,4 +1,4 @@
-"""Memory of a rig of each test's own, with small frames."""
+"""Memory of a rig of each test's own."""
 
 from __future__ import annotations
 
@@ -6,11 +6,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from hw.sim.viewpoints import VIEWS
-from hw.sim.world.rig_memory import FrameShape, FrameWriter, remove_memory
+from hw.sim.world.rig_memory import FrameWriter, remove_memory
 from tams_app.runtime.shared_ring import new_block_name
-
-SHAPE = FrameShape(VIEWS, 16, 8)
 
 
 @pytest.fixture
@@ -22,6 +19,6 @@ def name() -> Iterator[str]:
 
 @pytest.fixture
 def writer(name: str) -> Iterator[FrameWriter]:
-    writer = FrameWriter(name, SHAPE)
+    writer = FrameWriter(name)
     yield writer
     writer.close()

@@ -8,11 +8,11 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
+from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.rig_memory import SLOTS, FrameReader, FrameWriter
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
-from tests.hw.sim.world.conftest import SHAPE
 
 pytestmark = pytest.mark.waiting
 
@@ -20,12 +20,12 @@ PATIENCE_S = 10.0
 
 
 def grey(value: int) -> Image:
-    return np.full((SHAPE.height, SHAPE.width, 3), value, np.uint8)
+    return np.full((HEIGHT_PX, WIDTH_PX, 3), value, np.uint8)
 
 
 @pytest.fixture
 def camera(name: str, writer: FrameWriter) -> Iterator[SimCamera]:
-    camera = SimCamera("gt", name, MonotonicClock(), SHAPE)
+    camera = SimCamera("gt", name, MonotonicClock())
     camera.start()
     yield camera
     camera.close()
@@ -71,7 +71,7 @@ def test_a_camera_that_waits_is_woken_by_a_renderer_that_has_taken_the_place_of_
 ) -> None:
     writer.publish("gt", 0, 1, grey(10))
     assert camera.next_frame(PATIENCE_S) is not None
-    other = FrameWriter(name, SHAPE)
+    other = FrameWriter(name)
     started_s = time.monotonic()
     with meanwhile(lambda: other.publish("gt", 1, 2, grey(20))):
         frame = camera.next_frame(PATIENCE_S)
@@ -82,7 +82,7 @@ def test_a_camera_that_waits_is_woken_by_a_renderer_that_has_taken_the_place_of_
 
 
 def test_frame_being_written_is_never_delivered(name: str, writer: FrameWriter) -> None:
-    reader = FrameReader(name, "gt", SHAPE)
+    reader = FrameReader(name, "gt")
     for index in range(SLOTS):
         writer.publish("gt", index, 1, grey(10))
     during = []

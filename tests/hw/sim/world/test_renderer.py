@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hw.sim.viewpoints import VIEWS
+from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world import renderer
 from hw.sim.world.camera import SimCamera
 from hw.sim.world.renderer import CameraSchedule
@@ -21,12 +21,11 @@ from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.realtime import RENDERER_NICE
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.hw.sim.world.conftest import SHAPE
 
 pytestmark = pytest.mark.waiting
 
 PERIOD_NS = NS_PER_S // 30
-BLACK = np.zeros((SHAPE.height, SHAPE.width, 3), np.uint8)
+BLACK = np.zeros((HEIGHT_PX, WIDTH_PX, 3), np.uint8)
 READY_DEG = [0, 36.81, 86.74, 0, 49.93, 0]
 
 
