@@ -151,12 +151,13 @@ class SimulatedArm(Arm):
 
 @dataclass(frozen=True, slots=True)
 class PlantState:
-    """The measured state of a simulated arm after one step."""
+    """A simulated arm after one step: six joint angles [rad], as measured.
+
+    collision: a joint met more force than it may.
+    """
 
     joints: Joints
-    """Joint angles [rad], six."""
     collision: bool
-    """A joint met more force than it may."""
 
 
 class Plant(Protocol):
@@ -212,37 +213,29 @@ class ArmKinematics(Protocol):
 class ArmLimits:
     """The largest ranges and speeds of an arm, from its maker's manual.
 
-    The configuration must stay within them.
+    The configuration must stay within them. Ranges are of each of six joints, the speed of every
+    one. reach_mm: of the flange, from the base axis. shoulder_mm: its height above the base.
+    stretched_mm: from there to the flange of the stretched arm. hot_motor_c: from this temperature
+    of a joint's motor on the operator is warned.
     """
 
     joint_lower_deg: tuple[float, ...]
-    """Lower end of each of the six joints [degrees]."""
     joint_upper_deg: tuple[float, ...]
-    """Upper end of each of the six joints [degrees]."""
     joint_speed_rad_s: float
-    """Of every joint [rad/s]."""
     tcp_speed_mm_s: float
-    """Of the TCP [mm/s]."""
     tcp_acceleration_mm_s2: float
-    """Of the TCP [mm/s²]."""
     reach_mm: float
-    """Of the flange, from the base axis [mm]."""
     shoulder_mm: float
-    """Height of the shoulder above the base [mm]."""
     stretched_mm: float
-    """From the shoulder to the flange of the stretched arm [mm]."""
     hot_motor_c: float = math.inf
-    """From this temperature of a joint's motor on [°C] the operator is warned."""
 
 
 @dataclass(frozen=True, slots=True)
 class TcpBoundary:
-    """A box in the base frame that the TCP must not leave."""
+    """A box in the base frame that the TCP must not leave: its least and greatest x, y and z."""
 
     lower_mm: tuple[int, int, int]
-    """Its least x, y and z, in whole millimetres."""
     upper_mm: tuple[int, int, int]
-    """Its greatest x, y and z, in whole millimetres."""
 
     def contains(self, position: Numbers) -> bool:
         """Test whether a position is inside, its faces included.
@@ -299,12 +292,10 @@ class StopChannel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundArm:
-    """The device that answers at an arm's address."""
+    """What answers at an arm's address: why it cannot be used ("" if it can), and what it is."""
 
     problem: str
-    """Why it cannot be used, in one sentence; "" if it can."""
     description: str
-    """The device in one line."""
 
 
 class ArmKind(ABC):

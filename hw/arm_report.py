@@ -6,12 +6,10 @@ from typing import NamedTuple, Protocol
 
 
 class ArmReport(NamedTuple):
-    """The place of an arm as its own controller reports it."""
+    """What an arm's own controller reports: the TCP in the base frame [m], six joints [rad]."""
 
     position: tuple[float, float, float]
-    """Of the TCP in the base frame [m]."""
     joints: tuple[float, ...]
-    """Joint angles [rad], six."""
 
 
 class ReportWatch(Protocol):
