@@ -156,6 +156,17 @@ def test_the_sdk_configures_it(connect_sdk: Callable[..., Any], model: Controlle
     assert arm.get_reduced_states()[1][1] == [400, 150, 300, -300, 500, 10]
 
 
+def test_the_sdk_waits_for_a_joint_move(connect_sdk: Callable[..., Any]) -> None:
+    arm = connect_sdk()
+    enter(arm, 0)
+    goal = [0.2, *READY[1:]]
+    assert until(lambda: arm.state == 2)
+    assert arm.set_servo_angle(angle=goal, speed=2.0, mvacc=10, wait=True, timeout=TIMEOUT_S) == 0
+    code, joints = arm.get_servo_angle()
+    assert code == 0
+    assert joints[:6] == pytest.approx(goal, abs=1e-4)
+
+
 def test_an_old_firmware_gets_no_deadman_time_from_the_sdk(
     connect_sdk: Callable[..., Any], model: ControllerModel
 ) -> None:
