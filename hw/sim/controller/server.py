@@ -59,7 +59,6 @@ class ControllerServer:
         self.lock = threading.Lock()
         self.reply_delay_s = 0.0
         self.refuse_connections = False
-        self.lost_cycles = 0  # not caught up after a standstill
         self.failure: BaseException | None = None
         self._model = model
         self._host = host
@@ -119,9 +118,7 @@ class ControllerServer:
             self._clock.sleep_until_ns(due_ns)
             behind_ns = self._clock.now_ns() - due_ns
             if behind_ns > _MAX_CATCH_UP_NS:
-                lost = (behind_ns - _MAX_CATCH_UP_NS) // CYCLE_NS
-                self.lost_cycles += lost
-                due_ns += lost * CYCLE_NS
+                due_ns += (behind_ns - _MAX_CATCH_UP_NS) // CYCLE_NS * CYCLE_NS
             with self.lock:
                 self._model.step(due_ns)
             due_ns += CYCLE_NS

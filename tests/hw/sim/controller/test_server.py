@@ -286,12 +286,11 @@ def test_the_model_s_time_follows_the_clock_and_catches_up_after_a_standstill() 
     assert until(lambda: plant.cycles == 1)
     clock.advance_ms(800)
     assert until(lambda: plant.cycles == 201)
-    assert server.lost_cycles == 0
     clock.advance_ms(3_000)
-    assert until(lambda: plant.cycles + server.lost_cycles == 951)
-    assert server.lost_cycles == 499  # what was due more than a second before
+    assert until(lambda: plant.cycles >= 452)
     clock.advance_ms(4)
     server.close()
+    assert plant.cycles < 460, "without the 499 that were due more than a second before"
 
 
 def test_closing_frees_the_ports_and_ends_the_threads() -> None:
