@@ -1,7 +1,3 @@
-"""The devices: one interface each, the drivers, and a simulated rig.
-
-An application needs the interfaces, which are modules of their own so that a helper process
-loads no more than it uses.
-"""
+"""The devices: one interface each, the drivers, and a simulated rig."""
 
 __all__ = ["arm", "camera", "controller"]

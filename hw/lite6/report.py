@@ -1,9 +1,8 @@
 """The Lite 6's report streams, read on sockets of our own.
 
 The real-time stream (100 Hz) has joints, TCP, mode and state; errors, motors and all settings come
-only with the rich one (5 Hz). Why not the SDK's report thread: it takes one stream only, gives
-no time of receipt, and polls every millisecond, which costs more of a core than this reader and
-hands a report on up to 2 ms later.
+only with the rich one (5 Hz). The SDK's report thread takes one stream only, gives no time of
+receipt, and polls every millisecond.
 """
 
 from __future__ import annotations

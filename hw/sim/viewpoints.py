@@ -1,8 +1,4 @@
-"""Positions and lenses of the rig's three cameras.
-
-The scene is drawn from here, and the seeing operator knows the cameras from here, as a person does
-who has set up and calibrated them.
-"""
+"""Positions and lenses of the rig's three cameras, for who draws the scene and who looks at it."""
 
 from __future__ import annotations
 

@@ -1,10 +1,8 @@
 """The operator's belief of where things are: one estimate, fed by every view that shows them.
 
-An extended Kalman filter over tool, block and container. What is seen enters by the inverse of its
-variance, whichever view it comes from; what is not seen becomes uncertain with time and with the
-hand's own motion. A block near the fingers may be carried by them or stay: how much of the tool's
-motion it shares is learnt by looking. Every view's errors that last are reckoned with, so that
-looking twice at the same image is not knowing twice as much.
+An extended Kalman filter over tool, block and container. What is not seen becomes uncertain with
+time and with the hand's own motion. A block near the fingers may be carried by them or stay: how
+much of the tool's motion it shares is learnt by looking.
 """
 
 from __future__ import annotations

@@ -45,14 +45,10 @@ def demo_controller(
     confirms: bool = True,
     participant: int | None = None,
 ) -> VirtualController:
-    """The rig's controller, held by an operator who sees the true scene.
+    """The rig's controller, held by an operator who sees the true scene that `read` gives.
 
-    Args:
-        config: Its seed is that of the operator's hand and of the tracking noise.
-        read: The true scene as the operator sees it now; None while there is nothing to see.
-        confirms: Whether the operator arms the arm by the menu button.
-        participant: Seed of the participant with whose traits the operator works; None for the
-            configured script.
+    `confirms`: they arm the arm by the menu button. `participant`: the seed of whose traits they
+    have; None for the configured script.
     """
     settings, eyes = config.rig.operator, TruePerception(read)
     seed, profile = config.seed, None

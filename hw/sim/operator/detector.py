@@ -1,8 +1,7 @@
 """One look at the three views: what can be made out of tool, block and container in each.
 
 The operator looks where they believe the things to be, and searches the more widely the less they
-know. All uncertainty is measured in the image: edge width and noise, how much of a thing's known
-size is there, what a marker's corners leave over.
+know. All uncertainty is measured in the image.
 """
 
 from __future__ import annotations

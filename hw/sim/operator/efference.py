@@ -1,8 +1,7 @@
 """Efference copy: the motion the hand has asked of the tool, against what the eyes have seen of it.
 
-Efference copy is the term of motor control for the brain's own record of its commands; in control
-theory it is the memory of a Smith predictor (Miall et al. 1993). It is why late images do not make
-the operator's hand oscillate.
+In motor control the brain's own record of its commands, in control theory the memory of a Smith
+predictor (Miall et al. 1993).
 """
 
 from __future__ import annotations

@@ -1,9 +1,8 @@
 """The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, fps. Ready facts: memory_name. Each view has a
-time grid, a third of a period apart from the next view's; an instant that passes before the
-renderer gets to it, up to the next, is left out: a gap in the index. After each frame it rests half
-as long as that took: where cores are short, frames are left out before the control loop is late.
+Specification: memory_name, seed, fps. Ready facts: memory_name. Each view has a time grid, a third
+of a period apart from the next view's; an instant that is missed is a gap in the index. After each
+frame it rests half as long as that took: where cores are short, the control loop is not late.
 """
 
 from __future__ import annotations

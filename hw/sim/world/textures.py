@@ -175,11 +175,9 @@ def work_mat(
 ) -> Image:
     """A cutting mat of `size_m` (height, width) [m]: 10 mm grid, figures, markers 10..13.
 
-    Drawn with square pixels, then fitted to `height`.
-
     Markers are 48 mm with their quiet zone, 10 and 11 at the upper corners, 12 and 13 below.
     """
-    fitted_height, per_m = height, width / size_m[1]
+    fitted_height, per_m = height, width / size_m[1]  # drawn with square pixels, then fitted
     height = round(size_m[0] * per_m)
     shade = fractal_noise(random, height, width, 7)
     image = _tinted(shade, (58, 62, 70), (84, 88, 96))

@@ -1,8 +1,7 @@
 """Patches of one colour: where, how large, and how well their edges show it.
 
 The strength of a colour is a difference of channels, so that a blurred edge keeps its place at
-half strength. How wide the edge is, and how much noise (of the sensor, of the codec's blocks) lies
-about it, is measured in the same patch and is what the uncertainty is made of.
+half strength. The edge's width and the noise about it are what the uncertainty is made of.
 """
 
 from __future__ import annotations

@@ -112,17 +112,11 @@ def gripper_faces() -> list[Matrix]:
 def match_face(
     view: str, marker: Marker, faces: list[Matrix], expected: list[Matrix], edge_px: float
 ) -> tuple[Sighting, float]:
-    """Match a gripper marker of `view` to the face and the order of corners that fit best.
+    """The tool's sighting by the face and the order of corners that fit a gripper marker best.
 
-    What is left of the corners once the whole has been shifted into place is their measured error.
-
-    Args:
-        faces: Corners of each face in the tool's frame [m], shape (4, 3), in the order of `FACES`.
-        expected: The same corners [px], shape (4, 2), as the operator believes the tool to stand.
-        edge_px: Width of the edges in the image.
-
-    Returns:
-        The tool's sighting, and how far [px] the whole lies from where it was expected.
+    And how far [px] the whole lies from where it was expected. What is left of the corners once it
+    has been shifted there is their measured error. `faces`: of each the corners in the tool's frame
+    [m], shape (4, 3), in the order of `FACES`; `expected`: the same [px], shape (4, 2).
     """
     found = marker.corners[_ORDERS]
     gaps = found[None] - np.stack(expected)[:, None]
