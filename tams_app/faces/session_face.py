@@ -27,7 +27,7 @@ from tams_app.faces.messages import (
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand

@@ -20,7 +20,7 @@ from tams_app.runtime.parts import Parts
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_ordinary, use_round_robin
 from tams_app.session.recorders import LoadMonitor, Recorders
 from tams_app.session.sentences import Sentences
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.station import Station
 from tams_app.video.live.frame_ring import FrameBlock

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
 from tams_app.records import ShownFrame, SteeredBy
-from tams_app.station.displays import Displays
 
 _WAITING = 64  # frames decoded since the one that a display shows: a second or two
 
@@ -19,6 +18,24 @@ class _Decoded:
     index: int
     capture_ns: int
     whole: bool
+
+
+class Displays:
+    """Window and headset of a session, on which old pictures stay once one is dead; any thread."""
+
+    def __init__(self) -> None:
+        self._seen_ns: tuple[Callable[[str], int], ...] = ()
+
+    def add(self, seen_ns: Callable[[str], int]) -> None:
+        """One more, and when the frame of a view was decoded that it shows; or when it opened."""
+        self._seen_ns = (*self._seen_ns, seen_ns)
+
+    def __bool__(self) -> bool:
+        return bool(self._seen_ns)
+
+    def seen_ns(self, view: str) -> int | None:
+        """When the newest frame of `view` that all show was decoded [ns]; None without any."""
+        return min((seen_ns(view) for seen_ns in self._seen_ns), default=None)
 
 
 class FreshVideo:

@@ -9,8 +9,7 @@ from contextlib import ExitStack
 from tams_app.config import VideoConfig
 from tams_app.records import LatencyState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import Clock
-from tams_app.station.displays import Displays
-from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame

@@ -18,7 +18,7 @@ from tams_app.records import ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.station.camera_watch import CameraWatch
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.receivers import Receivers
 from tams_app.station.recorded_hand import recorded_hand

@@ -23,7 +23,7 @@ from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.sentences import Sentences
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.teleop.hands import HANDS
 from tams_app.units import NS_PER_S
 

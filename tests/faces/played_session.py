@@ -17,7 +17,7 @@ from tams_app.records import SessionState
 from tams_app.robot.control import Signals
 from tams_app.robot.listener import TOO_LONG_AGO
 from tams_app.session.sentences import Sentences
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.window import facts
 

@@ -19,7 +19,7 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
 from tams_app.session.local_operator import LocalOperator
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.station import Station
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S

@@ -29,8 +29,7 @@ from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.local_operator import LocalOperator
-from tams_app.station.displays import Displays
-from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.networks import resolve_network
 from tests.robot.test_control import PERIOD_NS, HeldController

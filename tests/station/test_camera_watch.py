@@ -17,7 +17,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.camera_watch import CameraWatch, misfit
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory, PresentViews
 from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS, NS_PER_S

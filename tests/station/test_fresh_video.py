@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.records import ShownFrame, SteeredBy
-from tams_app.station.displays import Displays
-from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed

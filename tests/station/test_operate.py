@@ -27,7 +27,7 @@ from tams_app.records import LatencyState, Outcome, SessionState, ShownFrame, St
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.operate import operate
 from tams_app.session.session import Session
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import RobotCall, call_robot
 from tams_app.station.robot_watch import RobotWatch

@@ -17,7 +17,7 @@ from tams_app.robot.session_records import SessionRecords
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
-from tams_app.station.displays import Displays
+from tams_app.station.fresh_video import Displays
 from tams_app.station.recorded_hand import ReplayedController, recorded_hand
 from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS

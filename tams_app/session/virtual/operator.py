@@ -11,8 +11,7 @@ from tams_app.config import Config
 from tams_app.recording.journal import Journal
 from tams_app.records import Image, ShownFrame, SteeredBy
 from tams_app.robot.operator import Operator
-from tams_app.station.displays import Displays
-from tams_app.station.fresh_video import FreshVideo
+from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.station.operator_screen import Show, on_screen
 from tams_app.station.recorded_hand import recorded_hand
 from tams_app.teleop.hands import hand_of
