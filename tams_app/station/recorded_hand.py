@@ -24,7 +24,7 @@ def recorded_hand(log: Path) -> ReplayedController:
 
 
 class ReplayedController(Controller):
-    """Plays `readings` back: when each was taken [ns], ascending, and what it reported.
+    """Plays `readings` back, at least one: when each was taken [ns], ascending, and its content.
 
     The first call of `sample` stands for the first reading. Between two readings the hand moves
     evenly from the one to the other and the buttons are those of the earlier; what was old then is
@@ -32,9 +32,6 @@ class ReplayedController(Controller):
     """
 
     def __init__(self, readings: Sequence[tuple[int, ControllerSample]]) -> None:
-        """ValueError without readings."""
-        if not readings:
-            raise ValueError("a hand without a single reading cannot be replayed")
         self._times_ns = [t_ns for t_ns, _ in readings]
         self._samples = [sample for _, sample in readings]
         self._shift_ns: int | None = None  # from then to now
@@ -46,7 +43,8 @@ class ReplayedController(Controller):
 
     def sample(self, now_ns: int) -> ControllerSample:
         if not self._started:
-            return replace(_released(self._samples[0], now_ns), status=_AWAY, pose=None)
+            away = ControllerStatus.DISCONNECTED
+            return replace(_released(self._samples[0], now_ns), status=away, pose=None)
         if self._shift_ns is None:
             self._shift_ns = now_ns - self._times_ns[0]
         then_ns = now_ns - self._shift_ns
@@ -75,9 +73,6 @@ class ReplayedController(Controller):
             pose_ns=shift_ns + _mix(before.pose_ns, after.pose_ns, part if interpolates else 0.0),
             buttons_ns=shift_ns + _mix(before.buttons_ns, after.buttons_ns, part),
         )
-
-
-_AWAY = ControllerStatus.DISCONNECTED
 
 
 def _released(sample: ControllerSample, now_ns: int) -> ControllerSample:

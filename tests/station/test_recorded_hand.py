@@ -161,8 +161,3 @@ def test_before_its_start_and_after_its_end_it_is_not_there():
     controller.close()
     controller.close()
     assert controller.sample(LATER_NS + 20).pose is None
-
-
-def test_a_hand_without_readings_is_refused():
-    with pytest.raises(ValueError, match="without a single reading"):
-        ReplayedController([])
