@@ -57,7 +57,9 @@ def follow(welcome: Welcome, ours: Config) -> Config:
     With its video, its workspace, which the operator is shown, and its rotation of the hand, since
     a device on a desk moves the hand in the arm's frame. ConfigError if it has other views.
     """
-    video = video_of(welcome, ours)
+    here = {"bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264enc"}
+    here["decoder"] = ours.video.decoder
+    video = understood(VideoConfig, {**welcome.video, **here})
     if video.views != ours.video.views:
         raise ConfigError(
             f"the robot's side has the views {', '.join(video.views)}, this configuration "
@@ -88,12 +90,6 @@ def driven(welcome: Welcome, ours: Config) -> Config | None:
     sections = {name: understood(kind, told[name]) for name, kind in _DRIVING.items()}
     rig = ours.rig.model_copy(update={"enabled": welcome.simulated})
     return ours.model_copy(update={**sections, "rig": rig})
-
-
-def video_of(welcome: Welcome, ours: Config) -> VideoConfig:
-    """The robot's video with this computer's own addresses and decoder; TamsError if impossible."""
-    video = {**welcome.video, "bind_host": "127.0.0.1", "first_port": 0, "encoder": "x264enc"}
-    return understood(VideoConfig, {**video, "decoder": ours.video.decoder})
 
 
 def repair_of(welcome: Welcome) -> RepairRule:
