@@ -32,28 +32,18 @@ BUSY = "another operator is connected, or was a moment ago: waiting until they l
 class RobotCall:
     """A call that was answered. `config`: ours, for the session that the robot's side runs.
 
-    `identity`: a random number, another one for each application that calls.
+    moves_by: ours with what decides there how the hand moves the arm; None: that is not told.
+    hand: the operator's kind of controller, of `HANDS`. rule: the repair of the robot side's video.
+    identity: a random number, another one for each application that calls.
     """
 
     gateway: Gateway
     welcome: Welcome
     config: Config
+    moves_by: Config | None
+    hand: str
+    rule: RepairRule
     identity: int
-
-    @property
-    def hand(self) -> str:
-        """The operator's kind of controller, of `HANDS`."""
-        return hand_of(self.config)
-
-    @property
-    def moves_by(self) -> Config | None:
-        """Our configuration with what decides there how the hand moves the arm; None: not told."""
-        return driven(self.welcome, self.config)
-
-    @property
-    def rule(self) -> RepairRule:
-        """The repair of the robot side's video; TamsError if that is no rule here."""
-        return repair_of(self.welcome)
 
     def record(self, log: Journal) -> None:
         """Record the facts by which a reader joins this log with that of the robot's side."""
@@ -88,7 +78,11 @@ def call_robot(
         raise ConfigError("--sim: the robot there is real, and moves for a person only")
     if config.controller.device == "keyboard":
         require_local_seat(config, not welcome.simulated, "the desktop")
-    return RobotCall(gateway, welcome, follow(welcome, config), secrets.randbits(62))
+    ours = follow(welcome, config)
+    moves_by, rule = driven(welcome, ours), repair_of(welcome)
+    return RobotCall(
+        gateway, welcome, ours, moves_by, hand_of(ours), rule, identity=secrets.randbits(62)
+    )
 
 
 def _answer(
