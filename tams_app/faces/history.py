@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from itertools import groupby, pairwise
 
 from tams_app.faces.messages import Facts, Stretch
 from tams_app.records import SessionState
@@ -39,29 +40,16 @@ class History:
         while states[0].t_s < state.t_s - SPAN_S:
             states.popleft()
 
-    def phases(self) -> list[Stretch]:
-        """The phases, one after the other."""
-        return list(self._stretches(lambda state: state.phase))
-
-    def armings(self) -> list[Stretch]:
-        """The states of the arming table, one after the other."""
-        return list(self._stretches(lambda state: state.arming))
+    def stretches(self, what: Callable[[SessionState], str]) -> list[Stretch]:
+        """The times in which `what` stayed the same, one after the other."""
+        begins = [next(group) for _, group in groupby(self.states, what)]
+        changes = pairwise([*begins, *list(self.states)[-1:]])
+        return [Stretch(begin.t_s, end.t_s, what(begin)) for begin, end in changes]
 
     def curve(self, value: Callable[[SessionState], float | None]) -> list[tuple[float, float]]:
         """A value over time [s], where it is known."""
         points = ((state.t_s, value(state)) for state in self.states)
         return [(t_s, known) for t_s, known in points if known is not None]
-
-    def _stretches(self, what: Callable[[SessionState], str]) -> Iterator[Stretch]:
-        begin: SessionState | None = None
-        for state in self.states:
-            if begin is None:
-                begin = state
-            elif what(state) != what(begin):
-                yield Stretch(begin.t_s, state.t_s, what(begin))
-                begin = state
-        if begin is not None:
-            yield Stretch(begin.t_s, self.states[-1].t_s, what(begin))
 
 
 def _jumps(facts: Facts) -> int:

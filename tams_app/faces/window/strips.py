@@ -36,7 +36,10 @@ def draw_timeline(cr: Context, width: float, height: float, history: History) ->
     _draw_rows(
         cr,
         (width, height),
-        (history.phases(), history.armings()),
+        (
+            history.stretches(lambda state: state.phase),
+            history.stretches(lambda state: state.arming),
+        ),
         now_s,
         lambda t_s: width * (1 + (t_s - now_s) / SPAN_S),
     )

@@ -656,12 +656,12 @@ def test_phases_are_stretches_one_after_the_other_without_a_gap() -> None:
     history = History()
     for t_s, phase in enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP")):
         history.add(at(t_s, phase))
-    assert history.phases() == [
+    assert history.stretches(lambda state: state.phase) == [
         Stretch(0, 2, "REACH"),
         Stretch(2, 3, "ALIGN"),
         Stretch(3, 4, "GRASP"),
     ]
-    assert history.armings() == [Stretch(0, 4, "ready")]
+    assert history.stretches(lambda state: state.arming) == [Stretch(0, 4, "ready")]
 
 
 def test_what_is_older_than_a_minute_is_forgotten() -> None:
