@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import contextlib
 import os
+import re
 import select
 import signal
 import termios
@@ -23,19 +24,18 @@ from tams_app.units import NS_PER_MS
 
 POLL_S = 0.2
 REPEAT_NS = 700 * NS_PER_MS  # a held key repeats after up to 0.66 s (X11's default), then faster
-_ESCAPE = 0x1B
-
-
 _KEYS = {
     ord("\r"): Command.CONFIRM,
     ord("\n"): Command.CONFIRM,
     ord(" "): Command.EMERGENCY_STOP,
-    _ESCAPE: Command.EMERGENCY_STOP,
+    0x1B: Command.EMERGENCY_STOP,  # Esc
     0x08: Command.NO_DROP,  # Backspace
     0x7F: Command.NO_DROP,  # Backspace of most terminals
     **{ord(one): command for key, command in LETTERS.items() for one in (key, key.upper())},
 }
 _SEQUENCES = {b"[5~": Command.DISCARD, b"[6~": Command.EPISODE}  # Page Up, Page Down: pedals
+# a control sequence has parameters (0x20 to 0x3F), then one final byte (ECMA-48)
+_TYPED = re.compile(rb"\x1b([\[O][\x20-\x3f]*.?)|.", re.DOTALL)
 
 
 def decode_keys(data: bytes) -> list[Command]:
@@ -44,27 +44,11 @@ def decode_keys(data: bytes) -> list[Command]:
     Arrow and function keys send Esc and more in one go: `ESC [` and `ESC O` are no emergency stop.
     A sequence torn apart by a slow line reads as one: better a stop too many.
     """
-    keys = []
-    at = 0
-    while at < len(data):
-        if data[at] == _ESCAPE and data[at + 1 : at + 2] in (b"[", b"O"):
-            end = _after_sequence(data, at + 2)
-            if (command := _SEQUENCES.get(data[at + 1 : end])) is not None:
-                keys.append(command)
-            at = end
-            continue
-        key = _KEYS.get(data[at])
-        if key is not None:
-            keys.append(key)
-        at += 1
-    return keys
-
-
-def _after_sequence(data: bytes, at: int) -> int:
-    """The end of a control sequence: parameters (0x20–0x3F), then one final byte (ECMA-48)."""
-    while at < len(data) and 0x20 <= data[at] <= 0x3F:
-        at += 1
-    return at + 1
+    keys = (
+        _SEQUENCES.get(typed[1]) if typed[1] else _KEYS.get(ord(typed[0]))
+        for typed in _TYPED.finditer(data)
+    )
+    return [key for key in keys if key is not None]
 
 
 class TerminalKeys:
