@@ -97,7 +97,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         gate = Worker("arm-gate", run.gate.run, failed)
         stack.callback(gate.stop, GATE_TIMEOUT_S)
         gate.start()
-        dialogue.discard_keys()
+        keys.discard()  # those pressed so far were for something else
         state = run.run()
         if state is not HomingState.DONE:
             go_on()
@@ -145,17 +145,13 @@ class Dialogue:
             raise DeviceError("The terminal takes no text; start TAMS again from a new one.")
         return self._keys.read_bytes(timeout_s)
 
-    def discard_keys(self) -> None:
-        """Discard the keys pressed so far, which were for something else."""
-        self._keys.discard()
-
     def confirms(self, question: str) -> bool:
         """Ask once the question can be read; True if Enter, and nothing else, answers it."""
         self.notify(question)
         while not self.all_shown():
             if self.read_keys(_POLL_S).strip(_ENTER):
                 return False
-        self.discard_keys()
+        self._keys.discard()  # which were for something else
         answer = b""
         while not answer:
             answer = self.read_keys(_POLL_S)
