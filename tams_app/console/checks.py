@@ -130,7 +130,8 @@ def disk(config: Config) -> Iterator[Finding]:
     """The log folder: writable, with enough space."""
     fix = "choose another with --out or recording.directory"
     try:
-        folder = _existing(Path(config.recording.directory).expanduser())
+        logs = Path(config.recording.directory).expanduser().resolve()
+        folder = next(one for one in (logs, *logs.parents) if one.exists())
     except (OSError, RuntimeError) as error:  # ~ of an unknown user, or a loop of links
         yield Finding("Log folder", False, f"{config.recording.directory}: {error}", fix)
         return
@@ -288,11 +289,3 @@ def _bind_refusal(host: str, port: int) -> OSError | None:
         except ValueError:  # what cannot even be looked up, such as `a..b`
             return OSError(errno.EADDRNOTAVAIL, "not the name of a host")
     return None
-
-
-def _existing(folder: Path) -> Path:
-    """`folder`, or the nearest parent that is there."""
-    folder = folder.resolve()
-    while not folder.exists():
-        folder = folder.parent
-    return folder
