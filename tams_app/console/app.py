@@ -128,7 +128,9 @@ def _run_once(
             if not session.failure:  # else that is what matters, and the reason for this
                 raise
         if not signals and config.seconds is None:
-            again = ask_at_end(faces, console, session, summary, folder, signals, may_repeat)
+            again = ask_at_end(
+                faces, console, config, session.failure, summary, folder, signals, may_repeat
+            )
 
     try:
         session = make(folder)

@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from tams_app.config import Config
 from tams_app.console.report import PAGE_NAME
@@ -22,17 +22,11 @@ _UNATTENDED_S = 60.0  # nobody need be there where the operator is simulated
 _POLL_S = 0.1
 
 
-class EndedSession(Protocol):
-    """A session that is over."""
-
-    config: Config
-    failure: str
-
-
 def ask_at_end(
     faces: Sequence[Shown],
     console: Console,
-    session: EndedSession,
+    config: Config,
+    failure: str,
     summary: Mapping[str, Any] | None,
     folder: Path,
     signals: Sequence[str],
@@ -40,16 +34,15 @@ def ask_at_end(
 ) -> bool:
     """Show the end until it is answered, in the window or on the terminal; whether to go on anew.
 
-    Without a face that shows it, at once: no. `summary`: None, where the session has failed so that
-    there is none. `signals`: those that have come, any of which ends it. `may_repeat`: whether it
-    can be started anew from here, unless it has failed.
+    Without a face that shows it, at once: no. `failure`: of the session, "" if none. `summary`:
+    None, where it has failed so that there is none. `signals`: those that have come, any of which
+    ends it. `may_repeat`: whether it can be started anew from here, unless it has failed.
     """
     screens = [face for face in faces if isinstance(face, ShowsEnd) and face.is_there]
     if not screens:
         return False
-    config = session.config
-    may_repeat = may_repeat and not session.failure
-    end = end_of(summary, folder, session.failure, may_repeat, sys.argv)
+    may_repeat = may_repeat and not failure
+    end = end_of(summary, folder, failure, may_repeat, sys.argv)
     for screen in screens:
         screen.show_end(end)
     console.print(f"{end.key} (also here)", highlight=False)

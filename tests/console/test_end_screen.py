@@ -79,14 +79,6 @@ def test_a_session_that_has_failed_says_so_and_where_its_log_is() -> None:
     assert end.lines[:2] == ("It failed: the arm is gone", f"Log: {FOLDER}")
 
 
-class Session:
-    def __init__(
-        self, config: str = "tams.yaml", hand: str = "keyboard", failure: str = ""
-    ) -> None:
-        self.config = load_config(CONFIG_DIRECTORY / config, {"controller.device": hand})
-        self.failure = failure
-
-
 class Screen:
     """A face that is answered at once."""
 
@@ -106,30 +98,35 @@ class Screen:
 
 
 def asked(
-    screen: Screen, session: Session, signals: tuple[str, ...] = (), may_repeat: bool = True
+    screen: Screen,
+    hand: str = "keyboard",
+    failure: str = "",
+    signals: tuple[str, ...] = (),
+    may_repeat: bool = True,
 ) -> bool:
     console = Console(file=io.StringIO())
-    return ask_at_end([screen], console, session, summary(), FOLDER, signals, may_repeat)
+    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {"controller.device": hand})
+    return ask_at_end([screen], console, config, failure, summary(), FOLDER, signals, may_repeat)
 
 
 def test_enter_starts_a_session_of_the_rig_anew_and_q_or_the_window_s_close_ends_it() -> None:
-    assert asked(Screen(Command.CONFIRM), Session())
-    assert not asked(Screen(Command.QUIT), Session())
-    assert not asked(Screen(Command.CLOSE), Session())
+    assert asked(Screen(Command.CONFIRM))
+    assert not asked(Screen(Command.QUIT))
+    assert not asked(Screen(Command.CLOSE))
 
 
 def test_neither_what_cannot_be_repeated_nor_a_session_that_failed_is_started_by_a_key() -> None:
-    for session, may_repeat in ((Session(), False), (Session(failure="the arm is gone"), True)):
+    for failure, may_repeat in (("", False), ("the arm is gone", True)):
         screen = Screen(Command.CONFIRM)
-        assert not asked(screen, session, may_repeat=may_repeat)
+        assert not asked(screen, failure=failure, may_repeat=may_repeat)
         assert screen.shown[0].key == "Q: close"
 
 
 def test_nobody_is_asked_without_a_window_or_once_a_signal_has_come() -> None:
     gone = Screen(Command.CONFIRM, is_there=False)
-    assert not asked(gone, Session())
+    assert not asked(gone)
     assert gone.shown == []
-    assert not asked(Screen(Command.CONFIRM), Session(), ("ended by SIGINT",))
+    assert not asked(Screen(Command.CONFIRM), signals=("ended by SIGINT",))
 
 
 def test_a_simulated_operator_s_end_is_shown_for_a_minute_only(
@@ -139,5 +136,5 @@ def test_a_simulated_operator_s_end_is_shown_for_a_minute_only(
     monkeypatch.setattr(end_screen.time, "monotonic", lambda: passed_s[0])
     sleep: Callable[[float], None] = lambda _s: passed_s.__setitem__(0, passed_s[0] + 10.0)  # noqa: E731
     monkeypatch.setattr(end_screen.time, "sleep", sleep)
-    assert not asked(Screen(None), Session(hand="auto"))
+    assert not asked(Screen(None), hand="auto")
     assert passed_s[0] == 60.0
