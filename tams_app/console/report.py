@@ -60,25 +60,18 @@ def report_both(
     console = console or Console()
     folders = [_session_folder(one) for one in (first, second)]
     with waiting(_WRITING, progress or console):
-        summary, folder = _write_summary_of_both(*folders)
-    _show(summary, folder, console)
+        logs = [read_log(folder / LOG_NAME) for folder in folders]
+        robot, operator = in_order(*logs)
+        of_robot, of_operator = folders if operator is logs[1] else reversed(folders)
+        offsets = clock_offsets(robot, operator)
+        both = joined(robot, operator, offsets)
+        summary = summarise_joined(robot, operator, offsets, both)
+        save_summary(summary, of_robot)
+        shown = read_pictures(of_operator / LOG_NAME)
+        pictures = on_robots_clock(shown, robot.header, operator.header, offsets)
+        _draw(both, summary, pictures, of_robot)
+    _show(summary, of_robot, console)
     return summary
-
-
-def _write_summary_of_both(*folders: Path) -> tuple[dict[str, Any], Path]:
-    """Of the two sides' folders, in any order; the summary and the folder of the robot's side."""
-    logs = [read_log(folder / LOG_NAME) for folder in folders]
-    robot, operator = in_order(*logs)
-    of_robot, of_operator = folders if operator is logs[1] else reversed(folders)
-    offsets = clock_offsets(robot, operator)
-    both = joined(robot, operator, offsets)
-    summary = summarise_joined(robot, operator, offsets, both)
-    save_summary(summary, of_robot)
-    pictures = on_robots_clock(
-        read_pictures(of_operator / LOG_NAME), robot.header, operator.header, offsets
-    )
-    _draw(both, summary, pictures, of_robot)
-    return summary, of_robot
 
 
 def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str = "") -> None:
