@@ -6,12 +6,13 @@ Angles are of OpenVR's axes: x right, y up, z backwards.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, cos, degrees, radians, sin, tan
+from math import atan, degrees, radians, tan
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.config import HeadsetConfig
+from tams_app.rotation import Rotation
 
 DESIGN_WIDTH_PX = 640  # of a frame; sizes below are for it
 HEADER_PX, BORDER_PX = 44, 12
@@ -19,8 +20,6 @@ PANEL_WIDTH_PX, PANEL_HEIGHT_PX = 1328, 336
 _APART_PX = 4  # in the atlas, so that smoothing takes in nothing of a neighbour
 _APART_DEG = 1.5
 OTHERS_SHARE = 0.6  # of the primary view's width
-
-Matrix = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +62,7 @@ class Place:
     straight on, shape (4, 4) [m]. width_m: of the picture.
     """
 
-    pose: Matrix
+    pose: NDArray[np.float64]
     width_m: float
 
 
@@ -94,17 +93,9 @@ def _half_height_deg(width_deg: float, part: Crop) -> float:
 
 def _place(config: HeadsetConfig, right_deg: float, up_deg: float, width_deg: float) -> Place:
     """A picture at the distance, turned towards the eyes."""
-    yaw, pitch = radians(-right_deg), radians(up_deg)
-    turn = turn_about_y(yaw) @ np.array(
-        [[1, 0, 0], [0, cos(pitch), -sin(pitch)], [0, sin(pitch), cos(pitch)]]
-    )
+    raised = Rotation.from_rotvec((radians(up_deg), 0.0, 0.0))
+    turn = raised.turned((0.0, radians(-right_deg), 0.0)).as_matrix()
     pose = np.eye(4)
     pose[:3, :3] = turn
     pose[:3, 3] = turn @ (0.0, 0.0, -config.distance_m)
     return Place(pose, 2 * config.distance_m * tan(radians(width_deg / 2)))
-
-
-def turn_about_y(angle_rad: float) -> Matrix:
-    """The rotation about the vertical, to the left for positive angles, shape (3, 3)."""
-    c, s = cos(angle_rad), sin(angle_rad)
-    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
