@@ -30,8 +30,7 @@ from tams_app.records import (
 from tams_app.ros2 import messages, topics
 from tams_app.telemetry.lines import Spoken, line_of
 from tams_app.telemetry.messages import BASE
-from tams_app.telemetry.motion import MOTION_HZ, joint_angles
-from tams_app.telemetry.pace import Pace
+from tams_app.telemetry.motion import MOTION_HZ, Pace, joint_angles
 from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, thing_frames
 from tams_app.teleop.advice import advice

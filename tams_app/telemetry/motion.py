@@ -10,12 +10,28 @@ from foxglove.messages import FrameTransforms, JointState, JointStates, PoseInFr
 from tams_app.records import ArmState, MountPrediction, Pose, SceneTruth, Tick
 from tams_app.rotation import Rotation
 from tams_app.telemetry.messages import BASE, pose_of, timestamp, transform
-from tams_app.telemetry.pace import Pace
 from tams_app.telemetry.scene import TRACKING, Scene, thing_frames
+from tams_app.units import NS_PER_S
 
 MOTION_HZ = 30.0
 PREDICTED = "flange predicted"  # the frame of where it is believed to be now
 LED = "flange commanded"  # of where the hand's samples so far lead it
+
+
+class Pace:
+    """Of what comes, lets pass the first and then `rate_hz` a second."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._period_ns = round(NS_PER_S / rate_hz)
+        self._due_ns: int | None = None
+
+    def is_due(self, t_ns: int) -> bool:
+        """True if it is time, at `t_ns`; each True counts as sent."""
+        due_ns = t_ns if self._due_ns is None else self._due_ns
+        if t_ns < due_ns:
+            return False
+        self._due_ns = max(due_ns + self._period_ns, t_ns)  # what was missed is not made up for
+        return True
 
 
 class MotionChannels:

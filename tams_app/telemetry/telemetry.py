@@ -18,8 +18,7 @@ from tams_app.telemetry.address import Address
 from tams_app.telemetry.gate import LiveServer
 from tams_app.telemetry.lines import LogLines
 from tams_app.telemetry.messages import timestamp
-from tams_app.telemetry.motion import MotionChannels
-from tams_app.telemetry.pace import Pace
+from tams_app.telemetry.motion import MotionChannels, Pace
 from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, SceneChannels
 
