@@ -97,7 +97,7 @@ class ViewScores:
                 if kind == CAPTURED
                 else self._quality.shown(one.index, t_ns, one.luma)
             )
-        self._leave_out(WAITING_FATES)
+        self.leave_out(WAITING_FATES)
 
     def score_next(self) -> bool:
         """Score the fate that has waited longest; False if there is none."""
@@ -111,11 +111,8 @@ class ViewScores:
         self.take_in()
         self._waiting.extend(self._quality.finish(end_ns))
 
-    def give_up(self) -> None:
-        """Report what still waits without scores."""
-        self._leave_out(0)
-
-    def _leave_out(self, room: int) -> None:
+    def leave_out(self, room: int = 0) -> None:
+        """Report what still waits without scores, the oldest first, until `room` are left."""
         while len(self._waiting) > room:
             self._report(self._waiting.popleft().record)
 
@@ -138,7 +135,7 @@ def run(views: list[ViewScores], clock: Clock, pace: SparePace, stop: threading.
     while clock.now_ns() < end_ns + _FINISH_NS and _score_one_each(views):
         pass
     for view in views:
-        view.give_up()
+        view.leave_out()
 
 
 def _score_one_each(views: list[ViewScores]) -> bool:

@@ -92,7 +92,7 @@ def test_without_time_frames_are_left_out_evenly_but_not_unreported(bench: Bench
         bench.scores.take_in()
         if index % 3 == 0:
             bench.scores.score_next()
-    bench.scores.give_up()
+    bench.scores.leave_out()
     assert sorted(one.index for one in bench.told) == list(range(90))
     scored = [one.index for one in bench.told if one.received is not None]
     assert len(scored) == 30
@@ -105,7 +105,7 @@ def test_a_helper_that_slept_still_knows_what_was_shown(bench: Bench) -> None:
         bench.frame(index, shown=index % 2 == 0)
     bench.scores.take_in()
     bench.scores.finish(200 * FRAME_NS)
-    bench.scores.give_up()
+    bench.scores.leave_out()
     assert [one.index for one in bench.told if one.shown_ns is None] == list(range(1, 200, 2))
     assert len(bench.told) == 200
 
