@@ -204,7 +204,7 @@ class OperatorWindow:
         self._seat = self._modules.Gdk.Display.get_default().get_default_seat()
         if (keyboard := self._seat.get_keyboard()) is not None:
             keyboard.connect("notify::modifier-state", lambda *_: self._beat())
-        self.window.connect("notify::is-active", self._focus_changed)
+        self.window.connect("notify::is-active", lambda *_: self._beat())
         self.window.connect("close-request", self._closed)
 
     def _pressed(self, keys: Any, value: int, code: int, _modifiers: Any) -> bool:
@@ -228,8 +228,10 @@ class OperatorWindow:
                 self._keys.set_visible(not self._keys.get_visible())
             elif name == "F2":
                 self._corrected.toggle()
+            elif name == "F11" and self.window.is_fullscreen():
+                self.window.unfullscreen()
             elif name == "F11":
-                self._toggle_fullscreen()
+                self.window.fullscreen()
         return True
 
     def _arrange(self, name: str) -> None:
@@ -278,15 +280,6 @@ class OperatorWindow:
         shift = self._modules.Gdk.ModifierType.SHIFT_MASK
         has_shift = keyboard is not None and bool(keyboard.get_modifier_state() & shift)
         self._keyboard.modifiers(has_shift, self._clock.now_ns())
-
-    def _focus_changed(self, *_: Any) -> None:
-        self._beat()
-
-    def _toggle_fullscreen(self) -> None:
-        if self.window.is_fullscreen():
-            self.window.unfullscreen()
-        else:
-            self.window.fullscreen()
 
     def _closed(self, *_: Any) -> bool:
         """The operator closes it: the application ends the session, and this process with it."""
