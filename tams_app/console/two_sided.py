@@ -19,6 +19,7 @@ from tams_app.session.operate import operate
 from tams_app.session.robot import robot
 from tams_app.session.session import Session
 from tams_app.session.shared_memory import robot_bytes, station_bytes
+from tams_app.telemetry import Address
 
 
 def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
@@ -58,12 +59,10 @@ def endpoint_of(
 
     `accepts_several`: on the robot's side the key may be a folder of keys.
     """
-    host, colon, port = given.rpartition(":")
-    host = host.strip("[]")
-    if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ConfigError(f"{option}: {given!r} is not HOST:PORT, such as 192.168.1.20:7300")
+    at = Address.of(given, option, "192.168.1.20:7300")
+    host, port = at.host, at.port
     try:
-        _, addresses = addresses_of(host, int(port))
+        _, addresses = addresses_of(host, port)
     except (OSError, UnicodeError) as error:
         raise ConfigError(f"{option}: {host} is not known: give a name or an address") from error
     if key is None and not all(map(is_loopback, addresses)):
@@ -73,10 +72,10 @@ def endpoint_of(
         )
     if key is None:
         # what listens does so at what was judged, not what it is later; who calls judges it again
-        return Endpoint(addresses[0][0] if accepts_several else host, int(port), None)
+        return Endpoint(addresses[0][0] if accepts_several else host, port, None)
     # what is wrong with it is reported before anything is started
     if accepts_several:
         accepted_keys(key)
     else:
         read_key(key)
-    return Endpoint(host, int(port), key)
+    return Endpoint(host, port, key)

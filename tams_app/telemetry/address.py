@@ -1,4 +1,4 @@
-"""The address at which a session is served to viewers."""
+"""The address at which a session is served to viewers, or that its two sides talk by."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from tams_app.errors import ConfigError, SetupError
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """The address of this computer at which a session is served."""
+    """A host by name or address, and one of its ports."""
 
     host: str
     port: int
 
     @staticmethod
-    def of(text: str) -> Address:
-        """HOST:PORT (IPv6: [HOST]:PORT); ConfigError if it is not that."""
+    def of(text: str, option: str = "--foxglove", example: str = "127.0.0.1:8765") -> Address:
+        """HOST:PORT (IPv6: [HOST]:PORT); ConfigError of `option` if it is not that."""
         host, colon, port = text.rpartition(":")
         host = host.removeprefix("[").removesuffix("]")
         if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
-            raise ConfigError(f"--foxglove: {text!r} is not HOST:PORT, such as 127.0.0.1:8765")
+            raise ConfigError(f"{option}: {text!r} is not HOST:PORT, such as {example}")
         return Address(host, int(port))
 
     @property

@@ -179,17 +179,11 @@ def test_gaps_that_hold_the_arm_even_with_what_is_prescribed_are_counted():
     assert "whatever is set, 6 a minute hold the arm (link gaps)" in text
 
 
-@pytest.mark.parametrize(
-    "given", ["", "host", "7400", ":7400", "host:", "127.0.0.1:0", "127.0.0.1:70000", "a:b"]
-)
-def test_what_is_no_host_and_port_is_refused_in_a_sentence(given: str):
-    with pytest.raises(ConfigError, match="is not HOST:PORT"):
-        endpoint_of("--listen", given, None)
-
-
 def test_without_a_key_only_loopback_is_allowed(key: Path):
     assert endpoint_of("--listen", "127.0.0.1:7400", None).key is None
     assert endpoint_of("--listen", "[::1]:7400", None).host == "::1"
+    with pytest.raises(ConfigError, match=r"^--listen: '7400' is not HOST:PORT, such as 192"):
+        endpoint_of("--listen", "7400", None)
     for host in ("0.0.0.0", "[::]", "192.0.2.1"):
         with pytest.raises(ConfigError, match="--key is needed"):
             endpoint_of("--listen", f"{host}:7400", None)

@@ -226,7 +226,7 @@ def test_a_log_whose_viewers_cannot_be_served_leaves_nothing_open(tmp_path: Path
     "text", ["8765", "localhost", "localhost:", ":8765", "localhost:0", "h:70000", "h:x"]
 )
 def test_what_is_no_address_is_told(text: str) -> None:
-    with pytest.raises(ConfigError, match="is not HOST:PORT"):
+    with pytest.raises(ConfigError, match=r"^--foxglove: '.*' is not HOST:PORT"):
         check_viewers(load_config(None, {"recording.foxglove": text}))
 
 
