@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from tams_app.faces import episodes
 from tams_app.faces.commands import LETTERS, PHASE_KEYS, Command
+from tams_app.faces.messages import Opening
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.teleop.hands import words_of_hand
 
@@ -53,30 +54,21 @@ _MARKING_HELP = (
 )
 
 
-def key_help(
-    hand: str,
-    replay: bool = False,
-    blind: bool = False,
-    has_episodes: bool = False,
-    corrects: bool = False,
-) -> tuple[tuple[str, str], ...]:
-    """All keys with what they do, and the controls of `hand` (`HANDS`).
-
-    `blind`, `has_episodes`: of `Opening`. `corrects`: it has `cameras`.
-    """
-    if replay:
-        return (*(_MARKING_HELP if blind else _VIEWS_HELP), *_REPLAY_HELP)
-    of_trial = _TRIAL_HELP if blind else _VIEWS_HELP
-    words = words_of_hand(hand)
-    of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if has_episodes else ()
-    if has_episodes and hand == "openvr":
+def key_help(opening: Opening) -> tuple[tuple[str, str], ...]:
+    """All keys with what they do, and the controls of its hand."""
+    if opening.replay is not None:
+        return (*(_MARKING_HELP if opening.blind else _VIEWS_HELP), *_REPLAY_HELP)
+    of_trial = _TRIAL_HELP if opening.blind else _VIEWS_HELP
+    words = words_of_hand(opening.hand)
+    of_episodes: tuple[tuple[str, str], ...] = episodes.KEYS if opening.has_episodes else ()
+    if opening.has_episodes and opening.hand == "openvr":
         of_episodes += (episodes.BUTTONS,)
     confirm = f"confirm: arm, clear a fault (release {words.deadman} first)"
     return (
         *_STOP_HELP,
         ("Enter", confirm),
         *_WINDOW_HELP,
-        *(_CORRECTED_HELP if corrects else ()),
+        *(_CORRECTED_HELP if opening.cameras else ()),
         *of_trial,
         *of_episodes,
         *words.controls,

@@ -74,13 +74,6 @@ class OperatorWindow:
         self._clock = clock
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
-        self._key_help = key_help(
-            opening.hand,
-            self._is_replay,
-            opening.blind,
-            opening.has_episodes,
-            bool(opening.cameras),
-        )
         self._places = Places(opening.views)
         self.arrivals = Arrivals(opened.frames, self._places.large, self._on_arrival)
         self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
@@ -153,7 +146,7 @@ class OperatorWindow:
             inside.append(part)
         for part in (main, self._timeline.widget):
             part.add_css_class(LIVE_CLASS)
-        self._keys = key_list(self._key_help)
+        self._keys = key_list(key_help(self._opening))
         one, first = {"content_width": 1, "content_height": 1}, Gtk.Align.START
         self._pixel = Gtk.DrawingArea(**one, halign=first, valign=first, can_target=False)
         self._pixel.set_draw_func(self._draw_pixel)
