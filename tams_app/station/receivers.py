@@ -18,8 +18,6 @@ from tams_app.video.core.stages import StageMeans
 from tams_app.video.live.receiver import VideoReceiver
 from tams_app.video.live.udp import ViewPorts
 
-_RATE_NS = NS_PER_S
-
 
 class Receivers:
     """The newest frame of each view. Bound when made; `start`, `poll`, in the end `close`."""
@@ -78,7 +76,7 @@ class Receivers:
 
     def shown_fps(self, view: str) -> float:
         """Frames of `view` shown over the last second."""
-        since_ns = self._clock.now_ns() - _RATE_NS
+        since_ns = self._clock.now_ns() - NS_PER_S
         return float(sum(t_ns > since_ns for t_ns in tuple(self._times[view])))
 
     def latency(self, view: str) -> LatencyState | None:

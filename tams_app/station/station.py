@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import MappingProxyType
 
 from msgspec.structs import replace
 
@@ -36,7 +35,6 @@ _SIMULATED = {
     "seeing": "seeing (uses only the received images)",
     "scripted": "scripted (gets positions from the simulator)",
 }
-_NONE: Mapping[str, PredictedCamera] = MappingProxyType({})
 
 
 class Station:
@@ -57,12 +55,12 @@ class Station:
         displays: Displays,
         is_rig: bool,
         make: MakeHand | None = None,
-        cameras: Mapping[str, PredictedCamera] = _NONE,
+        cameras: Mapping[str, PredictedCamera] | None = None,
     ) -> None:
         """`displays`: what shows the frames to a person. `is_rig`: the robot is simulated.
 
         `make` makes what the operator holds; None: the configured device, or the simulated one.
-        `cameras`: by view, those whose frames are corrected.
+        `cameras`: by view, those whose frames are corrected; None: none are.
         """
         self._config, self._clock, self._parts, self._log = config, clock, parts, log
         self._displays, self._is_rig, self._make = displays, is_rig, make

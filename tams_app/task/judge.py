@@ -44,7 +44,7 @@ class TrialJudge:
         self._was_closed: bool | None = None
         self._lifted = False
         self._resting_since_ns: int | None = None
-        self._placed = False
+        self.placed = False  # the block is, once and for all
         self._limited = True
         self.drops = 0
 
@@ -57,11 +57,6 @@ class TrialJudge:
     def started(self) -> bool:
         return self._started_ns is not None
 
-    @property
-    def placed(self) -> bool:
-        """True once the block is placed."""
-        return self._placed
-
     def step(
         self, now_ns: int, truth: SceneTruth, closed: bool | None, limited: bool = True
     ) -> bool:
@@ -69,13 +64,13 @@ class TrialJudge:
 
         `limited`: whether it ends, too, when its time is over, and succeeds only in time.
         """
-        if self._started_ns is None or self._placed:
-            return self._placed
+        if self._started_ns is None or self.placed:
+            return self.placed
         self._limited = limited
         inside = self.contains(truth.container, truth.block)
         self._count_drops(now_ns, truth, closed, inside)
-        self._placed = self._is_placed(now_ns, truth, closed, inside)
-        return self._placed or (limited and self.elapsed_s(now_ns) >= self._config.limit_s)
+        self.placed = self._is_placed(now_ns, truth, closed, inside)
+        return self.placed or (limited and self.elapsed_s(now_ns) >= self._config.limit_s)
 
     def elapsed_s(self, now_ns: int) -> float:
         """Seconds since the first engagement, 0 before it."""
@@ -83,7 +78,7 @@ class TrialJudge:
 
     def outcome(self, reason: str = "") -> Outcome:
         """The verdict; `reason` says why the session ended if neither placed nor out of time."""
-        if not self._placed or self._opened_ns is None or self._started_ns is None:
+        if not self.placed or self._opened_ns is None or self._started_ns is None:
             return Outcome(False, False, None, self.drops, reason or "not placed in time")
         time_s = round((self._opened_ns - self._started_ns) / NS_PER_S, 3)
         completed = not self._limited or time_s <= self._config.limit_s

@@ -106,9 +106,8 @@ class RatesMeter:
         self._begun_ns = started_ns
         self._seconds = {view: _Second() for view in views}
         self._packets: list[PacketRecord] = []
-        self._reported: ReportedPackets | None = (
-            ReportedPackets()
-        )  # None: the fates of all are known
+        # None: the fates of all are known
+        self._reported: ReportedPackets | None = ReportedPackets()
         self._allocation: Allocation | None = None
         self._capacity_kbps: float | None = None
         self._captures: dict[str, deque[tuple[int, int]]] = {

@@ -109,7 +109,7 @@ def arm_line(state: SessionState) -> str:
     return (
         f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  "
         f"{', '.join((deadman, *state.pressed, mode))}"
-        f"{_tcp(state.tcp_mm)}{_gripper_and_motors(state)}"
+        f"{_tcp_gripper_and_motors(state)}"
     )
 
 
@@ -187,17 +187,14 @@ class StatusLine:
         self._console.print(printed, markup=False, highlight=False, soft_wrap=True)
 
 
-def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
-    if tcp_mm is None:
+def _tcp_gripper_and_motors(state: SessionState) -> str:
+    """As far as they are known, behind a comma; "" where the arm is not."""
+    if state.tcp_mm is None:
         return ""
-    x, y, z = tcp_mm
-    return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm"
-
-
-def _gripper_and_motors(state: SessionState) -> str:
+    x, y, z = state.tcp_mm
     words = dict(hand_rows(state))
-    known_arm = state.tcp_mm is not None
-    return f", gripper {words['gripper']}, motors {words['motors']}" if known_arm else ""
+    hand = f"gripper {words['gripper']}, motors {words['motors']}"
+    return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm, {hand}"
 
 
 def _view(name: str, view: ViewState, asked_fps: float | None) -> str:
