@@ -2,46 +2,26 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
-from tams_app.faces.client import FaceClient
-from tams_app.faces.messages import Beat, Event, Facts
-from tams_app.records import Image
-from tams_app.runtime.clock import MonotonicClock
-from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+from tams_app.config import HeadsetConfig
+from tams_app.faces.messages import Beat
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.faces.window.facts import FACTS, OPENING
-from tests.faces.window.feeding import ArmElsewhere, Feeding, feeding
+from tests.faces.window.feeding import ArmElsewhere, FedFace
 from tests.faces.window.xvfb import virtual_screen, wait_for
 
 
-@dataclass
-class WornHeadset:
-    """A headset's process, what feeds it, what SteamVR got of it, and what it told."""
+class WornHeadset(FedFace):
+    """A headset's process, and what SteamVR got of it."""
 
-    client: FaceClient
-    block: FrameBlock
-    steamvr: SteamVr
-    feeder: Feeding
-    events: list[Event] = field(default_factory=list)
-    _index: int = 0
-
-    def put(self, frames: dict[str, Image]) -> None:
-        """New frames of views."""
-        self._index += 1
-        for view, image in frames.items():
-            self.block.put(view, self._index, self._index, image)
-
-    def show(self, facts: Facts) -> None:
-        """As by a session that lives, until others are shown."""
-        self.feeder.show(facts)
+    def __init__(self, steamvr: SteamVr, arm: ArmElsewhere | None) -> None:
+        super().__init__(FAKED, arm)
+        self.steamvr = steamvr
 
     @property
     def drawings(self) -> int:
@@ -52,31 +32,17 @@ class WornHeadset:
 @contextmanager
 def worn_headset(folder: Path, arm: ArmElsewhere | None = None) -> Iterator[WornHeadset]:
     """With the default configuration; `arm`: whose frames it shows."""
-    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    layout = RingLayout(SHOWN, OPENING.views, OPENING.width, OPENING.height)
-    block, mount = (FrameBlock(layout), None) if arm is None else (arm.block, arm.mount)
     with (
         pytest.MonkeyPatch.context() as patch,
         virtual_screen(folder, patch),
         steamvr(folder, patch) as found,
     ):
-        client = FaceClient(MonotonicClock(), FAKED)
-        client.launch(folder, headset=HeadsetConfig().model_dump())
-        client.open(config, block, blind=False, mount=mount)
-        with feeding(client) as feeder:
-            worn, stop = WornHeadset(client, block, found, feeder), threading.Event()
-            hearing = threading.Thread(target=client.body(worn.events.append), args=(stop,))
-            hearing.start()
+        worn = WornHeadset(found, arm)
+        with worn.opened(folder, headset=HeadsetConfig().model_dump()):
             assert wait_for(lambda: len(found.overlays()) > len(OPENING.views))  # and the panel
             worn.show(FACTS)
             assert wait_for(lambda: found.seen("tams.panel").size > 0)
-            try:
-                yield worn
-            finally:
-                stop.set()
-                hearing.join()
-        client.close()
-        block.close()
+            yield worn
 
 
 @pytest.fixture(scope="module")

@@ -178,7 +178,7 @@ def test_a_headset_whose_session_is_silent_says_so_and_greys_its_views(
     headset.put(pictures)
     tell(headset, FACTS)
     assert wait_for(lambda: share_of(panel(headset)[:96], LOOKS["engaged"].colour) > 0.5)
-    headset.feeder.pause()
+    headset.pause()
     assert wait_for(lambda: share_of(panel(headset)[:96], LOOKS["not live"].colour) > 0.5)
 
     def is_grey() -> bool:

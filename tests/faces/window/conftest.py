@@ -2,55 +2,33 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
-from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.faces.client import WINDOW, FaceClient
+from tams_app.faces.client import WINDOW
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import CommandRequest, Event, Facts, Keys
+from tams_app.faces.messages import CommandRequest, Event, Keys
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.faces.window.sight import PAINTED_NS
-from tams_app.records import Image
-from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
-from tests.faces.window.facts import OPENING
-from tests.faces.window.feeding import ArmElsewhere, Feeding, feeding
+from tests.faces.window.feeding import ArmElsewhere, FedFace
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
 
-@dataclass
-class ShownWindow:
-    """A window, what feeds it, and what it told."""
+class ShownWindow(FedFace):
+    """A window on its screen."""
 
-    client: FaceClient
-    block: FrameBlock
-    screen: Screen
-    feeder: Feeding
-    events: list[Event] = field(default_factory=list)
-    _index: int = 0
-    _away_ns: int = 0  # when it last had no focus, or was not seen
-
-    def put(self, frames: dict[str, Image]) -> int:
-        """New frames of views, decoded now; when that is [ns]."""
-        self._index, now_ns = self._index + 1, time.monotonic_ns()
-        for view, image in frames.items():
-            self.block.put(view, self._index, now_ns, image)
-        return now_ns
-
-    def show(self, facts: Facts) -> None:
-        """As by a session that lives, until others are shown."""
-        self.feeder.show(facts)
+    def __init__(self, screen: Screen, arm: ArmElsewhere | None) -> None:
+        super().__init__(WINDOW, arm)
+        self.screen = screen
+        self._away_ns = 0  # when it last had no focus, or was not seen
 
     def hear(self, event: Event) -> None:
-        self.events.append(event)
+        super().hear(event)
         if isinstance(event, Keys) and not event.focused:
             self._away_ns = event.t_ns
 
@@ -87,23 +65,9 @@ def shown_window(
 
     `arm`: whose frames it shows.
     """
-    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    layout = RingLayout(SHOWN, OPENING.views, OPENING.width, OPENING.height)
-    block, mount = (FrameBlock(layout), None) if arm is None else (arm.block, arm.mount)
-    client = FaceClient(MonotonicClock(), WINDOW)
-    client.launch(folder)
-    client.open(config, block, blind=False, mount=mount)
-    with feeding(client) as feeder:
-        shown, stop = ShownWindow(client, block, screen, feeder), threading.Event()
-        hearing = threading.Thread(target=client.body(shown.hear), args=(stop,))
-        hearing.start()
+    shown = ShownWindow(screen, arm)
+    with shown.opened(folder):
         screen.focus(title)
-        assert wait_for(lambda: client.keys is not None and client.keys.focused)
+        assert wait_for(lambda: shown.client.keys is not None and shown.client.keys.focused)
         time.sleep(REPEAT_NS / NS_PER_S)  # a key sooner may have been down before the focus
-        try:
-            yield shown
-        finally:
-            stop.set()
-            hearing.join()
-    client.close()
-    block.close()
+        yield shown

@@ -1,15 +1,20 @@
-"""What a session that lives tells a face again and again: facts, frames, where the arm is."""
+"""What a session that works tells a face again and again: facts, frames, where the arm is."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from tams_app.faces.client import FaceClient
-from tams_app.faces.messages import Facts
+from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.faces.client import Face, FaceClient
+from tams_app.faces.messages import Event, Facts
+from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.station.mount_memory import MountMemory
 from tams_app.units import NS_PER_MS
@@ -18,46 +23,74 @@ from tests.faces.window.facts import OPENING
 from tests.prediction.wrist import above, camera_of, lens_of, picture, placed
 
 EVERY_S = 0.05
+_LAYOUT = RingLayout(SHOWN, OPENING.views, OPENING.width, OPENING.height)
 
 
-class Feeding:
-    """Tells a face the facts that were given last; before any, nothing."""
+@contextmanager
+def in_threads(*bodies: Callable[[threading.Event], None]) -> Iterator[None]:
+    """Each in one of its own, for as long as the context lasts."""
+    stop = threading.Event()
+    threads = [threading.Thread(target=body, args=(stop,)) for body in bodies]
+    for thread in threads:
+        thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join()
 
-    def __init__(self, client: FaceClient) -> None:
-        self._client = client
+
+class FedFace:
+    """A face's process, what is told to it again and again, and what it told."""
+
+    def __init__(self, face: Face, arm: ArmElsewhere | None = None) -> None:
+        """`arm`: whose frames it shows."""
+        self.client = FaceClient(MonotonicClock(), face)
+        self._block = FrameBlock(_LAYOUT) if arm is None else arm.block
+        self._mount = None if arm is None else arm.mount
+        self.events: list[Event] = []
+        self._index = 0
         self._facts: Facts | None = None
         self._lock = threading.Lock()
-        self.stop = threading.Event()
+
+    @contextmanager
+    def opened(self, folder: Path, **specification: Any) -> Iterator[None]:
+        """With the default configuration, and this for its process."""
+        self.client.launch(folder, **specification)
+        config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
+        self.client.open(config, self._block, blind=False, mount=self._mount)
+        with in_threads(self._feed, self.client.body(self.hear)):
+            yield
+        self.client.close()
+        self._block.close()
+
+    def put(self, frames: dict[str, Image]) -> int:
+        """New frames of views, decoded now; when that is [ns]."""
+        self._index, now_ns = self._index + 1, time.monotonic_ns()
+        for view, image in frames.items():
+            self._block.put(view, self._index, now_ns, image)
+        return now_ns
+
+    def hear(self, event: Event) -> None:
+        self.events.append(event)
 
     def show(self, facts: Facts) -> None:
-        """These at once, and from now on."""
+        """These at once, and from now on, as by a session that works."""
         with self._lock:
             self._facts = facts
-            self._client.show(facts)
+            self.client.show(facts)
 
     def pause(self) -> None:
         """Nothing, until others are shown."""
         with self._lock:
             self._facts = None
 
-    def run(self) -> None:
-        while not self.stop.wait(EVERY_S):
+    def _feed(self, stop: threading.Event) -> None:
+        while not stop.wait(EVERY_S):
             with self._lock:
                 if self._facts is not None:
-                    self._client.show(self._facts)
-
-
-@contextmanager
-def feeding(client: FaceClient) -> Iterator[Feeding]:
-    """Feeds `client` for as long as the context lasts."""
-    feeder = Feeding(client)
-    thread = threading.Thread(target=feeder.run)
-    thread.start()
-    try:
-        yield feeder
-    finally:
-        feeder.stop.set()
-        thread.join()
+                    self.client.show(self._facts)
 
 
 LENS = lens_of(640, 480)
@@ -72,7 +105,7 @@ class ArmElsewhere:
 
     def __init__(self) -> None:
         self.mount = MountMemory({"eih": camera_of(640, 480)})
-        self.block = FrameBlock(RingLayout(SHOWN, OPENING.views, 640, 480))
+        self.block = FrameBlock(_LAYOUT)
         self.now = THERE
         self.shows_frames = True
 
@@ -88,12 +121,6 @@ class ArmElsewhere:
 
     @contextmanager
     def running(self) -> Iterator[None]:
-        stop = threading.Event()
-        thread = threading.Thread(target=self.run, args=(stop,))
-        thread.start()
-        try:
+        with in_threads(self.run):
             yield
-        finally:
-            stop.set()
-            thread.join()
-            self.mount.close()
+        self.mount.close()
