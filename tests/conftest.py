@@ -101,6 +101,15 @@ def _no_default_timeout():
 
 
 @pytest.fixture
+def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """That of an X server, which DISPLAY names."""
+    from tests.faces.window.xvfb import virtual_screen  # most tests need none
+
+    with virtual_screen(tmp_path, monkeypatch) as found:
+        yield found
+
+
+@pytest.fixture
 def glib_complaints() -> Iterator[list[str]]:
     """Criticals and warnings of GLib's log; a test that provokes one clears the list."""
     from tams_app import gst  # tests without GStreamer need not load it

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -20,7 +19,7 @@ from tests.calibration.phase_trials import record
 from tests.console.replay.test_replay_window import line_in_bar
 from tests.faces.played_session import window_processes
 from tests.faces.window.photographs import is_colour
-from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
+from tests.faces.window.xvfb import Screen, wait_for
 from tests.golden_logs import golden_log
 
 # a window takes keys only while it was painted within 150 ms
@@ -30,12 +29,6 @@ LAST_S = 14.0
 ROW, BAR = 659, slice(186, 1274)  # of the marks, in a window of 1280x720
 MARKED_NOW = "#E4E8EB"
 BEFORE = [Mark(2.0, Phase.REACH), Mark(3.0, Phase.ALIGN)]
-
-
-@pytest.fixture
-def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    with virtual_screen(tmp_path, monkeypatch) as found:
-        yield found
 
 
 def test_keys_mark_in_the_window_what_the_fit_reads(screen: Screen, tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from tams_app.faces.canvas import INK
 from tams_app.recording import LOG_NAME
 from tests.faces.played_session import window_processes
 from tests.faces.window.photographs import banner_is, is_colour
-from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
+from tests.faces.window.xvfb import Screen, wait_for
 from tests.golden_logs import golden_log
 
 # a window takes keys only while it was painted within 150 ms
@@ -26,12 +26,6 @@ pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 LENGTH_S = 14.0  # of the log
 BAR_LEFT, BAR_RIGHT, BAR_ROW = 186, 1274, 692  # of a window of 1280x720; the row is that of states
-
-
-@pytest.fixture
-def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    with virtual_screen(tmp_path, monkeypatch) as found:
-        yield found
 
 
 class Watched:

@@ -16,7 +16,7 @@ import pytest
 from tams_app.faces.banner import look_of
 from tams_app.records import Image
 from tests.faces.window.photographs import is_colour
-from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
+from tests.faces.window.xvfb import Screen, wait_for
 
 pytestmark = pytest.mark.waiting
 
@@ -43,12 +43,6 @@ def session_process(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
         process.send_signal(signal.SIGCONT)
         process.terminate()
         process.wait(20)
-
-
-@pytest.fixture
-def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    with virtual_screen(tmp_path, monkeypatch) as found:
-        yield found
 
 
 def test_a_window_whose_session_is_stopped_says_not_live_and_greys_itself(

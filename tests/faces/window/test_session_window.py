@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import msgspec
@@ -28,12 +28,6 @@ from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 
 # a window that does not paint for 150 ms takes no key
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
-
-
-@pytest.fixture
-def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    with virtual_screen(tmp_path, monkeypatch) as found:
-        yield found
 
 
 @pytest.fixture

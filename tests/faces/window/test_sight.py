@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import time
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +26,6 @@ from tests.faces.window.xvfb import Screen, compositor, virtual_screen, wait_for
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
 BLACK = {view: np.zeros((OPENING.height, OPENING.width, 3), np.uint8) for view in OPENING.views}
-
-
-@pytest.fixture
-def screen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Screen]:
-    with virtual_screen(tmp_path, monkeypatch) as found:
-        yield found
 
 
 def keys_of(window: ShownWindow) -> Keys:
