@@ -55,27 +55,23 @@ class Lab:
         self._operators: list[threading.Thread] = []
 
     def config(self) -> Config:
-        config = load_config(None)
-        guard = config.arm.guard.model_copy(
-            update={"heartbeat_timeout_ms": self.heartbeat_timeout_ms}
-        )
         ports = self.server.ports
-        arm = config.arm.model_copy(
-            update={
-                "control_port": ports.control,
-                "report_port": ports.report,
-                "reply_timeout_s": 0.5,
-                "ready_speed_deg_s": 30.0,
-                "guard": guard,
-            }
+        config = load_config(
+            None,
+            {
+                "arm.control_port": ports.control,
+                "arm.report_port": ports.report,
+                "arm.reply_timeout_s": 0.5,
+                "arm.ready_speed_deg_s": 30.0,
+                "controller.remote_seat": True,  # whoever runs the tests may sit elsewhere
+            },
         )
+        guard = {"heartbeat_timeout_ms": self.heartbeat_timeout_ms}
+        arm = config.arm.model_copy(update={"guard": config.arm.guard.model_copy(update=guard)})
         rig = config.rig.model_copy(update={"enabled": False})
         # a machine that stands still for a moment is not what stops the arm here
         fresh = config.freshness.model_copy(update={"arm_state_ms": 2000.0})
-        # whoever runs the tests may sit elsewhere
-        controller = config.controller.model_copy(update={"remote_seat": True})
-        changes = {"arm": arm, "rig": rig, "freshness": fresh, "controller": controller}
-        return config.model_copy(update=changes)
+        return config.model_copy(update={"arm": arm, "rig": rig, "freshness": fresh})
 
     def hold_enter(self) -> None:
         """An operator who holds Enter from now on."""
@@ -84,7 +80,7 @@ class Lab:
             while not self._ended.wait(0.03) and not self.released.is_set():
                 os.write(self.master, b"\r")
 
-        self._operates(press)
+        self.operates(press)
 
     def press(self, key: bytes, after: str) -> None:
         """An operator who presses `key` now and again once these words are on the screen."""
@@ -94,11 +90,17 @@ class Lab:
                 if after in self.screen.getvalue():
                     os.write(self.master, key)
 
-        self._operates(press)
+        self.operates(press)
 
     def until_stopped(self) -> None:
         while self.model.state != State.STOPPED:
             assert not self._ended.wait(0.02), "it never stopped"
+
+    @property
+    def moves(self) -> list[int]:
+        """The registers of all moves that were asked for."""
+        asked = [request.register for request in self.model.wire]
+        return [register for register in asked if register == Register.MOVE_JOINT]
 
     def until_moving(self) -> None:
         deadline = time.monotonic() + WITHIN_S
@@ -127,7 +129,8 @@ class Lab:
         os.close(self.master)
         os.close(self.terminal)
 
-    def _operates(self, press: Callable[[], None]) -> None:
+    def operates(self, press: Callable[[], None]) -> None:
+        """In a thread of its own."""
         self._operators.append(threading.Thread(target=press))
         self._operators[-1].start()
 
@@ -169,8 +172,7 @@ def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab, error:
 def test_another_key_ends_it_without_moving(lab: Lab) -> None:
     lab.press(b" ", after="ready pose")
     assert lab.run() == 1
-    moves = [request for request in lab.model.wire if request.register == Register.MOVE_JOINT]
-    assert moves == []
+    assert lab.moves == []
 
 
 def test_an_error_that_the_operator_does_not_clear_stays(lab: Lab) -> None:
@@ -197,11 +199,9 @@ def test_a_signal_stops_the_moving_arm_and_gives_the_terminal_back(
     handler_before = signal.signal(number, deadly)
     try:
         lab.hold_enter()
-        killer = threading.Thread(target=strike)
-        killer.start()
+        lab.operates(strike)
         with pytest.raises(TamsError, match=f"{number.name} before the arm was in its ready pose"):
             lab.run()
-        killer.join()
         assert signal.getsignal(number) is deadly
     finally:
         signal.signal(number, handler_before)
@@ -236,11 +236,9 @@ def test_an_arm_that_is_gone_on_its_way_is_told_with_the_stop_it_did_not_take(la
         lab.server.close()
 
     lab.hold_enter()
-    cut = threading.Thread(target=leave)
-    cut.start()
+    lab.operates(leave)
     with pytest.raises(DeviceError) as failed:
         lab.run()
-    cut.join()
     before, _, after = str(failed.value).partition("; and ")
     assert any(word in before for word in ("lost", "reports", "reporting", "answer", "connection"))
     assert after.startswith("the arm did not acknowledge its last stop")
@@ -284,11 +282,9 @@ def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
         os.write(lab.master, b"q")
         screen.go.set()
 
-    operator = threading.Thread(target=operate)
-    operator.start()
+    lab.operates(operate)
     lab.hold_enter()
     assert lab.run() == 1
-    operator.join()
     assert stood == [True]
 
 
@@ -297,11 +293,9 @@ def test_ctrl_s_ends_it_as_any_other_key_does(lab: Lab) -> None:
         lab.until_moving()
         os.write(lab.master, b"\x13")
 
-    operator = threading.Thread(target=press)
-    operator.start()
+    lab.operates(press)
     lab.hold_enter()
     assert lab.run() == 1
-    operator.join()
     assert lab.model.state == State.STOPPED
     assert np.abs(lab.model.joints - READY).max() > 0.1
 
@@ -373,8 +367,7 @@ def test_enter_that_was_pressed_before_the_path_was_shown_moves_nothing(lab: Lab
     lab.press(b"q", after="ready pose")
     assert lab.run() == 1
     assert screen.pressed
-    moves = [request for request in lab.model.wire if request.register == Register.MOVE_JOINT]
-    assert moves == []
+    assert lab.moves == []
 
 
 def test_home_over_ssh_moves_nothing(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
