@@ -36,8 +36,8 @@ class PlayedSession:
     mount = None  # all frames are shown as received
     recorded_mb = None
 
-    def __init__(self, folder: Path, config: str = "tams.yaml", headset: str = "never") -> None:
-        self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": headset})
+    def __init__(self, folder: Path, config: str = "tams.yaml", **overrides: object) -> None:
+        self.config = load_config(CONFIG_DIRECTORY / config, {"headset.show": "never", **overrides})
         video = self.config.video
         self.screen = FrameBlock(RingLayout(SHOWN, video.views, video.width, video.height))
         self.keyboard = KeyboardController(self.config.controller.desk, self.config.hand.rotation)

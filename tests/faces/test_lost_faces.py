@@ -42,8 +42,8 @@ def shown(
     face: str, folder: Path, do: Callable[[PlayedSession], None], config: str = "lite6.yaml"
 ) -> PlayedSession:
     """A session that is over; `do` is called once while it runs."""
-    headset = "always" if face == "headset" else "never"
-    session = PlayedSession(folder / "session", config, headset)
+    headset = {"headset.show": "always"} if face == "headset" else {}
+    session = PlayedSession(folder / "session", config, **headset)
     session.do = lambda: do(session)
     app.show_session(session, Console(quiet=True))
     assert not any(children_of(module) for module in MODULES.values())

@@ -45,7 +45,7 @@ def shown(
     folder: Path, do: Callable[[PlayedSession], None], config: str = "tams.yaml"
 ) -> PlayedSession:
     """A session with window and headset, ended; `do` is called once while it runs."""
-    session = PlayedSession(folder / "session", config, headset="always")
+    session = PlayedSession(folder / "session", config, **{"headset.show": "always"})
     session.do = lambda: do(session)
     app.show_session(session, Console(quiet=True))
     assert headset_processes() == []

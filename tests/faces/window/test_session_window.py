@@ -29,6 +29,8 @@ from tests.faces.window.xvfb import Screen, virtual_screen, wait_for
 # a window that does not paint for 150 ms takes no key
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=100)]
 
+KEYBOARD = {"controller.device": "keyboard"}
+
 
 @pytest.fixture
 def session(tmp_path: Path) -> PlayedSession:
@@ -104,7 +106,7 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
     assert window_processes() == []
 
 
-def test_a_window_that_the_operator_has_closed_shows_no_end(
+def test_closing_the_window_ends_the_session_whose_end_it_does_not_show(
     screen: Screen, session: PlayedSession
 ) -> None:
     session.do = lambda: screen.ask_to_close("TAMS")
@@ -117,6 +119,9 @@ def test_a_window_that_the_operator_has_closed_shows_no_end(
 
     app.show_session(session, Console(quiet=True), conclude=conclude)
     assert found == [(False, [])]
+    assert session.reason == "the operator closed the window"
+    assert session.failure == ""
+    assert session.done == ["arm stopped, window open"]
 
 
 class CountedTrial:
@@ -228,38 +233,14 @@ def test_every_tap_of_the_mode_s_key_toggles_it_once_however_short_it_is(
     assert (session.reason, toggled) == ("tapped", tapped)
 
 
-def test_the_keyboard_s_hand_needs_a_display(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("DISPLAY", raising=False)
-    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    session = PlayedSession(tmp_path)
-    controller = session.config.controller.model_copy(update={"device": "keyboard"})
-    session.config = session.config.model_copy(update={"controller": controller})
-    with pytest.raises(SetupError, match="--hand keyboard needs the window"):
-        app.show_session(session, Console(quiet=True))
-
-
 def test_keys_over_ssh_move_no_real_arm(
     screen: Screen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
-    session = PlayedSession(tmp_path, "lite6.yaml")
-    controller = session.config.controller.model_copy(update={"device": "keyboard"})
-    session.config = session.config.model_copy(update={"controller": controller})
+    session = PlayedSession(tmp_path, "lite6.yaml", **KEYBOARD)
     with pytest.raises(SetupError, match="the desktop is remote"):
         app.show_session(session, Console(quiet=True))
     assert window_processes() == []
-
-
-def test_closing_the_window_ends_the_session_and_the_arm_stops_first(
-    screen: Screen, session: PlayedSession
-) -> None:
-    session.do = lambda: screen.ask_to_close("TAMS")
-    show(session)
-    assert session.reason == "the operator closed the window"
-    assert session.failure == ""
-    assert session.done == ["arm stopped, window open"]
 
 
 def test_without_a_display_that_answers_one_sentence_says_what_to_do(
@@ -273,15 +254,16 @@ def test_without_a_display_that_answers_one_sentence_says_what_to_do(
     assert window_processes() == []
 
 
-def test_without_a_display_there_is_no_window(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_without_a_display_there_is_no_window_and_no_hand_of_its_keys(
+    session: PlayedSession, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    session = PlayedSession(tmp_path)
     session.do = lambda: session.end(f"{len(window_processes())} windows")
     show(session)
     assert session.reason == "0 windows"
+    with pytest.raises(SetupError, match="--hand keyboard needs the window"):
+        show(PlayedSession(tmp_path / "keyboard", **KEYBOARD))
 
 
 def test_the_size_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
