@@ -6,7 +6,6 @@ import os
 import pty
 import queue
 import select
-import subprocess
 import sys
 import termios
 import threading
@@ -209,37 +208,20 @@ def test_in_the_background_the_terminal_is_left_alone() -> None:
     assert "keys are left" in in_terminal(outer)
 
 
-def test_the_module_needs_no_terminal_to_be_imported() -> None:
-    subprocess.run(
-        [sys.executable, "-c", "import tams_app.faces.terminal.keys"],
-        cwd=PROJECT,
-        stdin=subprocess.DEVNULL,
-        check=True,
-        timeout=60,
-    )
-
-
 # --- presses --------------------------------------------------------------------------------------
 
 
-def counted(*times_ms: float) -> list[float]:
+@pytest.mark.parametrize(
+    ("times_ms", "counted"),
+    [
+        *(([5000, *range(5000 + first, 60_000, 33)], [5000]) for first in (250, 500, 660)),  # held
+        ([0, 700, 1500, 9000], [0, 700, 1500, 9000]),
+        ([0, 500, 1000, 1700], [0, 1700]),  # what is too soon puts the next one off
+        ([100, 100, 100], [100]),  # of one reading
+    ],
+)
+def test_presses_apart_count_each_and_repeats_of_a_held_key_do_not(
+    times_ms: list[int], counted: list[int]
+) -> None:
     presses = Presses()
-    return [at for at in times_ms if presses.counts(round(at * NS_PER_MS))]
-
-
-@pytest.mark.parametrize("first_repeat_ms", [250, 500, 660])
-def test_a_held_key_is_one_press(first_repeat_ms: int) -> None:
-    repeats = range(5000 + first_repeat_ms, 60_000, 33)
-    assert counted(5000, *repeats) == [5000]
-
-
-def test_presses_apart_confirm_each() -> None:
-    assert counted(0, 700, 1500, 9000) == [0, 700, 1500, 9000]
-
-
-def test_what_is_too_soon_puts_the_next_one_off() -> None:
-    assert counted(0, 500, 1000, 1700) == [0, 1700]
-
-
-def test_a_read_with_many_is_one() -> None:
-    assert counted(100, 100, 100) == [100]
+    assert [at for at in times_ms if presses.counts(at * NS_PER_MS)] == counted
