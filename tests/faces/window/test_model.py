@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import replace
@@ -99,11 +98,8 @@ def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stop
         assert not banner.key.startswith(("Release", "Press"))
 
 
-def test_every_hand_that_can_be_configured_has_its_words() -> None:
+def test_every_hand_has_its_words_and_every_state_of_the_arming_table_a_look() -> None:
     assert set(HANDS) == {*DEVICES, SIMULATED}
-
-
-def test_every_state_of_the_arming_table_has_a_look() -> None:
     assert {state.value for state in ArmingState} <= set(LOOKS)
 
 
@@ -160,7 +156,7 @@ def test_a_deadman_that_is_up_need_not_be_released_to_arm() -> None:
 @pytest.mark.parametrize("arming", LOOKS)
 def test_a_replay_is_told_apart_from_a_session_in_every_state(arming: str) -> None:
     facts = changed(FACTS, arming=arming, reason="stale video")
-    banner = banner_of(msgspec.structs.replace(facts, replay=ReplayFacts(1.0, False)))
+    banner = banner_of(replace(facts, replay=ReplayFacts(1.0, False)))
     assert banner.look.word == f"REPLAY: {LOOKS[arming].word}"
     assert banner.key == "Nothing moves · F1: keys"
     assert "follows" not in banner.sentence
@@ -278,12 +274,11 @@ def contrast(one: str, other: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-def test_no_two_views_of_the_first_six_have_one_colour() -> None:
+def test_the_first_six_views_have_colours_of_their_own_that_are_seen_on_the_window_s_ground() -> (
+    None
+):
     assert len({palette.view_colour(place) for place in range(6)}) == 6
     assert palette.view_colour(6) == palette.view_colour(0)
-
-
-def test_the_colours_of_the_views_are_seen_on_the_window_s_ground() -> None:
     for one in palette.VIEW_COLOURS:
         assert contrast(one, "#1B2127") >= 3.0  # WCAG 2.1 for graphics
 
@@ -444,12 +439,10 @@ def test_the_hand_s_rows_have_words_for_what_is_held() -> None:
 def test_a_trial_s_card_counts_its_time() -> None:
     trial = TrialFacts("P07", "trial 3 of 9", None, 120.0)
     assert trial_texts(trial)[2] == "Not begun: it begins when the arm first follows. 2:00 allowed"
-    begun = msgspec.structs.replace(trial, passed_s=71.9)
-    assert trial_texts(begun)[2] == "1:11 of 2:00"
-    over = msgspec.structs.replace(trial, passed_s=120.0)
-    assert trial_texts(over)[2] == "The time is over (2:00): Q ends the trial"
-    dropped = msgspec.structs.replace(trial, drops=2)
-    assert trial_texts(dropped)[3].startswith("Drops: 2 ")
+    assert trial_texts(replace(trial, passed_s=71.9))[2] == "1:11 of 2:00"
+    over = trial_texts(replace(trial, passed_s=120.0, drops=2))
+    assert over[2] == "The time is over (2:00): Q ends the trial"
+    assert over[3].startswith("Drops: 2 ")
 
 
 def test_a_replay_tells_where_it_is_in_how_long_a_log_and_how_it_goes() -> None:
@@ -689,31 +682,26 @@ def test_one_moment_counts_once_and_an_earlier_one_makes_what_came_later_forgott
     assert [state.t_s for state in history.states] == [-1.0]
 
 
+def went(history: History, t_s: float, jumps: int, *past: SessionState) -> list[float]:
+    """The moments that are kept once a replay is there, after so many jumps."""
+    history.add(replace(at(t_s), replay=ReplayFacts(1.0, False, jumps, None, past)))
+    return [state.t_s for state in history.states]
+
+
 def test_where_a_replay_jumps_ahead_what_was_before_is_forgotten() -> None:
     history = History()
-
-    def go_to(t_s: float, jumps: int) -> list[float]:
-        history.add(msgspec.structs.replace(at(t_s), replay=ReplayFacts(1.0, False, jumps)))
-        return [state.t_s for state in history.states]
-
-    assert go_to(1.0, 0) == [1.0]
-    assert go_to(2.0, 0) == [1.0, 2.0]
-    assert go_to(20.0, 1) == [20.0]
-    assert go_to(21.0, 1) == [20.0, 21.0]
-    assert go_to(20.5, 2) == [20.0, 20.5]
-    assert go_to(20.6, 2) == [20.0, 20.5, 20.6]
+    assert went(history, 1.0, 0) == [1.0]
+    assert went(history, 2.0, 0) == [1.0, 2.0]
+    assert went(history, 20.0, 1) == [20.0]
+    assert went(history, 21.0, 1) == [20.0, 21.0]
+    assert went(history, 20.5, 2) == [20.0, 20.5]
+    assert went(history, 20.6, 2) == [20.0, 20.5, 20.6]
 
 
 def test_after_a_jump_the_minute_before_is_what_the_log_has() -> None:
     history = History()
     history.add(at(1.0))
-    past = tuple(at(float(t_s)).state for t_s in range(20, 31))
-
-    def go_to(t_s: float, jumps: int) -> list[float]:
-        replay = ReplayFacts(1.0, False, jumps, None, past)
-        history.add(msgspec.structs.replace(at(t_s), replay=replay))
-        return [state.t_s for state in history.states]
-
-    assert go_to(30.4, 1) == [*range(20, 31), 30.4]
-    assert go_to(31.0, 1)[-2:] == [30.4, 31.0]
-    assert go_to(24.5, 2) == [*range(20, 25), 24.5]  # a jump back has it, too
+    past = [at(float(t_s)).state for t_s in range(20, 31)]
+    assert went(history, 30.4, 1, *past) == [*range(20, 31), 30.4]
+    assert went(history, 31.0, 1, *past)[-2:] == [30.4, 31.0]
+    assert went(history, 24.5, 2, *past) == [*range(20, 25), 24.5]  # a jump back has it, too
