@@ -12,13 +12,32 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
+from rich.console import Console
 
+from tams_app.console import app
 from tams_app.faces.banner import look_of
-from tams_app.records import Image
+from tams_app.records import Image, SessionState
+from tests.faces.played_session import PlayedSession
 from tests.faces.window.photographs import is_colour
 from tests.faces.window.xvfb import Screen, wait_for
 
 pytestmark = pytest.mark.waiting
+
+
+class EngagedSession(PlayedSession):
+    """The arm follows, the deadman is held, and all views have a picture."""
+
+    def state(self) -> SessionState:
+        return replace(super().state(), arming="engaged", reason="", lasting="", last_stop="")
+
+    def poll(self) -> None:
+        super().poll()
+        video = self.config.video
+        for number, view in enumerate(video.views):
+            image = np.full((video.height, video.width, 3), (60, 90, 200), np.uint8)
+            image[:, : 80 * (number + 1)] = (200, 120, 40)
+            self.screen.put(view, 1, 1, image)
 
 
 def banner_is(photograph: Image, arming: str) -> bool:
@@ -35,7 +54,7 @@ def colourfulness(photograph: Image) -> float:
 @contextmanager
 def session_process(folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.faces.window.stopped_session", str(folder / "session")]
+        [sys.executable, "-m", "tests.faces.window.test_not_live", str(folder / "session")]
     )
     try:
         yield process
@@ -62,3 +81,7 @@ def test_a_window_whose_session_is_stopped_says_not_live_and_greys_itself(
         os.kill(process.pid, signal.SIGCONT)
         assert wait_for(lambda: banner_is(screen.photograph(), "engaged"))
         assert wait_for(lambda: colourfulness(screen.photograph()) > live / 2)
+
+
+if __name__ == "__main__":  # the process of a session that is stopped
+    app.show_session(EngagedSession(Path(sys.argv[1])), Console(quiet=True))
