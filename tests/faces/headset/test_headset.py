@@ -19,6 +19,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Image, Phase
 from tests.faces.headset.conftest import WornHeadset
 from tests.faces.window.facts import FACTS, changed
+from tests.faces.window.photographs import is_colour
 from tests.faces.window.xvfb import wait_for
 
 pytestmark = pytest.mark.waiting
@@ -27,12 +28,8 @@ PLACES = ("tams.view 0", "tams.view 1", "tams.view 2")
 PANEL = "tams.panel"
 
 
-def bgr(colour: str) -> np.ndarray:
-    return np.array([round(255 * share) for share in palette.rgb(colour)][::-1], np.uint8)
-
-
 def share_of(image: Image, colour: str) -> float:
-    return float((np.abs(image.astype(int) - bgr(colour)).max(axis=2) <= 2).mean())
+    return float(is_colour(image, colour).mean())
 
 
 def frame_of(cell: Image) -> Image:

@@ -14,12 +14,10 @@ _TITLE_PX = 28  # the view's name is written over the picture's upper edge
 SAME = 8.0  # mean difference of grey levels, without what scaling adds or takes
 
 
-def bgr(colour: str) -> np.ndarray:
-    return np.array([round(255 * share) for share in palette.rgb(colour)][::-1], np.uint8)
-
-
 def is_colour(image: Image, colour: str) -> np.ndarray:
-    return (np.abs(image.astype(int) - bgr(colour)).max(axis=2) <= 2).astype(bool)
+    """Which pixels have it, shape (height, width)."""
+    bgr = np.array([round(255 * share) for share in palette.rgb(colour)][::-1], np.uint8)
+    return (np.abs(image.astype(int) - bgr).max(axis=2) <= 2).astype(bool)
 
 
 def place_of(photograph: Image, view: str) -> tuple[slice, slice] | None:

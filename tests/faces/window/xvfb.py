@@ -55,7 +55,8 @@ class Screen:
 
     def layout(self, layout: str, *options: str) -> None:
         """Set the keyboard's layouts, as `us,ru`, and options of XKB, in place of those before."""
-        self._run("setxkbmap", "-layout", layout, "-option", "", *_each("-option", options))
+        given = [word for one in options for word in ("-option", one)]
+        self._run("setxkbmap", "-layout", layout, "-option", "", *given)
 
     @contextmanager
     def keyboard_grabbed(self) -> Iterator[None]:
@@ -103,10 +104,6 @@ class Screen:
 
     def _window(self, title: str) -> str:
         return self.xdotool("search", "--sync", "--onlyvisible", "--name", title).split()[0]
-
-
-def _each(flag: str, values: tuple[str, ...]) -> list[str]:
-    return [word for value in values for word in (flag, value)]
 
 
 class _ClientMessage(ctypes.Structure):
