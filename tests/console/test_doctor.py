@@ -23,7 +23,7 @@ from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console import checks, device_checks, library_checks
 from tams_app.console.doctor import run_doctor
-from tams_app.console.findings import Finding
+from tams_app.console.findings import Check, Finding
 from tams_app.faces.window import toolkit
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
@@ -34,12 +34,9 @@ def config(**overrides: Any) -> Config:
     return load_config(None, {key.replace("__", "."): value for key, value in overrides.items()})
 
 
-def examine(*findings: Finding) -> tuple[int, list[str]]:
-    def check(_: Config) -> Iterator[Finding]:
-        yield from findings
-
+def examine(*looked_at: Check) -> tuple[int, list[str]]:
     output = io.StringIO()
-    code = run_doctor(config(), [check], console=Console(file=output, width=80))
+    code = run_doctor(config(), looked_at, console=Console(file=output, width=200))
     return code, output.getvalue().splitlines()
 
 
@@ -57,11 +54,9 @@ def test_a_program_reads_the_findings_as_one_list() -> None:
 def test_a_lack_of_something_essential_alone_fails_and_each_says_what_mends_it() -> None:
     element = "apt-get install gstreamer1.0-plugins-ugly"
     tc = Finding("tc", False, "", "apt-get install iproute2", essential=False)
-    code, lines = examine(
-        Finding("GStreamer element x264enc", False, "", element),
-        tc,
-        Finding("Home folder", True, "[home]", "never shown"),
-    )
+    x264 = Finding("GStreamer element x264enc", False, "", element)
+    home = Finding("Home folder", True, "[home]", "never shown")
+    code, lines = examine(lambda _: iter((x264, tc, home)))
     assert code == 1
     assert lines == [
         f"MISSING GStreamer element x264enc: {element}",
@@ -69,7 +64,7 @@ def test_a_lack_of_something_essential_alone_fails_and_each_says_what_mends_it()
         "ok      Home folder ([home])",
         "1 of these must be fixed before TAMS can run.",
     ]
-    code, lines = examine(tc)
+    code, lines = examine(lambda _: iter((tc,)))
     assert (code, lines[-1]) == (0, "All that TAMS needs is here.")
 
 
@@ -240,10 +235,7 @@ def test_a_check_that_fails_is_a_finding_and_the_others_are_made() -> None:
         yield Finding("Drive", True)
         raise TypeError("no such thing")
 
-    output = io.StringIO()
-    looked_at = [broken_drive, checks.home_folder]
-    code = run_doctor(config(), looked_at, console=Console(file=output, width=200))
-    first, second, third, _ = output.getvalue().splitlines()
+    code, (first, second, third, _) = examine(broken_drive, checks.home_folder)
     assert code == 1
     assert first.startswith("ok      Drive")
     assert second.startswith("MISSING Check of broken drive (TypeError: no such thing): ")

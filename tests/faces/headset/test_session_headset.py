@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import openvr
-import psutil
 import pytest
 from rich.console import Console
 
@@ -37,10 +36,6 @@ def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SteamVr]:
         yield fake
 
 
-def headset_processes() -> list[psutil.Process]:
-    return children_of(FAKED.module)
-
-
 def shown(
     folder: Path, do: Callable[[PlayedSession], None], config: str = "tams.yaml"
 ) -> PlayedSession:
@@ -48,7 +43,7 @@ def shown(
     session = PlayedSession(folder / "session", config, **{"headset.show": "always"})
     session.do = lambda: do(session)
     app.show_session(session, Console(quiet=True))
-    assert headset_processes() == []
+    assert children_of(FAKED.module) == []
     return session
 
 

@@ -11,7 +11,7 @@ from tams_app.faces.headset.painting import SENTENCE_LINES, wrapped
 from tams_app.faces.headset.wording import panel_words
 from tams_app.faces.messages import Notice, TrialFacts
 from tams_app.faces.session_face import facts_of
-from tams_app.records import EpisodesState, ViewState
+from tams_app.records import EpisodesState
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
@@ -77,5 +77,4 @@ def test_what_was_said_last_is_below_but_for_an_episode_that_begins() -> None:
 def test_in_a_trial_it_tells_who_and_the_time_and_no_rate_or_age() -> None:
     trial = TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
     facts = facts_of(STATE, (), trial)
-    assert set(facts.state.views.values()) == {ViewState(None, None, None, None, None)}
     assert panel_words(facts, "openvr").note == "P01 · trial 2 of 9 · 0:03 of 2:00"
