@@ -53,10 +53,7 @@ class EndedSession:
 
 
 def keys(active):
-    def read(session: object, stack: ExitStack, trial: object) -> bool:
-        return active
-
-    return read
+    return lambda _session, _stack, _trial: active
 
 
 @pytest.fixture

@@ -120,12 +120,6 @@ def test_the_doctor_names_each_view_without_a_camera() -> None:
     assert all("SET-" in finding.fix for finding in missing)
 
 
-def test_a_test_pattern_is_a_camera_like_any_other() -> None:
-    pattern = {"source": "pattern"}
-    settings = hardware(cameras={"eih": pattern, "gt": pattern, "gs": pattern})
-    assert all(finding.ok for finding in device_checks.cameras(settings))
-
-
 def test_a_camera_whose_frames_arrive_damaged_fails_with_their_number(tmp_path: Path) -> None:
     mjpeg(tmp_path / "bad.mkv", 30, cut, range(1, 30, 2))
     bad, pattern = {"source": "file", "file": str(tmp_path / "bad.mkv")}, {"source": "pattern"}

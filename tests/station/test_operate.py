@@ -255,11 +255,6 @@ def start(
     return str(refusal.value)
 
 
-def test_a_simulated_operator_refuses_a_real_robot(robot, endpoint, tmp_path):
-    robot(welcome(simulated=False))
-    assert "the robot there is real" in start(endpoint, tmp_path)
-
-
 @pytest.mark.parametrize("is_real", [True, False])
 def test_keys_of_a_remote_seat_are_refused_where_the_robot_there_is_real(
     robot, endpoint, tmp_path, monkeypatch, is_real
@@ -281,25 +276,26 @@ def test_keys_of_a_remote_seat_are_refused_where_the_robot_there_is_real(
     assert bool(called) is not is_real
 
 
-def test_a_robot_with_other_views_is_refused_in_a_sentence(robot, endpoint, tmp_path):
-    video = {**load_config().video.model_dump(mode="json"), "views": ["left", "right"]}
-    robot(welcome(video=video))
-    assert "the robot's side has the views left, right" in start(endpoint, tmp_path)
+OTHER_VIEWS = {**load_config().video.model_dump(mode="json"), "views": ["left", "right"]}
 
 
 @pytest.mark.parametrize(
-    "content",
+    ("content", "sentence"),
     [
-        welcome(protocol=PROTOCOL + 1),
-        b"\x91\x01",
-        welcome(video={"width": "wide"}),
-        welcome(workspace={"floor_mm": "low"}),
+        (welcome(simulated=False), "the robot there is real"),  # of a simulated operator
+        (welcome(video=OTHER_VIEWS), "the robot's side has the views left, right"),
+        (welcome(protocol=PROTOCOL + 1), "install the same"),
+        (b"\x91\x01", "install the same"),
+        (welcome(video={"width": "wide"}), "install the same"),
+        (welcome(workspace={"floor_mm": "low"}), "install the same"),
     ],
-    ids=["protocol", "message", "video", "workspace"],
+    ids=["real", "views", "protocol", "message", "video", "workspace"],
 )
-def test_a_robot_of_another_version_is_refused_in_a_sentence(robot, endpoint, tmp_path, content):
+def test_a_robot_that_cannot_be_followed_is_refused_in_a_sentence(
+    robot, endpoint, tmp_path, content, sentence
+):
     robot(content)
-    assert "install the same" in start(endpoint, tmp_path)
+    assert sentence in start(endpoint, tmp_path)
 
 
 def test_a_recorded_hand_which_sees_nothing_is_refused(endpoint, tmp_path):

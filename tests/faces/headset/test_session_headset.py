@@ -87,11 +87,7 @@ def test_a_steamvr_that_refuses_the_overlays_on_the_way_fails_the_session(
 
 
 def launch(folder: Path) -> None:
-    client = FaceClient(MonotonicClock(), FAKED)
-    try:
-        client.launch(folder, headset=HeadsetConfig().model_dump())
-    finally:
-        client.close()
+    FaceClient(MonotonicClock(), FAKED).launch(folder, headset=HeadsetConfig().model_dump())
 
 
 def test_without_steamvr_one_sentence_says_what_to_do(
