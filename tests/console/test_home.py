@@ -31,6 +31,7 @@ from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.robot import guarding
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_S
+from tests.console.test_dialogue import Screen
 from tests.faults.wire import TappedModel
 
 # Half of the shortest limit here, 400 ms without a beat.
@@ -347,26 +348,17 @@ def test_sigusr1_stops_the_arm_at_once_also_while_the_keys_are_not_read(
     assert stopped == [True]
 
 
-class PressedBefore(io.StringIO):
-    """Enter is pressed many times on the terminal as soon as the arm is being connected to."""
-
-    def __init__(self, terminal: int) -> None:
-        super().__init__()
-        self._terminal = terminal
-        self.pressed = False
-
-    def write(self, text: str) -> int:
-        if "Connecting" in text:
-            os.write(self._terminal, b"\r" * 40)
-            self.pressed = True
-        return super().write(text)
-
-
 def test_enter_that_was_pressed_before_the_path_was_shown_moves_nothing(lab: Lab) -> None:
-    screen = lab.screen = PressedBefore(lab.master)
+    screen, pressed = Screen(), list[int]()
+
+    def press(text: str) -> None:
+        if "Connecting" in text:
+            pressed.append(os.write(lab.master, b"\r" * 40))
+
+    lab.screen, screen.on_text = screen, press
     lab.press(b"q", after="ready pose")
     assert lab.run() == 1
-    assert screen.pressed
+    assert pressed
     assert lab.moves == []
 
 
