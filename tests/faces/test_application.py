@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import socket
-import threading
 from collections.abc import Iterator
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -17,14 +17,6 @@ from tams_app.faces.commands import Command
 from tams_app.faces.messages import LONGEST, CommandRequest, Event, Keys
 
 pytestmark = pytest.mark.untimed
-
-
-@dataclass
-class Side:
-    """What the process of a face was started with."""
-
-    specification: dict[str, Any]
-    stop_requested: threading.Event = field(default_factory=threading.Event)
 
 
 @dataclass
@@ -66,7 +58,8 @@ def ends() -> Iterator[Ends]:
     for end in (ours, theirs):
         end.setblocking(False)
     descriptor = theirs.detach()
-    with ours, closing(Application(Side({"socket": descriptor}))) as face:  # type: ignore[arg-type]
+    side: Any = SimpleNamespace(specification={"socket": descriptor})
+    with ours, closing(Application(side)) as face:
         yield Ends(face, descriptor, ours)
 
 
