@@ -206,18 +206,10 @@ def test_two_origins_in_one_request_are_one_too_many() -> None:
     assert refusal(twice, ["file://", "https://evil.example"], 0) is not None
 
 
-def test_a_port_in_use_is_told_in_one_sentence_before_anything_is_made() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
-        config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
-        with pytest.raises(SetupError, match=f"nothing can connect at 127.0.0.1:{port} .*in use"):
-            check_viewers(config)
-
-
 def test_a_log_whose_viewers_cannot_be_served_leaves_nothing_open(tmp_path: Path) -> None:
     with (
         socket.create_server(("127.0.0.1", 0)) as taken,
-        pytest.raises(SetupError, match="nothing can connect"),
+        pytest.raises(SetupError, match=r"nothing can connect at 127\.0\.0\.1:\d+ .*in use"),
     ):
         recorder(tmp_path / "session.mcap", taken.getsockname()[1])
 
