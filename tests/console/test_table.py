@@ -10,15 +10,7 @@ from rich.console import Console
 
 from tams_app.console.summary_tables import summary_tables
 from tams_app.recording import SessionLog
-from tams_app.records import (
-    CameraRates,
-    Episode,
-    FrameQuality,
-    Outcome,
-    Phase,
-    PhaseChange,
-    StopRecord,
-)
+from tams_app.records import CameraRates, Episode, FrameQuality, Phase, PhaseChange, StopRecord
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header
@@ -183,12 +175,6 @@ def test_a_view_that_froze_is_named_with_how_often_and_the_longest() -> None:
     ]
     (line,) = (line for line in printed(log, 80).splitlines() if line.startswith("Freezes"))
     assert line.split(maxsplit=1)[1].strip() == "GT 2, longest 2.5 s"
-
-
-def test_a_failed_trial_says_so() -> None:
-    log = Synthetic(1.0).log()
-    log.outcome = Outcome(False, False, None, 3, "time is over")
-    assert "not completed, drops: 3 (time is over)" in printed(log)
 
 
 def test_what_was_not_measured_is_a_dash_and_no_error() -> None:
