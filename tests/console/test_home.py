@@ -170,12 +170,6 @@ def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab, error:
     assert not {t.name for t in threading.enumerate()} & {"arm-sender", "arm-stop", "arm-report"}
 
 
-def test_another_key_ends_it_without_moving(lab: Lab) -> None:
-    lab.press(b" ", after="ready pose")
-    assert lab.run() == 1
-    assert lab.moves == []
-
-
 def test_an_error_that_the_operator_does_not_clear_stays(lab: Lab) -> None:
     with lab.server.lock:
         lab.model.raise_error(ErrorCode.COLLISION)
