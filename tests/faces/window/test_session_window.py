@@ -291,12 +291,6 @@ def test_the_size_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
             show(session)
 
 
-def test_the_window_is_told_what_the_session_knows_and_what_to_do() -> None:
-    facts = facts_of(STATE, ())
-    assert facts.advice.startswith("The video is too old to steer by")
-    assert facts.state is STATE
-
-
 def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
     moving = msgspec.structs.replace(STATE, joints_urad=(1,) * 6, joints_ns=2, speed_scale=0.5)
     facts = facts_of(moving, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
