@@ -283,18 +283,6 @@ def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
     assert stood == [True]
 
 
-def test_ctrl_s_ends_it_as_any_other_key_does(lab: Lab) -> None:
-    def press() -> None:
-        lab.until_moving()
-        os.write(lab.master, b"\x13")
-
-    lab.operates(press)
-    lab.hold_enter()
-    assert lab.run() == 1
-    assert lab.model.state == State.STOPPED
-    assert np.abs(lab.model.joints - READY).max() > 0.1
-
-
 @pytest.mark.parametrize("since", ["Releasing", "Moving"])
 def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
     lab: Lab, monkeypatch: pytest.MonkeyPatch, since: str
