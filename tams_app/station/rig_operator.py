@@ -38,12 +38,9 @@ class RigOperator:
     ) -> None:
         """`world_memory`: of the rig; "": it is not here, so that they must see.
 
-        `confirms`: the operator arms the arm by the menu button.
-
         `screen`: where the frames shown are put, for an operator who looks at them; `mount`: that
-        of the cameras whose frames are corrected.
-
-        `on_glance` and `on_failure` are called in a thread of their own.
+        of the cameras whose frames are corrected. `confirms`: the operator arms the arm by the menu
+        button. `on_glance` and `on_failure` are called in a thread of their own.
         """
         self.kind = config.rig.operator.kind if world_memory else "seeing"
         sees = self.kind == "seeing"

@@ -64,6 +64,7 @@ class ReplaySession:
 
     keyboard: KeyboardController | None = None
     mount: MountMemory | None = None  # pictures are shown as received
+    recorded_mb: float | None = None  # it records nothing
     failure = ""
 
     def __init__(
@@ -178,10 +179,6 @@ class ReplaySession:
 
     def note(self, level: str, text: str) -> None:
         self.sentences.note(text)
-
-    @property
-    def recorded_mb(self) -> None:
-        """It records nothing."""
 
     def stop_arm(self) -> None:
         """There is none."""
