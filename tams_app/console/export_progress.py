@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.progress import Progress
 
 from tams_app.printing import Console
 
@@ -11,16 +11,7 @@ class ExportProgress(Progress):
     """A bar of the frames written; on no terminal the sentences alone."""
 
     def __init__(self, console: Console) -> None:
-        super().__init__(
-            TextColumn("frames"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
+        super().__init__(console=console, transient=True, disable=not console.is_terminal)
         self._frames = self.add_task("frames", total=None)  # while the logs are read
 
     def notify(self, text: str) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from tams_app.config import load_config
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import STRATEGIES, ladder, make_strategy
-from tams_app.policy.sharing import allocate
+from tams_app.policy.strategy import allocate
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
