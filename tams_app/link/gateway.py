@@ -72,16 +72,16 @@ class LinkEvent(msgspec.Struct, frozen=True):
     did. refusal: who called the robot's side in vain, and why.
     """
 
-    connected: bool = False
-    sessions: int = 0
-    left: bool = False
-    busy: bool = False
-    operator: str = ""
-    revoked: bool = False
-    renewals: int = 0
-    address: str = ""
-    counts: dict[str, int] = {}
-    welcome: bytes | None = None
+    connected: bool
+    sessions: int
+    left: bool
+    busy: bool
+    operator: str
+    revoked: bool
+    renewals: int
+    address: str
+    counts: dict[str, int]
+    welcome: bytes | None
     introduction: bytes = b""
     refusal: str = ""
 

@@ -53,6 +53,20 @@ class Received:
     content: bytes
 
 
+NO_EVENT = LinkEvent(
+    connected=False,
+    sessions=0,
+    left=False,
+    busy=False,
+    operator="",
+    revoked=False,
+    renewals=0,
+    address="",
+    counts={},
+    welcome=None,
+)
+
+
 class Gateway:
     """One gateway process. `launch`, `wait_ready`; `receive` and `send` from one thread; `close`.
 
@@ -67,7 +81,7 @@ class Gateway:
         log_directory: Path | None,
     ) -> None:
         """`welcome`: what the other side is told when the link begins; an operator's is short."""
-        self.event = LinkEvent()
+        self.event = NO_EVENT
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
         # messages whole, and the end of either side is a broken pipe or an empty read for the other

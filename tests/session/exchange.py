@@ -6,8 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import Received
+from tams_app.link.gateway_client import NO_EVENT, Received
 from tams_app.runtime.clock import VirtualClock
 
 
@@ -15,7 +17,7 @@ class MemoryGateway:
     """What `Gateway` is to an application; `other` is the one at the other computer."""
 
     def __init__(self, clock: VirtualClock) -> None:
-        self.event = LinkEvent(connected=True)
+        self.event: LinkEvent = msgspec.structs.replace(NO_EVENT, connected=True)
         self.entrance_port = 4242
         self.other: MemoryGateway | None = None
         self.session = 1
