@@ -14,7 +14,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
@@ -29,6 +28,7 @@ from benchmarks.measures import (
 )
 from benchmarks.runs import Run, run_session
 from tams_app.config import DEFAULT_CONFIG
+from tams_app.printing import Console
 
 # three views at 1500 kbit/s each, nothing but loopback in between
 LOOPBACK = f"""version: 1

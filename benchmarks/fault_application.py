@@ -72,7 +72,7 @@ class SteadyHand(Controller):
         self._last_ns = now_ns
         self._position = self._position + self._from_base @ self.velocity * elapsed_s
         pose = Pose(self._position + self._random.uniform(-2e-5, 2e-5, 3), Rotation.identity())
-        return ControllerSample(ControllerStatus.OK, pose, now_ns, now_ns, self.trigger)
+        return ControllerSample.released(ControllerStatus.OK, pose, now_ns, now_ns, self.trigger)
 
     def pulse(self, haptic: Haptic) -> None:
         """Not felt here."""

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import Console
 from rich.table import Table
 
 from benchmarks.fault_controller import CYCLE, CYCLES, EVENT, EVENTS, Kind, Trace
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig
+from tams_app.printing import Console
 from tams_app.runtime.process import HelperProcess
 
 RESULTS = Path(__file__).parent / "results" / "faults.json"

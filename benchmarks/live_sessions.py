@@ -16,10 +16,10 @@ from pathlib import Path
 from statistics import median
 from typing import Literal
 
-from rich.console import Console
 from rich.table import Table
 
 from benchmarks.runs import Run, run_session
+from tams_app.printing import Console
 
 GUARD = "guard"
 

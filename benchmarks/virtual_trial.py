@@ -19,13 +19,13 @@ from typing import Any
 
 import cv2
 import numpy as np
-from rich.console import Console
 from rich.table import Table
 
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.world.camera_images import CameraImages
 from tams_app.config import load_config
+from tams_app.printing import Console
 from tams_app.recording.writer import DirectRecorder
 from tams_app.robot.control import ControlLoop
 from tams_app.robot.observers import TRIAL_RATE_HZ, TrialObserver

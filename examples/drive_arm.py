@@ -20,18 +20,18 @@ def show(what: str) -> None:
 
 
 arm.connect()
-arm.advance(100 * NS_PER_MS)
+clock.advance_ns(100 * NS_PER_MS)
 show("factory home")
 
 arm.begin_move_to_joints(list(np.radians(config.arm.ready_joints_deg)), speed=0.5)  # [rad/s]
-arm.advance(5_000 * NS_PER_MS)
+clock.advance_ns(5_000 * NS_PER_MS)
 show("ready pose")
 
 arm.enable()
 upwards = Twist(linear=(0.0, 0.0, 0.05), angular=(0.0, 0.0, 0.0))  # [m/s], [rad/s]
 for _ in range(120):  # one second at 120 Hz: a velocity counts for `arm.duration_s` only
     arm.send_twist(upwards)
-    arm.advance(1000 * NS_PER_MS // 120)
+    clock.advance_ns(1000 * NS_PER_MS // 120)
 show("about 5 cm higher")
 
 arm.stop()

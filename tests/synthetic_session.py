@@ -78,7 +78,7 @@ def tick(number: int, late_ns: int = 0, cost_ns: int = 400_000, skipped: int = 0
         np.array([0.35, 0.01 * np.sin(number / 30), 0.18]), Rotation.from_quat([1, 0, 0, 0])
     )
     twist = Twist(np.array([0.1, 0.0123456789, 0.0]), np.zeros(3))
-    hand = ControllerSample(ControllerStatus.OK, pose, due_ns, due_ns, 0.9)
+    hand = ControllerSample.released(ControllerStatus.OK, pose, due_ns, due_ns, 0.9)
     arm = ArmState(
         due_ns - NS_PER_MS,
         np.linspace(0, 1, 6) * 0.7,

@@ -19,12 +19,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
 from benchmarks.experiments.ablation_cells import Cell, product_cell
 from benchmarks.experiments.ablation_table import FactorRange, Figures, Row, ranges, rows
 from benchmarks.experiments.ablation_trials import Trial, plan, record_hands, run
+from tams_app.printing import Console
 from tams_app.study.runner import machine
 from tams_app.study.unattended import TrialsProgress
 

@@ -22,7 +22,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
@@ -34,6 +33,7 @@ from benchmarks.experiments.agreement_verdicts import (
     compare,
     overall,
 )
+from tams_app.printing import Console
 from tams_app.study.runner import machine
 
 RESULTS = Path(__file__).parent / "results" / "agreement.json"

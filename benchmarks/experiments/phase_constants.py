@@ -14,13 +14,13 @@ import argparse
 import math
 from pathlib import Path
 
-from rich.console import Console
 from rich.table import Table
 
 from calibration.phases.labels import LabelRules
 from calibration.phases.sources import logged_trials
 from calibration.phases.trials import PHASES, Scores, infer, score
 from tams_app.config import PhasesConfig, load_config
+from tams_app.printing import Console
 
 
 def variants() -> dict[str, PhasesConfig]:

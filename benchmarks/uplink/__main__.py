@@ -21,7 +21,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
@@ -40,6 +39,7 @@ from benchmarks.uplink.encoded import Result, Sender, mean_result, run_encoded
 from benchmarks.uplink.measures import Measures, run_all
 from tams_app.config import Network
 from tams_app.errors import TamsError
+from tams_app.printing import Console
 from tams_app.study.unattended import TrialsProgress
 
 COLUMNS = {

@@ -116,10 +116,12 @@ class KeyboardController(Controller):
             self._amounts = self._taps.step(now_ns, held)
         if not self._started:
             self._pose_ns = self._buttons_ns = 0
-            return ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+            return ControllerSample.released(ControllerStatus.DISCONNECTED)
         if held is None or not held.focused:
             self._hand, self._pose = VirtualHand(self._config, self._rotation), None
-            return ControllerSample(ControllerStatus.STANDBY, None, self._pose_ns, self._buttons_ns)
+            return ControllerSample.released(
+                ControllerStatus.STANDBY, None, self._pose_ns, self._buttons_ns
+            )
         asked = deflection_of(held.keys, held.presses, self._amounts)
         self._buttons_ns = max(self._buttons_ns, min(now_ns, held.t_ns + LATE_NS))
         if now_ns - held.t_ns <= SILENT_NS + LATE_NS or self._pose is None:
@@ -133,6 +135,7 @@ class KeyboardController(Controller):
             grip=float(asked.grip),
             a=asked.a,
             b=asked.b,
+            menu=False,
             presses=asked.presses,
         )
 

@@ -19,7 +19,7 @@ from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 
 _STATUSES = {status.value: status for status in ControllerStatus}
-_LOST = ControllerSample(ControllerStatus.LINK_LOST, None, 0, 0)
+_LOST = ControllerSample.released(ControllerStatus.LINK_LOST)
 _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _GAP = replace(_LOST, status=ControllerStatus.LINK_GAP)
 _AWAY = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)

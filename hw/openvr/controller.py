@@ -30,7 +30,7 @@ POLL_RATE_HZ = 250
 START_TIMEOUT_S = 15.0  # the runtime's own library may wait for its server
 THREAD_NAME = "openvr-poll"
 _WAITING_PULSES = 8
-_NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+_NOTHING = ControllerSample.released(ControllerStatus.DISCONNECTED)
 
 
 class OpenVrController(Controller):
@@ -150,5 +150,7 @@ class OpenVrController(Controller):
         """From now on give no pose, everything released, the times as they were."""
         last = self._readings.latest() or _NOTHING
         self._readings.put(
-            ControllerSample(ControllerStatus.DISCONNECTED, None, last.pose_ns, last.buttons_ns)
+            ControllerSample.released(
+                ControllerStatus.DISCONNECTED, None, last.pose_ns, last.buttons_ns
+            )
         )

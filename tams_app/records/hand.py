@@ -51,16 +51,26 @@ class ControllerSample:
     pose: Annotated[Pose | None, "of the controller, tracking frame; null: not valid"]
     pose_ns: Annotated[int, "when the value of the pose last changed [ns]"]
     buttons_ns: Annotated[int, "until when the buttons are known [ns]"]
-    trigger: Annotated[float, "how far it is pressed, 0 to 1: deadman and clutch"] = 0.0
-    grip: Annotated[float, "how far it is pressed, 0 to 1: toggles translation and orientation"] = (
-        0.0
-    )
-    a: Annotated[bool, "button that closes the gripper"] = False
-    b: Annotated[bool, "button that opens the gripper"] = False
-    menu: Annotated[bool, "button; held for 1 s: confirm, clicked: emergency stop"] = False
+    trigger: Annotated[float, "how far it is pressed, 0 to 1: deadman and clutch"]
+    grip: Annotated[float, "how far it is pressed, 0 to 1: toggles translation and orientation"]
+    a: Annotated[bool, "button that closes the gripper"]
+    b: Annotated[bool, "button that opens the gripper"]
+    menu: Annotated[bool, "button; held for 1 s: confirm, clicked: emergency stop"]
     presses: Annotated[
         Presses, "how often each button has gone down since its device was read first"
     ] = Presses()
+
+    @classmethod
+    def released(
+        cls,
+        status: ControllerStatus,
+        pose: Pose | None = None,
+        pose_ns: int = 0,
+        buttons_ns: int = 0,
+        trigger: float = 0.0,
+    ) -> ControllerSample:
+        """No button is down, unless it is the trigger; such as one of a controller that is away."""
+        return cls(status, pose, pose_ns, buttons_ns, trigger, 0.0, a=False, b=False, menu=False)
 
     @property
     def pressed(self) -> tuple[str, ...]:

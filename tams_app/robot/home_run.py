@@ -51,7 +51,7 @@ class EnterKey(Controller):
 
     def sample(self, now_ns: int) -> ControllerSample:
         pressed, status = float(self._pressed), ControllerStatus.OK
-        return ControllerSample(status, _POSE, now_ns, now_ns, pressed)
+        return ControllerSample.released(status, _POSE, now_ns, now_ns, pressed)
 
     def start(self) -> None:
         """The terminal is open already."""

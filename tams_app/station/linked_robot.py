@@ -50,7 +50,7 @@ _TAKEN_WITHIN_NS = 2 * _TICK_NS  # a sample that was received by the tick that a
 _JOINTS = 6
 _WAYS = 30  # half a second of states
 _HAPTICS = {haptic.value: haptic for haptic in Haptic}
-_AWAY = ControllerSample(ControllerStatus.OPERATOR_AWAY, None, 0, 0)
+_AWAY = ControllerSample.released(ControllerStatus.OPERATOR_AWAY)
 _FAILED = replace(_AWAY, status=ControllerStatus.DISCONNECTED)
 _ASLEEP = replace(_AWAY, status=ControllerStatus.LINK_LOST)
 _ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts as fresh

@@ -26,7 +26,7 @@ from tests.robot.test_parts import arm_at, output
 pytestmark = pytest.mark.untimed
 
 WEIGHTS = WeightMatrix(load_config().policy.weights.matrix)
-UP = ControllerSample(ControllerStatus.OK, None, 0, 0)
+UP = ControllerSample.released(ControllerStatus.OK)
 
 
 NO_FRAMES = SimpleNamespace(age_ns=lambda view, now_ns: None)

@@ -90,7 +90,10 @@ def reading(number: int, **changes) -> tuple[int, ControllerSample]:
         "pose_ns": t_ns - NS_PER_MS,
         "buttons_ns": t_ns,
         "trigger": 1.0,
+        "grip": 0.0,
         "a": number >= 3,
+        "b": False,
+        "menu": False,
     }
     return t_ns, ControllerSample(**{**fields, **changes})
 

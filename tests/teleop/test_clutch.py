@@ -16,7 +16,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting
 
-IDLE = ControllerSample(ControllerStatus.OK, Pose(np.zeros(3), Rotation.identity()), 0, 0)
+IDLE = ControllerSample.released(ControllerStatus.OK, Pose(np.zeros(3), Rotation.identity()), 0, 0)
 
 
 class Finger:

@@ -20,7 +20,7 @@ PLAIN = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 def sample(position: object, pose_ns: int, rotation: Rotation | None = None) -> ControllerSample:
     pose = Pose(np.array(position, dtype=float), rotation or Rotation.identity())
-    return ControllerSample(ControllerStatus.OK, pose, pose_ns, pose_ns, 1.0)
+    return ControllerSample.released(ControllerStatus.OK, pose, pose_ns, pose_ns, 1.0)
 
 
 @pytest.fixture(autouse=True)
@@ -148,7 +148,7 @@ def test_a_pose_is_frozen_from_the_limit_on() -> None:
 def test_a_pose_that_comes_back_after_anchoring_without_one_moves_nothing() -> None:
     hand = motion()
     lost = sample((0, 0, 0), 0)
-    hand.anchor(ControllerSample(lost.status, None, 0, 0, 1.0))
+    hand.anchor(ControllerSample.released(lost.status, None, 0, 0, 1.0))
     assert hand.update(sample((0.5, 0, 0), 8 * NS_PER_MS), 8 * NS_PER_MS, 1.0).is_zero
     twist = hand.update(sample((0.5016, 0, 0), 16 * NS_PER_MS), 16 * NS_PER_MS, 1.0)
     assert twist.linear[0] == pytest.approx(0.2)

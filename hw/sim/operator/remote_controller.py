@@ -122,7 +122,7 @@ class RemoteController(Controller):
         self._taken_up = False
         self._number = -1  # of the newest sample
         self._met = 0  # requests, when it was taken
-        self._last = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+        self._last = ControllerSample.released(ControllerStatus.DISCONNECTED)
 
     def hide(self) -> None:
         """Take the memory's name away, once the publisher works: nothing is left behind then."""
@@ -171,7 +171,7 @@ class RemoteController(Controller):
         return self._asked.written()
 
     def _away(self, status: ControllerStatus) -> ControllerSample:
-        return ControllerSample(status, None, self._last.pose_ns, self._last.buttons_ns)
+        return ControllerSample.released(status, None, self._last.pose_ns, self._last.buttons_ns)
 
     def _read(self) -> bool:
         """Take the newest sample; whether there was a new one."""

@@ -83,7 +83,7 @@ class VirtualController(Controller):
         self._noise: NDArray[np.float64] = np.zeros(6)
         self._noise_ns = 0
         self._started = False
-        self._last = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+        self._last = ControllerSample.released(ControllerStatus.DISCONNECTED)
 
     def start(self) -> None:
         self._started = True
@@ -91,7 +91,9 @@ class VirtualController(Controller):
     def sample(self, now_ns: int) -> ControllerSample:
         if not self._started:
             pose_ns, buttons_ns = self._last.pose_ns, self._last.buttons_ns
-            return ControllerSample(ControllerStatus.DISCONNECTED, None, pose_ns, buttons_ns)
+            return ControllerSample.released(
+                ControllerStatus.DISCONNECTED, None, pose_ns, buttons_ns
+            )
         self.operator.step(now_ns)
         self._last = self._read(now_ns)
         return self._last

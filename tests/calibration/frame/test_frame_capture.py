@@ -28,7 +28,7 @@ class Player:
         if status is not ControllerStatus.OK:
             pose = None
         pose_ns = self.now_ns if new_pose else self.now_ns - STEP_NS
-        sample = ControllerSample(status, pose, pose_ns, self.now_ns, trigger)
+        sample = ControllerSample.released(status, pose, pose_ns, self.now_ns, trigger)
         return self.capture.take(sample, self.now_ns)
 
 

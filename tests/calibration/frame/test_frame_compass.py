@@ -20,7 +20,7 @@ def lit_by(velocity, hand, seconds=0.5):
     for number in range(round(seconds * 120)):
         now_ns += NS_PER_S // 120
         pose = Pose(velocity * number / 120, Rotation.identity())
-        sample = ControllerSample(ControllerStatus.OK, pose, now_ns, now_ns, 1)
+        sample = ControllerSample.released(ControllerStatus.OK, pose, now_ns, now_ns, 1)
         compass.update(sample, now_ns, held=True)
     return compass
 

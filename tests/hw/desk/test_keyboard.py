@@ -98,7 +98,9 @@ def test_a_window_without_focus_is_laid_down_and_with_it_again_a_hand_that_rests
     assert before.pose is not None
     assert before.pose.position.any()
     keyboard.feed(held("shift", "w", "m", "c", "o", focused=False, t_ns=t_ns + 1))
-    assert keyboard.sample(t_ns + 1) == ControllerSample(ControllerStatus.STANDBY, None, t_ns, t_ns)
+    assert keyboard.sample(t_ns + 1) == ControllerSample.released(
+        ControllerStatus.STANDBY, None, t_ns, t_ns
+    )
     keyboard.feed(held("shift", "w", t_ns=t_ns + 2))
     again = keyboard.sample(t_ns + 2)
     assert again.pose is not None

@@ -132,7 +132,7 @@ def test_an_axis_moves_the_arm_along_the_same_axis_of_its_base(axis: int) -> Non
     for number in range(200):
         now_ns = (number + 1) * TICK_NS
         pose = hand.step(now_ns, asked)
-        sample = ControllerSample(ControllerStatus.OK, pose, now_ns, now_ns, 1.0)
+        sample = ControllerSample.released(ControllerStatus.OK, pose, now_ns, now_ns, 1.0)
         if number == 0:
             motion.anchor(sample)
         twist = motion.update(sample, now_ns, TICK_NS / NS_PER_S)

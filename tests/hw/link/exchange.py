@@ -68,7 +68,7 @@ class FarHand:
         if not self.buttons_frozen:
             self._buttons_ns = now_ns
         position = self.position - self.velocity * (self.pose_age_ns / NS_PER_S)
-        return ControllerSample(
+        return ControllerSample.released(
             self.status,
             Pose(position, Rotation.identity()) if self.tracked else None,
             self._pose_ns,

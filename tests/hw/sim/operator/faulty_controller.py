@@ -9,7 +9,7 @@ from hw.sim.operator.virtual_controller import Holder, VirtualController, rig_wi
 from tams_app.config import OperatorConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 
-NOTHING = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+NOTHING = ControllerSample.released(ControllerStatus.DISCONNECTED)
 
 
 class SensorFault(Enum):

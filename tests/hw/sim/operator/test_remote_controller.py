@@ -30,7 +30,9 @@ class Held(Controller):
         self.calls.append("start")
 
     def sample(self, now_ns: int) -> ControllerSample:
-        return ControllerSample(ControllerStatus.OK, None, now_ns, now_ns, 1.0, a=True)
+        return ControllerSample(
+            ControllerStatus.OK, None, now_ns, now_ns, 1.0, 0.0, a=True, b=False, menu=False
+        )
 
     def pulse(self, haptic: Haptic) -> None:
         self.calls.append(haptic)

@@ -10,7 +10,7 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.teleop.hands import HANDS, HandWords
 
-AWAY = ControllerSample(ControllerStatus.DISCONNECTED, None, 0, 0)
+AWAY = ControllerSample.released(ControllerStatus.DISCONNECTED)
 PLACE = Pose(np.array([0.0, 1.0, 0.0]), Rotation.identity())
 
 
