@@ -44,4 +44,7 @@ def numbers_of(array: Vector) -> list[float]:
 
 def array_of(_type: type, numbers: Any) -> Vector:
     """The position again."""
-    return np.array(numbers, float)
+    position = np.array(numbers, float)
+    if position.shape != (3,):
+        raise ValueError(f"a position has three numbers, not {numbers}")
+    return position

@@ -5,9 +5,10 @@ Adding a record means adding one line to `SessionLog`.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields
-from operator import attrgetter as at
+from operator import attrgetter
 from typing import Annotated, Any, Generic, TypeVar
 
 from tams_app.recording.codec import Codec
@@ -55,7 +56,6 @@ PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows o
 REFERENCE_PROFILE = "tams-reference"
 
 T = TypeVar("T")
-_T_NS = at("t_ns")
 
 
 @dataclass(frozen=True, slots=True)
@@ -212,7 +212,7 @@ class PacketBatch:
 
 
 _OF_AN_ENUM = {"kind": "kind._value_", "fate": "fate._value_"}  # `value` is a call each
-_COLUMNS = at(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(PacketBatch)))
+_COLUMNS = attrgetter(*(_OF_AN_ENUM.get(one.name, one.name) for one in fields(PacketBatch)))
 _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
@@ -221,16 +221,19 @@ class Topic(Generic[T]):
     """Where records of one type go, and the instant each stands for."""
 
     def __init__(
-        self, name: str, record_type: type[T], time_ns: Callable[[T], int] = _T_NS
+        self, name: str, record_type: type[T], time: str | Callable[[T], int] = "t_ns"
     ) -> None:
+        """`time`: the field that has it [ns], which must exist, or what gives it."""
+        if isinstance(time, str):
+            inspect.getattr_static(record_type, time)
         self.name = name
         self.codec = Codec(record_type)
-        self.time_ns = time_ns
+        self.time_ns: Callable[[T], int] = attrgetter(time) if isinstance(time, str) else time
 
 
-def records(name: str, record_type: type[T], time_ns: Callable[[T], int] = _T_NS) -> list[T]:
+def records(name: str, record_type: type[T], time: str = "t_ns") -> list[T]:
     """A field of `SessionLog`: the list of a topic's records; arguments as of `Topic`."""
-    return field(default_factory=list, metadata={Topic: Topic(name, record_type, time_ns)})
+    return field(default_factory=list, metadata={Topic: Topic(name, record_type, time)})
 
 
 @dataclass(slots=True)
@@ -249,7 +252,7 @@ class SessionLog:
     facts: dict[str, str] = field(default_factory=dict)
     packets: list[PacketRecord] = field(default_factory=list)
     outcome: Outcome | None = None
-    ticks: list[Tick] = records("/tick", Tick, at("started_ns"))
+    ticks: list[Tick] = records("/tick", Tick, "started_ns")
     phases: list[PhaseChange] = records("/phase", PhaseChange)
     pins: list[PinnedView] = records("/pinned", PinnedView)
     allocations: list[Allocation] = records("/allocation", Allocation)
@@ -257,12 +260,12 @@ class SessionLog:
     uplink: list[UplinkSummary] = records("/uplink", UplinkSummary)
     policy_inputs: list[PolicyInputs] = records("/policy/inputs", PolicyInputs)
     rates: list[CameraRates] = records("/cameras", CameraRates)
-    captured: list[FrameCaptured] = records("/frames/captured", FrameCaptured, at("capture_ns"))
-    sent: list[FrameSent] = records("/frames/sent", FrameSent, at("encoded_ns"))
-    dropped: list[DroppedFrame] = records("/frames/dropped", DroppedFrame, at("capture_ns"))
-    shown: list[FrameShown] = records("/frames/shown", FrameShown, at("shown_ns"))
-    quality: list[FrameQuality] = records("/frames/quality", FrameQuality, at("capture_ns"))
-    stops: list[StopRecord] = records("/stop", StopRecord, at("visible_ns"))
+    captured: list[FrameCaptured] = records("/frames/captured", FrameCaptured, "capture_ns")
+    sent: list[FrameSent] = records("/frames/sent", FrameSent, "encoded_ns")
+    dropped: list[DroppedFrame] = records("/frames/dropped", DroppedFrame, "capture_ns")
+    shown: list[FrameShown] = records("/frames/shown", FrameShown, "shown_ns")
+    quality: list[FrameQuality] = records("/frames/quality", FrameQuality, "capture_ns")
+    stops: list[StopRecord] = records("/stop", StopRecord, "visible_ns")
     notes: list[Note] = records("/note", Note)
     lost: list[RecordsLost] = records("/lost", RecordsLost)
     system: list[SystemSample] = records("/system", SystemSample)
@@ -271,7 +274,7 @@ class SessionLog:
     hands_received: list[HandHeard] = records("/link/hand", HandHeard)
     states_received: list[StateHeard] = records("/link/state", StateHeard)
     episodes: list[Episode] = records("/episode", Episode)
-    predictions: list[MountPrediction] = records("/prediction", MountPrediction, at("now_ns"))
+    predictions: list[MountPrediction] = records("/prediction", MountPrediction, "now_ns")
     link_health: list[LinkHealth] = records("/link/health", LinkHealth)
 
     @property
@@ -318,7 +321,7 @@ class SessionLog:
             getattr(self, _LISTS[type(record)]).append(record)
 
 
-HEADER = Topic("/header", Header, at("started_ns"))
+HEADER = Topic("/header", Header, "started_ns")
 _IN_LISTS: dict[str, Topic[Any]] = {
     one.name: one.metadata[Topic] for one in fields(SessionLog) if Topic in one.metadata
 }

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.prediction.plane_warp import projected
-from tams_app.prediction.task_region import LEAST_RADIUS_PX, RADIUS_M, task_region
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
+from tams_app.session.task_place import LEAST_RADIUS_PX, RADIUS_M, task_region
 
 pytestmark = pytest.mark.untimed
 
