@@ -90,7 +90,7 @@ def _show_error(sentence: str) -> None:
     from tams_app.printing import Console
 
     with unblocked_output():
-        Console(stderr=True).print(f"tams: {sentence}", highlight=False, soft_wrap=True)
+        Console(stderr=True).print(f"tams: {sentence}", soft_wrap=True)
 
 
 _GLOBAL_OPTIONS = ("-h", "--help", "--version", "--install-completion", "--show-completion")

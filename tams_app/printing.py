@@ -37,11 +37,11 @@ def known(value: float | None, form: str = "{:.0f}") -> str:
 
 
 class Console(RichConsole):
-    """A console that prints text as it is, without markup and control characters."""
+    """A console that prints text as it is, without markup, highlights and control characters."""
 
     def __init__(self, **options: Any) -> None:
         """`options`: those of rich."""
-        super().__init__(**({"markup": False, "emoji": False} | options))
+        super().__init__(**({"markup": False, "emoji": False, "highlight": False} | options))
 
     def render(
         self, renderable: RenderableType, options: ConsoleOptions | None = None

@@ -18,5 +18,5 @@ def waiting(what: str, console: Console) -> Iterator[None]:
         with console.status(sentence):
             yield
     else:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        console.print(sentence, soft_wrap=True)
         yield

@@ -16,11 +16,7 @@ from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, actions_of, carry_out
 from tams_app.faces.display import has_display
 from tams_app.faces.registry import FACES, Shown, ShowsEnd, check_faces
-from tams_app.faces.session_face import (
-    FacedSession,
-    ShownReplay,
-    ShownTrial,
-)
+from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
 from tams_app.faces.terminal.keys import Presses, TerminalKeys, handled_signals
 from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.faces.terminal.output import unblocked_output
@@ -102,9 +98,9 @@ def run_and_report(
     """
     check_viewers(config)
     console = Console()
-    console.print("starting …", highlight=False)
+    console.print("starting …")
     while _run_once(config, make, console, may_repeat):
-        console.print("starting again …", highlight=False)
+        console.print("starting again …")
     return 0
 
 
@@ -188,7 +184,7 @@ def show_session(
         try:
             runs.set()
             _watch(session, console, words_of, faces, trial, conclude is not None)
-            console.print("ending …", highlight=False)
+            console.print("ending …")
         finally:
             session.close()
             over.set()

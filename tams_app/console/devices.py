@@ -34,7 +34,7 @@ def show_devices(config: Config, as_json: bool = False, console: Console | None 
             "controllers": {"found": [asdict(info) for info in controllers], "problem": problem},
             "cameras": [{**asdict(info), "view": views.get(info.node)} for info in cameras],
         }
-        console.out(json.dumps(tree, default=float), highlight=False)  # rates are fractions
+        console.out(json.dumps(tree, default=float))  # rates are fractions
         return 0
     for title, lines in (
         ("Arm", [arm.description]),
@@ -43,7 +43,7 @@ def show_devices(config: Config, as_json: bool = False, console: Console | None 
     ):
         console.print(title, style="bold")
         for line in lines:
-            console.print(f"  {line}", markup=False, highlight=False, soft_wrap=True)
+            console.print(f"  {line}", soft_wrap=True)
     return 0
 
 

@@ -23,10 +23,10 @@ def run_doctor(
     for finding in examine(config, checks):
         found.append(finding)
         if not as_json:
-            console.print(str(finding), markup=False, highlight=False, soft_wrap=True)
+            console.print(str(finding), soft_wrap=True)
     broken = sum(finding.is_broken for finding in found)
     if as_json:
-        console.out(json.dumps([asdict(one) for one in found]), highlight=False)
+        console.out(json.dumps([asdict(one) for one in found]))
     else:
-        console.print(verdict(broken), highlight=False)
+        console.print(verdict(broken))
     return 1 if broken else 0

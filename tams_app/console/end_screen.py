@@ -45,7 +45,7 @@ def ask_at_end(
     end = end_of(summary, folder, failure, may_repeat, sys.argv)
     for screen in screens:
         screen.show_end(end)
-    console.print(f"{end.key} (also here)", highlight=False)
+    console.print(f"{end.key} (also here)")
     limit_s = _UNATTENDED_S if config.operator_is_simulated else None
     answer = _answer(screens, signals, limit_s)
     return may_repeat and answer is Command.CONFIRM

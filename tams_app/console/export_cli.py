@@ -79,9 +79,9 @@ def _rosbag2(
         bag = log.parent / "rosbag2" if out is None else out / log.parent.resolve().name
         counts = write_bag(log, bag, scene_of_header)
         topics = sum(count > 0 for count in counts.values())
-        _print(console, f"{bag}: {sum(counts.values())} messages on {topics} topics")
+        console.print(f"{bag}: {sum(counts.values())} messages on {topics} topics", soft_wrap=True)
         if damage := damage_of(log):
-            _print(console, f"{bag}: {damage}")
+            console.print(f"{bag}: {damage}", soft_wrap=True)
 
 
 def _lerobot(
@@ -101,11 +101,7 @@ def _lerobot(
     number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"
     skipped = len(logs) - len({episode.path for episode in episodes})
     left_out = f"; skipped: {skipped} of {len(logs)} sessions" if skipped else ""
-    _print(console, f"{folder}: {number}, {rows} frames of {views}{left_out}")
-
-
-def _print(console: Console, text: str) -> None:
-    console.print(text, markup=False, highlight=False, soft_wrap=True)
+    console.print(f"{folder}: {number}, {rows} frames of {views}{left_out}", soft_wrap=True)
 
 
 FORMATS: Registry[Export] = Registry(

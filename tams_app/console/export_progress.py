@@ -15,7 +15,7 @@ class ExportProgress(Progress):
         self._frames = self.add_task("frames", total=None)  # while the logs are read
 
     def notify(self, text: str) -> None:
-        self.console.print(text, markup=False, highlight=False, soft_wrap=True)
+        self.console.print(text, soft_wrap=True)
 
     def begin(self, frames: int) -> None:
         self.update(self._frames, total=frames)

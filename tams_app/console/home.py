@@ -160,7 +160,7 @@ class Dialogue:
     def _print(self, stop: threading.Event) -> None:
         while (texts := self._texts.take_all(_POLL_S)) or not stop.is_set():
             for text in texts:
-                self._console.print(text, highlight=False, markup=False, soft_wrap=True)
+                self._console.print(text, soft_wrap=True)
                 self._printed += 1
 
 

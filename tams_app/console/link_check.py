@@ -69,9 +69,9 @@ def run_link_check(
     except OSError as error:
         raise HelperError(f"the network refuses: {error.strerror or error}") from error
     if as_json:
-        console.out(json.dumps(asdict(found)), highlight=False)
+        console.out(json.dumps(asdict(found)))
     for line in () if as_json else findings(found):
-        console.print(line, markup=False, highlight=False, soft_wrap=True)
+        console.print(line, soft_wrap=True)
     return 0
 
 

@@ -82,7 +82,7 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str 
     if not summary["complete"]:
         missing = [(gap["start_s"], gap["end_s"]) for gap in summary["missing"]]
         damage = damage_sentence(missing) or "The operator's log is damaged or ends early."
-        console.print(damage, style="bold", highlight=False, soft_wrap=True)
+        console.print(damage, style="bold", soft_wrap=True)
     lines = [
         f"report: {folder / PAGE_NAME}",
         f"replay: run_tams.py replay {shlex.quote(str(folder))}",
@@ -90,7 +90,7 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str 
     if join:
         lines.append(f"report on both sides{_to_replace(join)}: {join}")
     for line in lines:
-        console.print(line, style="bold", highlight=False, soft_wrap=True, no_wrap=True)
+        console.print(line, style="bold", soft_wrap=True, no_wrap=True)
 
 
 def join_command(log: SessionLog, folder: Path) -> str:

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
-import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.cells import cell_len
 from rich.console import Console as RichConsole  # noqa: TID251  draws nothing here
 from rich.console import ConsoleOptions, Group, RenderableType, RenderResult
 from rich.measure import Measurement
@@ -20,8 +17,6 @@ from tams_app.task.episodes import verdict
 
 _STOPS_NAMED = 5
 _ANY_WIDTH = 10_000  # columns; more than any row of a table
-_NO_BREAK = "\N{NO-BREAK SPACE}"
-_BEFORE_UNIT = re.compile(r"(?<=[\d–]) (?=(?:%|Hz|kbit/s|MB|ms|s)(?!\w))")
 
 
 def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> RenderableType:
@@ -51,10 +46,11 @@ def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
     return Group(_headline(summary), _named_rows(rows))
 
 
-def _named_rows(rows: Mapping[str, str]) -> Table:
+def _named_rows(rows: Mapping[str, str | Table]) -> Table:
     table = Table.grid(padding=(0, 2))
     for name, value in rows.items():
-        table.add_row(Text(name, style="dim"), _Sentence(value))
+        if value:
+            table.add_row(Text(name, style="dim"), Text(value) if isinstance(value, str) else value)
     return table
 
 
@@ -138,12 +134,7 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
         "Load": f"{_load(summary['system'])}, "
         f"{known(summary['system']['peak_rss_mb'], '{:.0f} MB')} at most",
     }
-    table = Table.grid(padding=(0, 2))
-    for name, value in rows.items():
-        if value:
-            told = _Sentence(value) if isinstance(value, str) else value
-            table.add_row(Text(name, style="dim"), told)
-    return table
+    return _named_rows(rows)
 
 
 def _episodes(episodes: Sequence[Mapping[str, Any]]) -> str | Table:
@@ -175,7 +166,7 @@ def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(justify="right")
     for when, why in stop_texts(stops):
-        table.add_row(when, _Sentence(why))
+        table.add_row(when, Text(why))
     return table
 
 
@@ -195,29 +186,6 @@ def _quality(primary: Mapping[str, Any]) -> str:
     at_task = "" if primary["task_received_ssim"] is None else f"; at the task {', '.join(task)}"
     compared = _percent(primary["sampled_fraction"], 0)
     return f"SSIM {', '.join(scores)}{at_task}; {compared} compared"
-
-
-class _Sentence:
-    """Text that goes on in the next line, but never between a number and its unit.
-
-    Rich itself breaks a line at a no-break space, too.
-    """
-
-    def __init__(self, text: str) -> None:
-        self._text = _BEFORE_UNIT.sub(_NO_BREAK, text)
-
-    def __rich_console__(self, console: RichConsole, options: ConsoleOptions) -> RenderResult:
-        lines = self._lines(options.max_width)
-        yield Text("\n".join(lines).replace(_NO_BREAK, " "))
-
-    def __rich_measure__(self, console: RichConsole, options: ConsoleOptions) -> Measurement:
-        most, least = (
-            max(map(cell_len, self._lines(width)), default=0) for width in (_ANY_WIDTH, 1)
-        )
-        return Measurement(least, most).with_maximum(options.max_width)
-
-    def _lines(self, width: int) -> list[str]:
-        return textwrap.wrap(self._text, width, break_long_words=False, break_on_hyphens=False)
 
 
 class _ViewsTable:

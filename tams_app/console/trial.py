@@ -60,7 +60,7 @@ class LiveTrialRunner:
         config = trial.configure(self._config)
         check_session(config, False, session_bytes(config))
         furnish_session_folder(config, folder)
-        self._console.print(BEGINNING, highlight=False, soft_wrap=True)
+        self._console.print(BEGINNING, soft_wrap=True)
         signals: list[str] = []
         session = run(config, MonotonicClock(), folder)
         try:

@@ -44,7 +44,7 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     console = Console()
 
     def notify(sentence: str) -> None:
-        console.print(sentence, markup=False, highlight=False, soft_wrap=True)
+        console.print(sentence, soft_wrap=True)
 
     def make(folder: Path) -> Session:
         return operate(config, MonotonicClock(), folder, endpoint, notify)

@@ -112,9 +112,9 @@ def run_simulated(
             _show_how_to_go_on(study, console)
             raise
     failed = len(tally.failures)
-    console.print(f"{tally.done} trials done, {failed} failed.", highlight=False)
+    console.print(f"{tally.done} trials done, {failed} failed.")
     if failed:
-        console.print("The next `study run` tries those again.", highlight=False)
+        console.print("The next `study run` tries those again.")
     return 1 if failed else 0
 
 
@@ -136,7 +136,7 @@ def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> in
     study.load()  # a folder without a study is not locked
     with study.locked():
         study.save(void(study.recover(study.load()), trial_id, reason))
-    console.print(f"{trial_id} is void and will be taken again.", highlight=False)
+    console.print(f"{trial_id} is void and will be taken again.")
     return 0
 
 
@@ -153,7 +153,7 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
         removed = [one for one in plan.trials if one.participant == pseudonym and one.attempts]
         what = f"{len(removed)} trials with all attempts, the tables and the report"
         if not yes and not _confirmed(f"Delete {pseudonym} in {folder}: {what}?", console):
-            console.print("Nothing was deleted.", highlight=False)
+            console.print("Nothing was deleted.")
             return 1
         plan = study.forget(plan, pseudonym)
     remaining = sum(trial.is_done for trial in plan.trials)
@@ -162,7 +162,6 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
         f"of the others, and in the plan that {pseudonym} took part and is forgotten. Copies made "
         "elsewhere, and reports written with --out, are yours to delete. `study report` makes the "
         "report anew.",
-        highlight=False,
         soft_wrap=True,
     )
     return 0
@@ -183,7 +182,7 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
             "balance": balance_sentence(plan),
             "participants": people,
         }
-        console.out(json.dumps(tree), highlight=False)
+        console.out(json.dumps(tree))
         return 0
     whose = "simulated operators" if plan.simulated else "people at the hardware"
     title = f"{plan.name}: {len(plan.trials)} trials, {whose}"
@@ -196,8 +195,8 @@ def show_study(folder: Path, console: Console, as_json: bool = False) -> int:
         shown = [*numbers, person["next"] or ""] if is_here else [person["state"], "", "", ""]
         table.add_row(person["participant"], *shown)
     console.print(table)
-    console.print(balance_sentence(plan), highlight=False, soft_wrap=True)
-    console.print(str(folder), style="bold", highlight=False)
+    console.print(balance_sentence(plan), soft_wrap=True)
+    console.print(str(folder), style="bold")
     return 0
 
 
@@ -230,7 +229,7 @@ def report_study(
         text = remarks.read_text("utf-8", "replace")[:REMARKS_BYTES] if remarks.is_file() else ""
         page = build_report(data, text, tolerance_ssim).write(out or folder)
     for path in (page, *written):
-        console.print(str(path), style="bold", highlight=False)
+        console.print(str(path), style="bold")
     return 0
 
 
@@ -246,8 +245,6 @@ def _show_how_to_go_on(study: StudyFolder, console: Console) -> None:
     console.print(
         f"Stopped: {done} of {len(trials)} trials are done and kept. "
         f"`study run --sim {study.path}` goes on with the others.",
-        markup=False,
-        highlight=False,
         soft_wrap=True,
     )
 

@@ -151,7 +151,7 @@ class GuidedRun:
         return not self.failed
 
     def _print(self, text: str) -> None:
-        self._console.print(text, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(text, soft_wrap=True)
 
     def _choose(self, question: str, **options: str) -> str:
         """The key of the option that was chosen; the values say what each means."""
@@ -188,7 +188,7 @@ def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
     time_s = _completion_time(console, rules, marks.time_s)
     obstacle = _obstacle(drops, time_s)
     if obstacle:
-        console.print(f"Not a success by the rules: {obstacle}.", highlight=False)
+        console.print(f"Not a success by the rules: {obstacle}.")
     success = not obstacle and Confirm.ask("Was it placed correctly (a success)?", console=console)
     return Verdict(completed=True, success=success, drops=drops, completion_time_s=time_s)
 

@@ -82,7 +82,7 @@ class TrialsProgress(Progress):
 
     def notify(self, text: str) -> None:
         """Print a sentence that stays."""
-        self.console.print(text, highlight=False, markup=False, soft_wrap=True)
+        self.console.print(text, soft_wrap=True)
 
     def trial_ended(self) -> None:
         task, now_s = self.tasks[self._trials], self.get_time()

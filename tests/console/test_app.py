@@ -13,13 +13,13 @@ from contextlib import ExitStack
 from types import SimpleNamespace
 
 import pytest
-from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import app
 from tams_app.errors import SignalledError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.printing import Console
 from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.sentences import Sentences

@@ -8,7 +8,6 @@ from fractions import Fraction
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from hw.gstreamer.capture import PatternSource
 from hw.openvr.devices import ControllerInfo
@@ -19,6 +18,7 @@ from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks, devices
 from tams_app.console.devices import camera_lines, controller_lines, show_devices
 from tams_app.errors import DeviceError
+from tams_app.printing import Console
 from tests.hw.gstreamer.damaged_videos import cut, mjpeg
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime

@@ -9,11 +9,11 @@ import threading
 from collections.abc import Callable, Iterator
 
 import pytest
-from rich.console import Console
 
 from tams_app.console.home import Dialogue
 from tams_app.errors import DeviceError
 from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.printing import Console
 
 pytestmark = pytest.mark.waiting
 

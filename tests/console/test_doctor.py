@@ -17,7 +17,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
@@ -25,6 +24,7 @@ from tams_app.console import checks, device_checks, library_checks
 from tams_app.console.doctor import run_doctor
 from tams_app.console.findings import Check, Finding
 from tams_app.faces.window import toolkit
+from tams_app.printing import Console
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 pytestmark = pytest.mark.waiting

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console import end_screen
 from tams_app.console.end_screen import ask_at_end, end_of
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended
+from tams_app.printing import Console
 
 pytestmark = pytest.mark.untimed
 

@@ -18,7 +18,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rich.console import Console
 
 from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.kinematics import HOME_JOINTS
@@ -28,6 +27,7 @@ from tams_app.config import CONFIG_DIRECTORY, Config, load_config
 from tams_app.console.home import run_home
 from tams_app.errors import ConfigError, DeviceError, SetupError, TamsError
 from tams_app.faces.terminal.keys import TerminalKeys
+from tams_app.printing import Console
 from tams_app.robot import guarding
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_S
@@ -274,7 +274,7 @@ def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
         before = lab.model.joints
         threading.Event().wait(0.3)
         stood.append(lab.model.joints == before and not screen.go.is_set())
-        os.write(lab.master, b"q")
+        os.write(lab.master, b"\x13")  # Ctrl-S is a key as any other
         screen.go.set()
 
     lab.operates(operate)

@@ -12,13 +12,13 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from tams_app.console.link_check import findings, measured, run_link_check
 from tams_app.console.two_sided import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
+from tams_app.printing import Console
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.waiting

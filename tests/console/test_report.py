@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from rich.console import Console
 
 from tams_app.cli import _main
 from tams_app.console.report import report_session
 from tams_app.errors import LogError
+from tams_app.printing import Console
 from tams_app.recording.mcap_log import McapLog
 from tests.synthetic_session import header, tick
 

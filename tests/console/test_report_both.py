@@ -13,11 +13,11 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from rich.console import Console
 
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.report import report_both, report_session
+from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, Outcome, ShownFrame

@@ -11,7 +11,6 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rich.console import Console
 
 import tams_app.console.trial
 from tams_app.config import Config, load_config
@@ -20,6 +19,7 @@ from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.figures import trial_texts
 from tams_app.faces.terminal.line import COLUMNS
+from tams_app.printing import Console
 from tams_app.recording import read_log
 from tams_app.session.session import Session
 from tams_app.task.marks import DROPS_FACT, PLACED_FACT

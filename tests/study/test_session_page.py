@@ -94,7 +94,7 @@ def rows_of(page: str, begin: str = "<tr>") -> list[list[str]]:
 
 
 def test_the_page_needs_no_other_file(page: str) -> None:
-    sources = re.findall(r'\b(?:src|href|data|srcset)="([^"]+)"', page)
+    sources = re.findall(r'\b(?:src|href|data|srcset)=["\']?([^"\'\s>]+)', page)
     assert sources
     assert [one for one in sources if not one.startswith(("data:image/", "#"))] == []
     assert "@import" not in page

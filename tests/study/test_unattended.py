@@ -13,8 +13,8 @@ from pathlib import Path
 
 import psutil
 import pytest
-from rich.console import Console
 
+from tams_app.printing import Console
 from tams_app.study.commands import run_simulated
 from tams_app.study.plan import AttemptState, PlannedTrial
 from tams_app.study.trial_process import Job, LocalPool, TrialProcess

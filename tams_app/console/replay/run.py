@@ -60,7 +60,7 @@ def run_replay(
                 marking,
             )
         if log.damage:
-            console.print(log.damage, style="bold", highlight=False, soft_wrap=True)
+            console.print(log.damage, style="bold", soft_wrap=True)
         show_session(session, console, interrupted=signals.append, replay=session)
     if session.failure:
         raise TamsError(session.failure)

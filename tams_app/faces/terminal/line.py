@@ -174,7 +174,7 @@ class StatusLine:
         self._next_s = state.t_s + self._every_s
         words = self._words_of(state)
         if self._live is None:
-            self._console.print(words.plain, markup=False, highlight=False, soft_wrap=True)
+            self._console.print(words.plain, soft_wrap=True)
             return
         text = Text(words.live, no_wrap=True, overflow="ellipsis")
         text.highlight_words([state.arming.upper()], _STYLES.get(state.arming.upper(), "bold"))
@@ -184,7 +184,7 @@ class StatusLine:
     def notify(self, sentence: str, t_s: float) -> None:
         """Print a sentence above the line, with when it was shown."""
         printed = f"{minutes(t_s)}  {sentence}"
-        self._console.print(printed, markup=False, highlight=False, soft_wrap=True)
+        self._console.print(printed, soft_wrap=True)
 
 
 def _tcp_gripper_and_motors(state: SessionState) -> str:

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 from msgspec.structs import replace
-from rich.console import Console
 
 from tams_app.faces.terminal.line import COLUMNS, PLAIN_EVERY_S, StatusLine, status_words
+from tams_app.printing import Console
 from tams_app.records import EpisodesState, EpisodeState, LatencyState, ViewState
 from tests.faces.window import facts
 
