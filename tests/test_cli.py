@@ -384,7 +384,7 @@ def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, star
         ([], "Exit codes: 0 done; 1 the job failed; 2 wrong use"),
     ],
 )
-def test_help_promises_no_more_than_there_is(capsys, command, promise):
+def test_help_says_what_it_promises(capsys, command, promise):
     code, out, _ = run(capsys, *command, "--help")
     assert code == 0
     assert promise in " ".join(out.split())

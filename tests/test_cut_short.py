@@ -111,6 +111,6 @@ def test_a_killed_session_leaves_a_readable_log_and_no_process(running):
     code, _, log = ended(running)
     assert code == -signal.SIGKILL
     left = f"tams-{running.process.pid}-*"
-    faults.until(lambda: not list(Path("/dev/shm").glob(left)), "shared memory to be given back")
+    faults.until(lambda: not list(Path("/dev/shm").glob(left)), "its shared memory to go", 20.0)
     assert log.truncated
     assert len(log.ticks) >= 100

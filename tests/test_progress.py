@@ -6,8 +6,8 @@ import io
 import time
 
 import pytest
-from rich.console import Console
 
+from tams_app.printing import Console
 from tams_app.progress import waiting
 
 pytestmark = pytest.mark.waiting

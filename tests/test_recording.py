@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -206,8 +207,12 @@ def test_what_a_kill_would_leave_is_readable_up_to_the_last_second(tmp_path: Pat
     path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
     recorder = Recorder(path, header(), clock, 0, never_fails)
     recorder.start()
-    for number in range(240):
+    recorder.record(tick(0))
+    until(lambda: len(read_log(path).ticks) == 1, "the first flush")
+    for number in range(1, 240):
         recorder.record(tick(number))
+    time.sleep(5 * writer.POLL_S)  # turns of the thread in which it could flush
+    assert len(read_log(path).ticks) == 1, "the next flush is not due"
     assert writer.FLUSH_NS < NS_PER_S
     clock.advance_ns(writer.FLUSH_NS)
     until(lambda: len(read_log(path).ticks) == 240, "what was recorded to be on the disk")

@@ -32,6 +32,18 @@ def test_every_operation_agrees_with_numpy(a: Floats3, b: Floats3, factor: float
         np.testing.assert_allclose(ours, theirs, rtol=1e-12, atol=1e-9)
 
 
+@given(triples, triples, st.floats(0.0, 50.0))
+def test_towards_a_goal_goes_straight_as_far_as_it_may_and_never_beyond(
+    a: Floats3, goal: Floats3, most: float
+) -> None:
+    reached, way = vectors.towards(a, goal, most), np.subtract(goal, a)
+    size = float(np.linalg.norm(way))
+    if size <= most:
+        assert reached == goal
+    else:
+        np.testing.assert_allclose(reached, a + way * (most / size), atol=1e-9)
+
+
 @given(triples, st.floats(0.0, 50.0))
 def test_a_shortened_vector_keeps_its_direction_and_its_bound(a: Floats3, bound: float) -> None:
     short, size = vectors.shortened(a, bound), vectors.norm(a)

@@ -148,15 +148,16 @@ def test_the_errors_of_each_view_are_listed_with_what_is_in_force(calibrated):
 
 def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(calibrated):
     wizard = CameraWizard(ScriptedUI(), CameraOptions(config=calibrated.path, sim=True))
-    wizard.config = calibrated.config
-    bench = SimulatedBench(calibrated.config, SEED)
     view = "gt"
-    before = calibrated.config.cameras[view]
+    before = calibrated.config.cameras[view].model_copy(update={"latency_ms": 30.0})
+    cameras = calibrated.config.cameras | {view: before}
+    wizard.config = calibrated.config.model_copy(update={"cameras": cameras})
+    bench = SimulatedBench(calibrated.config, SEED)
     camera, other = bench.camera_of(before), bench.camera_of(calibrated.config.cameras["gs"])
     kept = wizard._keys(bench, Findings(view, camera))
     assert LensConfig(**kept["lens"]) == before.lens
     assert MountConfig(**kept["mount"]) == before.mount
-    assert kept["latency_ms"] == before.latency_ms
+    assert kept["latency_ms"] == 30.0
     changed = wizard._keys(bench, Findings(view, other))
     assert (changed["lens"], changed["mount"], "latency_ms" in changed) == (None, None, False)
     anew = Findings(view, camera)

@@ -5,7 +5,6 @@ import io
 import cv2
 import pytest
 import yaml
-from rich.console import Console
 
 from calibration.cameras import binding, measuring, simulated_bench
 from calibration.cameras.bench import Task
@@ -17,6 +16,7 @@ from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
+from tams_app.printing import Console
 from tams_app.report.plots import DPI, WIDE_IN
 from tests.scripted_ui import ScriptedUI
 

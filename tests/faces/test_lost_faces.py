@@ -10,11 +10,11 @@ from pathlib import Path
 
 import psutil
 import pytest
-from rich.console import Console
 
 from tams_app.console import app
 from tams_app.faces.headset import session_headset
 from tams_app.faces.session_face import SILENT_NS
+from tams_app.printing import Console
 from tests.faces.headset.steamvr import FAKED, steamvr
 from tests.faces.played_session import PlayedSession, children_of
 from tests.faces.window.xvfb import virtual_screen

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
-from rich.console import Console
 
 from tams_app.faces.banner import banner_of
 from tams_app.faces.figures import hand_rows, view_row, view_title
@@ -19,6 +18,7 @@ from tams_app.faces.headset.wording import panel_words
 from tams_app.faces.messages import Facts, ReplayFacts
 from tams_app.faces.silence import LIVE_NS, NOT_LIVE, as_known, silent_s
 from tams_app.faces.terminal.line import StatusLine
+from tams_app.printing import Console
 from tams_app.teleop.hands import HANDS
 from tams_app.units import NS_PER_S
 from tests.faces.played_session import STATE

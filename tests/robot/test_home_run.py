@@ -212,7 +212,7 @@ def test_a_tap_moves_nothing_and_escape_ends() -> None:
     np.testing.assert_array_equal(bench.model.joints, HOME_JOINTS)
 
 
-@pytest.mark.parametrize("key", [b" ", b"\x1b", b"x", b"\nq"])
+@pytest.mark.parametrize("key", [b" ", b"\x1b", b"x", b"\x13", b"\nq"])
 def test_any_other_key_stops_the_arm_on_its_way(key: bytes) -> None:
     bench = Bench(held=lambda _: True, other=lambda at: key if at > 3.0 else b"")
     assert bench.run() is HomingState.ENDED
@@ -309,6 +309,18 @@ def test_a_screen_that_shows_nothing_any_more_does_not_keep_a_released_key_from_
     assert bench.run() is HomingState.ENDED
     assert not bench.shown
     assert all(stood)
+
+
+def test_without_the_guards_word_the_arm_never_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[float] = []
+    monkeypatch.setattr(
+        InProcessArm, "begin_move_to_joints", lambda _arm, _joints, speed: asked.append(speed)
+    )
+    bench = Bench(held=lambda _: True, other=escape_at(5.0))
+    bench.guard.answers_after = 10**9
+    assert bench.run() is HomingState.ENDED
+    assert bench.guard.armings == 1
+    assert asked == []
 
 
 def test_the_first_beat_of_an_arming_comes_within_a_period() -> None:

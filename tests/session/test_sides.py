@@ -514,10 +514,11 @@ def test_each_side_knows_what_the_other_has_to_tell_the_operator():
     for _ in range(2):  # until it is known, and then
         assert (sides.robot.hand, sides.robot.is_simulated) == ("sim", True)
         sides.run(0.5)
-    sides.operator._driven_with = "keyboard"
     sides.board.on_stop(StopRecord("stale video", 0, 1))
-    sides.run(0.5)
-    assert (sides.robot.hand, sides.robot.is_simulated) == ("keyboard", False)
+    for hand in ("openvr", "keyboard"):
+        sides.operator._driven_with = hand
+        sides.run(0.5)
+        assert (sides.robot.hand, sides.robot.is_simulated) == (hand, False)
     assert sides.operator.state.state.last_stop == "stale video"
     assert sides.operator.state.state.lasting == ""
     sides.operator._driven_with = "a glove"

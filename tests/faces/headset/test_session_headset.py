@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import openvr
 import pytest
-from rich.console import Console
 
 from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
 from tams_app.console import app
@@ -17,6 +16,7 @@ from tams_app.errors import SetupError
 from tams_app.faces.client import FaceClient
 from tams_app.faces.headset import session_headset
 from tams_app.faces.headset.session_headset import headset_is_wanted
+from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tests.faces.headset.faked_process import ADDRESS
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr

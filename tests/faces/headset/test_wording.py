@@ -74,7 +74,7 @@ def test_what_was_said_last_is_below_but_for_an_episode_that_begins() -> None:
     assert panel_words(facts, "openvr").note == "episode 1: in 2.0 s · 0 kept, 0 discarded"
 
 
-def test_in_a_trial_it_tells_who_and_the_time_and_no_rate_or_age() -> None:
+def test_in_a_trial_it_tells_who_and_the_time() -> None:
     trial = TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)
     facts = facts_of(STATE, (), trial)
     assert panel_words(facts, "openvr").note == "P01 · trial 2 of 9 · 0:03 of 2:00"

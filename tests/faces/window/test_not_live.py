@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from msgspec.structs import replace
-from rich.console import Console
 
 from tams_app.console import app
 from tams_app.faces.banner import look_of
+from tams_app.printing import Console
 from tams_app.records import Image, SessionState
 from tests.faces.played_session import PlayedSession
 from tests.faces.window.photographs import is_colour

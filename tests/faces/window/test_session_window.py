@@ -9,7 +9,6 @@ from pathlib import Path
 import msgspec
 import numpy as np
 import pytest
-from rich.console import Console
 
 from tams_app.console import app
 from tams_app.errors import SetupError
@@ -18,6 +17,7 @@ from tams_app.faces.messages import Ended, Pin, TrialFacts
 from tams_app.faces.registry import Shown, ShowsEnd
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.window.session_window import SessionWindow
+from tams_app.printing import Console
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.robot.control import CONFIRMED_AGO_NS
 from tams_app.robot.listener import TOO_LONG_AGO
@@ -293,6 +293,7 @@ def test_the_size_is_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 def test_in_a_trial_the_window_is_told_nothing_of_what_is_compared() -> None:
     moving = msgspec.structs.replace(STATE, joints_urad=(1,) * 6, joints_ns=2, speed_scale=0.5)
+    assert facts_of(moving, ()).state is moving, "outside a trial it is told everything"
     facts = facts_of(moving, (), TrialFacts("P01", "trial 2 of 9", 3.0, 120.0))
     state = facts.state
     assert (state.joints_urad, state.joints_ns, state.speed_scale) == ((), 0, 1.0)

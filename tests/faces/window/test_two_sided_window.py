@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from tams_app.console import app
+from tams_app.printing import Console
 from tams_app.records import ControllerStatus
 from tests.faces.window.photographs import SAME, banner_is, difference
 from tests.faces.window.xvfb import Screen, virtual_screen, wait_for

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import io
 import json
+import time
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from tams_app.config import load_config
+from tams_app.printing import Console
 from tams_app.recording import read_log, read_video
 from tams_app.session.virtual import SimulatedTrialRunner
 from tams_app.study.commands import run_simulated
@@ -28,8 +29,11 @@ def folder(tmp_path_factory) -> Path:
     """What one trial of half a second left, in a process of its own."""
     folder = tmp_path_factory.mktemp("trial")
     runner = SimulatedTrialRunner(short(seconds=0.5))
+    before_ns = time.time_ns()
     process = TrialProcess(runner, Job(TRIAL, folder))
     assert process.wait() == ""
+    header = read_log(folder / "session.mcap").header
+    assert before_ns < header.started_ns + header.wall_offset_ns < time.time_ns()
     return folder
 
 

@@ -226,3 +226,14 @@ def test_a_keyframe_is_asked_for_again_and_again_until_a_complete_one_has_come()
         ends.carry(range(77, 137))
         assert ends.shown[-1].whole
         assert not ends.decoder.take_pli()
+
+
+def test_a_keyframe_is_asked_for_again_where_nothing_can_be_decoded() -> None:
+    with closing(Ends(UNREPAIRED)) as ends:
+        ends.packets(0)  # the first keyframe is lost
+        asked = 0
+        for index in range(1, 61):
+            ends.carry(range(index, index + 1))
+            asked += ends.decoder.take_pli()
+        assert not any(whole(ends))
+        assert asked >= 3

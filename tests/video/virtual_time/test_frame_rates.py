@@ -40,7 +40,7 @@ class Filmed:
     run: Run
     log: SessionLog
 
-    def is_on_target(self, view: str = "eih", off: float = OFF) -> None:
+    def assert_on_target(self, view: str = "eih", off: float = OFF) -> None:
         figures = summarise(self.log)["views"][view]
         assert figures["tracking_error"] <= off
         assert figures["sent_kbps_mean"] / figures["target_kbps_mean"] >= 0.95
@@ -99,7 +99,7 @@ def film(
 @pytest.mark.parametrize(("rate_hz", "seconds"), [(5, 14), (10, 6), (15, 5), (30, 4), (60, 3)])
 def test_a_view_meets_its_target_at_any_rate_of_its_camera(rate_hz: int, seconds: int) -> None:
     filmed = film({"eih": camera_times_ns((rate_hz, seconds))})
-    filmed.is_on_target()
+    filmed.assert_on_target()
     assert [one.index for one in filmed.run.shown] == list(range(rate_hz * seconds))
 
 
@@ -108,12 +108,12 @@ def test_a_view_meets_its_target_when_frames_jitter_or_are_missed(
     disorder: dict[str, float],
 ) -> None:
     filmed = film({"eih": camera_times_ns((30, 5), **disorder)})
-    filmed.is_on_target(off=OFF + 0.01)
+    filmed.assert_on_target(off=OFF + 0.01)
 
 
 def test_a_camera_that_halves_its_rate_and_doubles_it_again_keeps_its_target() -> None:
     filmed = film({"eih": camera_times_ns((30, 2.5), (15, 3), (30, 2.5))})
-    filmed.is_on_target()
+    filmed.assert_on_target()
     sizes = filmed.intervals()
     slowed, sped_up = 75 - LEARNING_FRAMES - 1, 120 - LEARNING_FRAMES - 1
     assert sizes[slowed + 2 : slowed + 10].mean() == pytest.approx(1.0, abs=0.15)
@@ -130,7 +130,7 @@ def test_one_slow_view_takes_nothing_from_the_others_and_builds_no_queue() -> No
     }
     filmed = film(times_ns, 1800, NETWORKS["s2"])
     for view in times_ns:
-        filmed.is_on_target(view)
+        filmed.assert_on_target(view)
     # a frame of 100 ms at 1800 kbit/s takes the link for 30 ms
     assert filmed.queue_ms(2.0, 4.0) <= filmed.queue_ms(0.5, 2.0) + 30
     assert filmed.queue_ms(4.2, 6.0) <= filmed.queue_ms(0.5, 2.0) + 10
