@@ -157,9 +157,7 @@ def plain_table(first: str, *others: str, title: str | None = None, gap: int = 2
 def as_text(*parts: RenderableType) -> str:
     """Tables as text that stays, the same on every terminal and in a file."""
     # no markup: `[s]` is a unit, not a style
-    console = Console(
-        width=_TEXT_WIDTH, file=StringIO(), no_color=True, markup=False, highlight=False
-    )
+    console = Console(width=_TEXT_WIDTH, file=StringIO(), no_color=True)
     with console.capture() as capture:
         for part in parts:
             console.print(part)

@@ -292,7 +292,7 @@ class StopChannel(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class FoundArm:
-    """What answers at an arm's address: why it cannot be used ("" if it can), and what it is."""
+    """What answers at an arm's address: why it cannot be used, a sentence, or ""; what it is."""
 
     problem: str
     description: str

@@ -47,10 +47,11 @@ def write_bag(
     try:
         with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
             return _fill(writer, log, scene_of)
-    except BaseException as error:
+    except OSError as error:
         shutil.rmtree(bag, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise LogError(f"{bag}: cannot be written: {error}") from error
+        raise LogError(f"{bag}: cannot be written: {error}") from error
+    except BaseException:
+        shutil.rmtree(bag, ignore_errors=True)
         raise
 
 

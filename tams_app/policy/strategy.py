@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
@@ -33,7 +33,7 @@ class Strategy(Protocol):
         """
 
 
-class Weighted(ABC):
+class Weighted(Strategy):
     """A strategy that is a share for each view; `allocate` makes targets of them.
 
     An own one is a subclass with `weights`, entered in `STRATEGIES` (policy/allocation.py) under
@@ -62,7 +62,6 @@ class Weighted(ABC):
         """
 
     def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
-        """Share the budget by `weights` and the floor of each view (paper, equations 4 and 5)."""
         return allocate(self.weights(phase), budget_kbps, self.floor_kbps)
 
 

@@ -32,7 +32,8 @@ _CONTAINER_COLOUR = (0.20, 0.35, 0.75)
 
 def address_of(config: Config) -> Address | None:
     """The address for viewers; None: there is none. ConfigError if it is no address."""
-    return Address.of(config.recording.foxglove) if config.recording.foxglove else None
+    given = config.recording.foxglove
+    return Address.of(given, "--foxglove", "127.0.0.1:8765") if given else None
 
 
 def check_viewers(config: Config) -> None:

@@ -17,7 +17,7 @@ class Address:
     port: int
 
     @staticmethod
-    def of(text: str, option: str = "--foxglove", example: str = "127.0.0.1:8765") -> Address:
+    def of(text: str, option: str, example: str) -> Address:
         """HOST:PORT (IPv6: [HOST]:PORT); ConfigError of `option` if it is not that."""
         host, colon, port = text.rpartition(":")
         host = host.removeprefix("[").removesuffix("]")
