@@ -62,14 +62,15 @@ def outputs_for(closed: bool | None) -> int:
 class ControllerCore:
     """The box's state and behaviour; joint targets go to `plant`. Holds no thread or clock."""
 
-    def __init__(self, plant: Plant, start_joints: Numbers = HOME_JOINTS) -> None:
-        """`start_joints` [rad]: where `plant` stands."""
-        self.firmware = "2.6.0"
+    def __init__(
+        self, plant: Plant, start_joints: Numbers = HOME_JOINTS, firmware: str = "2.6.0"
+    ) -> None:
+        """`start_joints` [rad]: where `plant` stands; `firmware`: three numbers."""
+        self.firmware = firmware
         self.settings: ControllerSettings = ControllerSettings()
         self.mode = Mode.POSITION
         self.enabled = False
-        self.error_code: int = 0
-        self.warning_code: int = 0
+        self.error_code, self.warning_code = 0, 0
         self.drive_codes: tuple[int, ...] = (0,) * 6  # errors of the joints' own drives
         self.temperatures_c: tuple[int, ...] = (30,) * 6  # of the joints' motors
         self.reports_frozen = False  # for its servers: no report leaves the box
@@ -79,10 +80,9 @@ class ControllerCore:
         self._plant = plant
         self._kinematics = Lite6Model()
         self._tool = ZERO  # the TCP in the flange's frame [m]
-        self._commanded = plain(start_joints)
+        self._commanded = self._measured = plain(start_joints)
         self._velocity = AT_REST
         self._braking = False
-        self._measured = self._commanded
         self._measured_tcp: Matrix | None = None
         self._now_ns = 0
         self._moves = MoveQueue()
