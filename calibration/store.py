@@ -362,10 +362,10 @@ def _described(one: InForce) -> str:
 
 
 def _errors(name: str, figures: Any) -> str:
-    """How far off what was measured of a part may be, such as of a view; "" if that is not said."""
+    """The errors measured of a part, such as of a view; "" if there are none."""
     known = figures.items() if isinstance(figures, dict) else ()
-    said = [f"{key} {value}" for key, value in known if "_error" in str(key)]
-    return f"  {name}: {', '.join(said)}" if said else ""
+    errors = [f"{key} {value}" for key, value in known if "_error" in str(key)]
+    return f"  {name}: {', '.join(errors)}" if errors else ""
 
 
 def _origin(path: Path) -> Mapping[str, Any]:

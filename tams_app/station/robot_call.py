@@ -32,7 +32,7 @@ BUSY = "another operator is connected, or was a moment ago: waiting until they l
 class RobotCall:
     """A call that was answered. `config`: ours, for the session that the robot's side runs.
 
-    moves_by: ours with what decides there how the hand moves the arm; None: that is not told.
+    moves_by: ours with what decides there how the hand moves the arm; None: not known.
     hand: the operator's kind of controller, of `HANDS`. rule: the repair of the robot side's video.
     identity: a random number, another one for each application that calls.
     """

@@ -80,7 +80,7 @@ def follow(welcome: Welcome, ours: Config) -> Config:
 def driven(welcome: Welcome, ours: Config) -> Config | None:
     """Our configuration with the arm, hand and limits of the robot's side, which it moves by.
 
-    None: that is not told. TamsError if a section of it is none here.
+    None: not known. TamsError if a section of it is none here.
     """
     if welcome.driving is None:
         return None

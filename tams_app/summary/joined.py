@@ -144,7 +144,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
     """The link's figures; times between the sides are right to within `uncertainty_ms`."""
     received = robot.hands_received
     counted = [one for one in received if not one.refusal]
-    posed = [one for one in counted if one.pose_ns]  # the controller has told where it is
+    posed = [one for one in counted if one.pose_ns]  # those with a pose
     refused = dict(Counter(one.refusal for one in received if one.refusal))
     reported = sum(one.packets for one in robot.uplink)
     return {

@@ -117,9 +117,9 @@ def test_recorded_trials_become_thresholds_that_the_next_session_uses(written, f
     assert "frame-wise accuracy" in written[1]
     assert config.policy.phases == found.thresholds
     figures = content["calibration"]["quality"]
-    told = ("accuracy_in_sample", "accuracy_defaults", "accuracy_leave_one_trial_out")
+    shown = ("accuracy_in_sample", "accuracy_defaults", "accuracy_leave_one_trial_out")
     scores = (found.in_sample, found.defaults, found.left_out)
-    assert [figures[key] for key in told] == [round(one.accuracy, 4) for one in scores]
+    assert [figures[key] for key in shown] == [round(one.accuracy, 4) for one in scores]
     assert sum(map(sum, figures["confusion_true_by_inferred"].values())) == figures["ticks"]
 
 

@@ -281,7 +281,7 @@ def test_show_tells_of_each_kind_its_file_when_it_was_made_from_what_and_how_goo
     hourly.write(scaled(0.4))
     hourly.write(scaled(0.5))
     hourly.write(phases(unfounded="no better than the defaults"))
-    said = calibrate("show", config_path)
+    printed = calibrate("show", config_path)
     for part in (
         f"In force from {hourly.folder}",
         "frame: frame-20261121T130000Z.yaml",
@@ -295,7 +295,7 @@ def test_show_tells_of_each_kind_its_file_when_it_was_made_from_what_and_how_goo
         "in the file besides: recall",
         "weights: not calibrated",
     ):
-        assert part in said
+        assert part in printed
 
 
 def test_undo_goes_back_one_calibration_at_a_time_byte_for_byte(hourly, config_path):
