@@ -77,13 +77,15 @@ def test_an_interrupted_session_ends_in_order(running, number):
 def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
     running.process.send_signal(signal.SIGUSR1)
     running.says("fault, emergency stop")
+    (path,) = running.out.glob("*/session.mcap")
+    faults.until(lambda: read_log(path).stops, "the stop's record on disk")
     running.process.send_signal(signal.SIGINT)
     code, _, log = ended(running)
     assert code == 130
     assert log.ticks[-1].arming == "fault"
     assert log.ticks[-1].reason == "emergency stop"
     assert log.ticks[-1].arm.activity is Activity.STOPPED
-    stop = log.stops[-1]
+    (stop,) = log.stops
     assert stop.reason == "emergency stop"
     assert stop.stopped_ns is not None
 
