@@ -50,6 +50,7 @@ from tams_app.records.policy import PhaseChange as PhaseChange
 from tams_app.records.policy import PinnedView as PinnedView
 from tams_app.records.record import CaptureNs as CaptureNs
 from tams_app.records.record import FrameIndex as FrameIndex
+from tams_app.records.record import Newest as Newest
 from tams_app.records.record import Record as Record
 from tams_app.records.record import TimeNs as TimeNs
 from tams_app.records.record import ViewName as ViewName

@@ -7,7 +7,8 @@ and `log fields` is made of it. `null` there is None here.
 
 from __future__ import annotations
 
-from typing import Annotated, TypeAlias
+from collections.abc import Iterable
+from typing import Annotated, TypeAlias, TypeVar
 
 
 class Record:
@@ -22,3 +23,25 @@ FrameIndex: TypeAlias = Annotated[
     int, "number of the capture; in a log of `operate` its RTP timestamp"
 ]
 ViewName: TypeAlias = Annotated[str, "name of the view"]
+
+
+T = TypeVar("T", bound=Record)
+
+
+class Newest:
+    """The newest record of each type; any thread puts and takes."""
+
+    def __init__(self, records: Iterable[Record | None] = ()) -> None:
+        """`records`: one of each type, or None where there was none yet."""
+        self._records: dict[type[Record], Record] = {
+            type(one): one for one in records if one is not None
+        }
+
+    def put(self, record: Record) -> None:
+        """In place of the one before of its type."""
+        self._records[type(record)] = record
+
+    def of(self, kind: type[T]) -> T | None:
+        """The newest of this type; None before the first."""
+        found = self._records.get(kind)
+        return found if isinstance(found, kind) else None

@@ -11,9 +11,11 @@ from tams_app.records import (
     Allocation,
     Frame,
     LinkCapacity,
+    Newest,
     PacketRecord,
     PhaseChange,
     PinnedView,
+    Record,
     StopRecord,
     Tick,
     UplinkSummary,
@@ -35,8 +37,14 @@ class SessionRecords(Journal, Listener):
         """`show` gets the text of each note, too."""
         super().__init__(clock, log, show)
         self._reference = reference
+        self.newest = Newest()
         self._last_capacity_kbps: float | None = None
         self._capacity_ns = clock.now_ns()
+
+    def record(self, item: Record) -> None:
+        """Keep one record, and have it at hand as the newest of its type."""
+        self.newest.put(item)
+        super().record(item)
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Keep the fates of a batch of datagrams."""
@@ -54,22 +62,22 @@ class SessionRecords(Journal, Listener):
         self._capacity_ns = now_ns
         if kbps != self._last_capacity_kbps:
             self._last_capacity_kbps = kbps
-            self._log.record(LinkCapacity(now_ns, kbps))
+            self.record(LinkCapacity(now_ns, kbps))
 
     def on_pinned(self, pin: PinnedView) -> None:
-        self._log.record(pin)
+        self.record(pin)
 
     def on_phase(self, change: PhaseChange) -> None:
-        self._log.record(change)
+        self.record(change)
 
     def on_tick(self, tick: Tick) -> None:
-        self._log.record(tick)
+        self.record(tick)
 
     def on_stop(self, stop: StopRecord) -> None:
-        self._log.record(stop)
+        self.record(stop)
 
     def on_allocation(self, allocation: Allocation) -> None:
-        self._log.record(allocation)
+        self.record(allocation)
 
     def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self._log.record(summary)
+        self.record(summary)

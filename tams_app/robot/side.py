@@ -73,7 +73,7 @@ class RobotSide:
         self._gate: ArmGate | None = None
         self._control: Worker | None = None
         weights = WeightMatrix(config.policy.weights.matrix)
-        self._board = StatusBoard(config.video.views, weights, config.video.fps)
+        self._board = StatusBoard(config.video.views, weights, config.video.fps, log.newest)
         keeping = config.recording
         self._episodes: EpisodeKeeper | None = None
         if keeping.episodes:
@@ -216,13 +216,11 @@ class RobotSide:
 
     def state_at(self, now_ns: int) -> SessionState:
         """The session as this side knows it, from any thread, and quickly."""
-        operator, given_fps = self._operator, self._rates.given_fps
+        operator = self._operator
         return self._board.state(
             now_ns,
             self._ending.elapsed_s(),
             operator,
-            self._video.capacity,
-            given_fps,
             operator.hand,
             None if self._episodes is None else self._episodes.state,
             self._video.latency,

@@ -7,7 +7,6 @@ from dataclasses import asdict, replace
 import msgspec
 import pytest
 
-from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
@@ -21,10 +20,12 @@ from tams_app.records import (
     HandHeard,
     Haptic,
     LinkHealth,
+    Newest,
     PacketFate,
     PacketKind,
     PacketRecord,
     Phase,
+    PhaseChange,
     PinnedView,
     StateHeard,
     SteeredBy,
@@ -83,7 +84,8 @@ class Sides:
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
         weights = WeightMatrix(config.policy.weights.matrix)
-        self.board = StatusBoard(VIEWS, weights, config.video.fps)
+        self.newest = Newest([PhaseChange(0, Phase.REACH, "start")])
+        self.board = StatusBoard(VIEWS, weights, config.video.fps, self.newest)
 
         def make_gateway(welcome: bytes) -> MemoryGateway:
             self.welcome = welcome
@@ -95,9 +97,7 @@ class Sides:
             self.signals,
             self.robot_log,
             make_gateway,
-            lambda now_ns: self.board.state(
-                now_ns, 1.0, SteadyVideo(), UnlimitedCapacity(), {}, hand_of(config)
-            ),
+            lambda now_ns: self.board.state(now_ns, 1.0, SteadyVideo(), hand_of(config)),
             "20260101-120000-robot",
         )
         self.sent = {view: SentFrames() for view in VIEWS}
@@ -130,7 +130,9 @@ class Sides:
             if pending.late_confirm:
                 self.robot_log.note("warning", TOO_LONG_AGO)
             self.stopped += pending.estop
-            self.robot.on_tick(replace(tick(0), started_ns=now_ns, due_ns=now_ns))
+            over = replace(tick(0), started_ns=now_ns, due_ns=now_ns, lasting="")
+            self.newest.put(over)
+            self.robot.on_tick(over)
 
     def cut(self, is_cut: bool) -> None:
         self.here.cut = self.there.cut = is_cut
@@ -415,7 +417,9 @@ def test_the_operators_side_knows_what_the_uplink_carries(sides: Sides):
         packet = PacketRecord(view, PacketKind.MEDIA, 0, 1000, now_ns, left_ns, left_ns, fate)
         sides.board.packets([packet] * 50)
     targets = dict.fromkeys(VIEWS, 1000)
-    sides.board.on_allocation(Allocation(now_ns, Phase.REACH, float("inf"), 3400.0, targets))
+    allocation = Allocation(now_ns, Phase.REACH, float("inf"), 3400.0, targets)
+    sides.newest.put(allocation)
+    sides.board.on_allocation(allocation)
     sides.run(1.0)
     state = sides.operator.state.state
     assert [state.views[view].sent_kbps for view in VIEWS] == [400.0] * 3
@@ -514,7 +518,7 @@ def test_each_side_knows_what_the_other_has_to_tell_the_operator():
     for _ in range(2):  # until it is known, and then
         assert (sides.robot.hand, sides.robot.is_simulated) == ("sim", True)
         sides.run(0.5)
-    sides.board.on_stop(StopRecord("stale video", 0, 1))
+    sides.newest.put(StopRecord("stale video", 0, 1))
     for hand in ("openvr", "keyboard"):
         sides.operator._driven_with = hand
         sides.run(0.5)
@@ -645,7 +649,7 @@ def test_a_place_where_no_view_is_pins_nothing(place: int):
 def test_the_state_tells_the_operators_side_which_view_is_primary_since_it_is_pinned():
     sides = Sides()
     for pinned, primary in (("", "gt"), ("eih", "eih")):
-        sides.board.on_pinned(PinnedView(0, pinned))
+        sides.newest.put(PinnedView(0, pinned))
         sides.run(0.2)
         state = sides.operator.state.state
         assert (state.primary_view, state.is_pinned) == (primary, bool(pinned))

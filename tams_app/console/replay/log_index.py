@@ -2,26 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import pairwise
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from tams_app.capacity import finite
 from tams_app.faces.history import SPAN_S
 from tams_app.faces.messages import Outline, Stretch
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
-from tams_app.records import EpisodesState, Note, SessionState, ViewState
+from tams_app.recording.topics import FrameShown
+from tams_app.records import EpisodesState, Newest, Note, Record, SessionState, ViewState
 from tams_app.robot.uplink_meter import WINDOW_NS
-from tams_app.summary.tables import FrameTable, Integers, known_packets
+from tams_app.state import StateMaker
+from tams_app.summary.tables import Integers, known_packets
 from tams_app.task.episodes import SHOWN, shown_episode
 from tams_app.task.judge import PLACED
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.uplink_figures import UplinkFigures, uplink_figures
+from tams_app.video.core.uplink_figures import uplink_figures
 
 CELLS = 600  # that a log is divided into, however long it is: each about two pixels wide
 _SEVERITY = {state.value: number for number, state in enumerate(ArmingState)}
@@ -34,62 +36,43 @@ class LogIndex:
     def __init__(self, log: SessionLog) -> None:
         self._log = log
         self._views = log.header.views
-        self._tick_ns = _times([tick.started_ns for tick in log.ticks])
-        self._allocation_ns = _times([one.t_ns for one in log.allocations])
-        self._phase_ns = _times([change.t_ns for change in log.phases])
-        self._pinned_ns = _times([pin.t_ns for pin in log.pins])
-        self._capacity_ns = _times([one.t_ns for one in log.capacities])
+        stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
+        self._records: list[tuple[Sequence[Record], Integers]] = [
+            (log.ticks, _times([tick.started_ns for tick in log.ticks])),
+            (stops, _times([stop.visible_ns for stop in stops])),
+            *(
+                (timed, _times([one.t_ns for one in timed]))
+                for timed in (log.allocations, log.phases, log.pins, log.capacities, log.rates)
+            ),
+        ]
         self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
-        self._frames = {view: FrameTable.of(log, view) for view in self._views}
+        captured: dict[str, dict[int, int]] = {view: {} for view in self._views}
+        for frame in log.captured:
+            captured[frame.view][frame.index] = frame.capture_ns
+        self._captured_ns = {
+            view: np.sort(_times([*known.values()])) for view, known in captured.items()
+        }
+        self._shown = {
+            view: _ShownFrames.of([one for one in log.shown if one.view == view], captured[view])
+            for view in self._views
+        }
         self._packets = sorted(known_packets(log), key=lambda one: one.entered_ns)
         self._entered_ns = _times([packet.entered_ns for packet in self._packets])
-        self._weights = WeightMatrix(log.header.weights) if log.header.weights else None
-        self._stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
-        self._stop_ns = _times([stop.visible_ns for stop in self._stops])
+        weights = WeightMatrix(log.header.weights) if log.header.weights else None
+        self._maker = StateMaker(self._views, weights, log.header.fps)
 
     def at(self, t_ns: int) -> SessionState:
         """As the console had it at `t_ns`."""
         log = self._log
-        tick = _last(log.ticks, self._tick_ns, t_ns)
-        allocation = _last(log.allocations, self._allocation_ns, t_ns)
-        change = _last(log.phases, self._phase_ns, t_ns)
-        pin = _last(log.pins, self._pinned_ns, t_ns)
-        pinned = "" if pin is None else pin.view
-        capacity = _last(log.capacities, self._capacity_ns, t_ns)
-        stop = _last(self._stops, self._stop_ns, t_ns)
-        arm = None if tick is None else tick.arm
+        found = [_last(records, times_ns, t_ns) for records, times_ns in self._records]
         since, until = np.searchsorted(self._entered_ns, (t_ns - WINDOW_NS, t_ns))
-        figures = uplink_figures(self._packets[since:until], self._views, WINDOW_NS)
-        targets = {} if allocation is None else allocation.target_kbps
-        primary = self._weights and change and self._weights.primary_view(change.phase, pinned)
-        x, y, z = (0.0, 0.0, 0.0) if arm is None else (arm.tcp.position * 1000.0).tolist()
-        return SessionState(
+        return self._maker.state(
+            Newest(found),
             t_s=(t_ns - log.header.started_ns) / NS_PER_S,
-            arming="starting" if tick is None else tick.arming,
-            deadman=tick is not None and tick.deadman,
-            pressed=() if tick is None else tick.controller.pressed,
-            orientation_mode=tick is not None and tick.orientation_mode,
-            phase="" if change is None else change.phase.value,
-            reason="" if tick is None else tick.reason,
-            lasting="" if tick is None else tick.lasting,
-            last_stop="" if stop is None else stop.reason,
+            figures=uplink_figures(self._packets[since:until], self._views, WINDOW_NS),
+            views={view: self._view(view, t_ns) for view in self._views},
             hand=log.facts.get(HAND_FACT, ""),
-            tcp_mm=None if arm is None else (x, y, z),
-            gripper_closed=None if arm is None else arm.gripper_closed,
-            hottest_motor_c=None if arm is None else arm.hottest_motor_c,
-            views={
-                view: self._view(view, t_ns, figures, targets.get(view)) for view in self._views
-            },
-            link_kbps=figures.link_kbps,
-            capacity_kbps=None if capacity is None else finite(capacity.capacity_kbps),
-            queue_ms=figures.queue_ms,
-            asked_fps=log.header.fps,
-            primary_view=primary or "",
-            is_pinned=primary == pinned,
-            budget_kbps=None if allocation is None else allocation.budget_kbps,
-            estimate_kbps=None if allocation is None else finite(allocation.capacity_kbps),
-            loss=figures.loss,
-            episodes=self._episodes(t_ns) if self._log.episodes else None,
+            episodes=self._episodes(t_ns) if log.episodes else None,
             placed=any(one.text.startswith(PLACED) and one.t_ns <= t_ns for one in log.notes),
         )
 
@@ -131,23 +114,39 @@ class LogIndex:
             last=tuple(map(shown_episode, ended[-SHOWN:])),
         )
 
-    def _view(
-        self, view: str, t_ns: int, figures: UplinkFigures, target_kbps: float | None
-    ) -> ViewState:
-        frames = self._frames[view]
-        shown = np.flatnonzero((frames.shown_ns > 0) & (frames.shown_ns <= t_ns))
-        newest = int(shown[-1]) if len(shown) else None
-        given = np.searchsorted(frames.capture_ns, (t_ns - NS_PER_S, t_ns))
+    def _view(self, view: str, t_ns: int) -> ViewState:
+        """As it was shown; a frame that is not whole does not count for its age."""
+        captured_ns, shown = self._captured_ns[view], self._shown[view]
+        until = int(np.searchsorted(shown.shown_ns, t_ns, side="right"))
+        first = int(np.searchsorted(shown.shown_ns, t_ns - NS_PER_S, side="right"))
+        counting = np.flatnonzero(shown.whole[:until])
+        age_ns = t_ns - int(shown.capture_ns[counting[-1]]) if len(counting) else None
+        latency_ns = int(shown.shown_ns[until - 1] - shown.capture_ns[until - 1]) if until else None
+        given = np.searchsorted(captured_ns, (t_ns - NS_PER_S, t_ns))
         return ViewState(
-            target_kbps=target_kbps,
-            sent_kbps=figures.sent_kbps[view],
-            age_ms=None if newest is None else (t_ns - int(frames.capture_ns[newest])) / NS_PER_MS,
             given_fps=float(given[1] - given[0]),
-            shown_fps=float(np.sum(frames.shown_ns[shown] > t_ns - NS_PER_S)),
-            latency_ms=None
-            if newest is None
-            else int(frames.shown_ns[newest] - frames.capture_ns[newest]) / NS_PER_MS,
+            age_ms=None if age_ns is None else age_ns / NS_PER_MS,
+            shown_fps=float(until - first),
+            latency_ms=None if latency_ns is None else latency_ns / NS_PER_MS,
         )
+
+
+class _ShownFrames(NamedTuple):
+    """A view's frames that were shown, in order of time."""
+
+    shown_ns: Integers
+    capture_ns: Integers
+    whole: NDArray[np.bool_]
+
+    @staticmethod
+    def of(frames: Sequence[FrameShown], captured_ns: Mapping[int, int]) -> _ShownFrames:
+        known = sorted(
+            (one.shown_ns, captured_ns[one.index], one.whole is not False)
+            for one in frames
+            if one.index in captured_ns
+        )
+        shown_ns, capture_ns, whole = zip(*known, strict=True) if known else ((), (), ())
+        return _ShownFrames(_times(shown_ns), _times(capture_ns), np.array(whole, dtype=np.bool_))
 
 
 def _times(values: Sequence[int]) -> Integers:
