@@ -115,18 +115,8 @@ class Senders(Video):
                 stack.callback(self._relay.close)
 
     def _make_sender(self, view: str) -> VideoSender:
-        sender = VideoSender(
-            view,
-            self._config.video,
-            self._rule.rtx,
-            self._clock,
-            self._start_kbps[view],
-            self._source_drop_below_kbps,
-            self._log.record,
-            self._log.record,
-            self._uplink,
-            self.codecs.encoder,
-        )
+        record = self._log.record
+        sender = VideoSender(self._streams[view], self._clock, record, record, self._uplink)
         self._senders[view] = sender
         return sender
 

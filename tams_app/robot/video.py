@@ -21,6 +21,7 @@ from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.protection import Protection
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink, uplink_report
 from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.networks import network_capacity
 
 
@@ -53,21 +54,30 @@ class Video(ABC):
         )
         self.delay_ns = video_delay_ns(network, self._rule)
         policy = Policy.of(config, self.capacity)
-        self._start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
-        self._source_drop_below_kbps = policy.source_drop_below_kbps
+        start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
         self.codecs = codecs
+        self._streams = {
+            view: StreamSettings(
+                view,
+                video,
+                self._rule.rtx,
+                kbps,
+                policy.source_drop_below_kbps,
+                codecs.encoder,
+            )
+            for view, kbps in start_kbps.items()
+        }
         protected = video.views if self._rule.parity else ()
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self._rule, video.fps, always, real)
         self._flight = FlightBound(video.views) if feedback else None
-        start_kbps = sum(self._start_kbps.values())
         most_kbps = config.policy.budget.max_kbps
         self._uplink = Uplink(
             {view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received},
             feedback,
             {view: ViewParity(parity_ssrc(video, view), feedback) for view in protected},
             self.may_resend,
-            Pacer(start_kbps, most_kbps, threading.Lock()) if feedback else None,
+            Pacer(sum(start_kbps.values()), most_kbps, threading.Lock()) if feedback else None,
         )
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock = clock

@@ -20,6 +20,7 @@ from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.receiver import VideoReceiver
 from tams_app.video.live.recorded import decoded
 from tams_app.video.live.sender import VideoSender
@@ -53,7 +54,7 @@ class Stream:
         self._arrived = threading.Condition()
         self.parity = ViewParity(parity_ssrc(config, "eih"), feedback) if rule.parity else None
         self.sender = VideoSender(
-            "eih", config, rule.rtx, self.clock, kbps, 80.0,
+            StreamSettings("eih", config, rule.rtx, kbps, 80.0), self.clock,
             self.encoded.append, self.dropped.append,
             Uplink({"eih": self.received}, feedback,
                    {"eih": self.parity} if self.parity else {}, may_resend, pacer),

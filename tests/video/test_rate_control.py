@@ -15,6 +15,7 @@ from tams_app.records import IP_UDP_HEADER_BYTES, Frame
 from tams_app.units import NS_PER_S
 from tams_app.video.core.frame_interval import FrameIntervals, FrameTime
 from tams_app.video.core.rate_control import WINDOW_FRAMES, X264_FPS, EncoderServo, SourceDrop
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import EncoderChain
 from tams_app.video.virtual.stepped_clock import SteppedClock
@@ -215,8 +216,9 @@ def wire_bytes_of_frames(targets_kbps: list[float], first_frame: int = 0) -> lis
     """
     ignore: Callable[[object], None] = lambda _: None  # noqa: E731
     clock = SteppedClock(NS_PER_S)
-    frames = ViewEncoder("eih", VideoConfig(), clock, targets_kbps[0], 80.0, ignore, ignore)
-    chain = EncoderChain("eih", VideoConfig(), frames, clock)
+    stream = StreamSettings("eih", VideoConfig(), False, targets_kbps[0], 80.0)
+    frames = ViewEncoder(stream, clock, ignore, ignore)
+    chain = EncoderChain(stream, frames, clock)
     chain.start()
     sizes: list[int] = []
     for index, target_kbps in enumerate(targets_kbps):

@@ -75,17 +75,15 @@ class TrialVideo(Video):
 
         `on_shown` gets each decoded frame, after the captures that came before it.
         """
-        video, epoch_ns = config.video, clock.now_ns()
+        epoch_ns = clock.now_ns()
         network = resolve_network(config, config.network)
         super().__init__(config, network, clock, epoch_ns, log, on_captured)
         self._chains = VirtualVideo(
-            video,
+            self._streams,
             network,
             self._rule,
             config.seed,
             epoch_ns,
-            self._start_kbps,
-            self._source_drop_below_kbps,
             VideoRecords(log.record, log.record, on_shown, log.packets),
             self._uplink,
         )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import AVDEC, X264, Decoder, Encoder
+from tams_app.video.core.codecs import AVDEC, Decoder
 from tams_app.video.core.packets import (
     MEDIA_PAYLOAD_TYPE,
     PADDING_PAYLOAD_TYPE,
@@ -23,6 +23,7 @@ from tams_app.video.core.packets import (
 )
 from tams_app.video.core.rate_control import X264_FPS
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stream import StreamSettings
 
 RTCP_CAPS = "application/x-rtcp"
 # To a payloader: write the extension. To a receiving session: report on what has it, after the last
@@ -87,24 +88,20 @@ def rtx_ssrcs(config: VideoConfig, view: str) -> str:
 
 
 def encoder_chain(
-    config: VideoConfig,
-    view: str,
-    encoder_kbps: int,
-    feedback: bool = False,
-    encoder: Encoder = X264,
-    paced: bool = False,
+    stream: StreamSettings, encoder_kbps: int, feedback: bool = False, paced: bool = False
 ) -> str:
     """I420 frames in, RTP packets out; with `feedback` they are numbered for the receiver's.
 
     `paced`: they wait in the queue of that name, as lists: what sets the numbers' caps takes a list
     apart, and Python would be called for each packet.
     """
+    config = stream.config
     extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
     # the payloader does not count what an extension takes
     mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
     return (
-        f"{encoder.launch(config, encoder_kbps)} ! h264parse "
-        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, view)} "
+        f"{stream.encoder.launch(config, encoder_kbps)} ! h264parse "
+        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, stream.view)} "
         f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
         f"timestamp-offset=0 seqnum-offset=0 {_PACED if paced else ''}{extension}"
     )
@@ -127,34 +124,30 @@ def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
 
 
 def session_sender(
-    config: VideoConfig,
-    view: str,
-    rtx: bool,
+    stream: StreamSettings,
     encoder_kbps: int,
     *,
     rtp_out: str,
     reports_out: str,
     feedback_in: str,
     feedback: bool = False,
-    encoder: Encoder = X264,
     paced: bool = False,
 ) -> str:
     """A sender with its rtpsession; frames enter by the appsrc `frames`.
 
     `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
-    `feedback_in`: of the source of the receiver's RTCP (live: UDP); `feedback`, `encoder`: see
-    `encoder_chain`.
+    `feedback_in`: of the source of the receiver's RTCP (live: UDP). `feedback`: as `encoder_chain`.
 
     `paced`: packets wait in the queue of that name, resent ones do not.
 
     max-buffers=4: with two the first frames are lost while x264 starts.
     """
-    history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if rtx else ""
+    history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if stream.rtx else ""
     return (
         f"{_SENDING} update-ntp64-header-ext=false "
         "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
-        f'leaky-type=downstream caps="{raw_caps(config)}" '
-        f"! {encoder_chain(config, view, encoder_kbps, feedback, encoder, paced)} {history}"
+        f'leaky-type=downstream caps="{raw_caps(stream.config)}" '
+        f"! {encoder_chain(stream, encoder_kbps, feedback, paced)} {history}"
         "! session.send_rtp_sink "
         f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
         f"{feedback_in} ! session.recv_rtcp_sink"

@@ -8,17 +8,16 @@ from functools import partial
 from typing import Any
 
 from tams_app import gst
-from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core import pipelines
-from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.pacer import Pacer
 from tams_app.video.core.packets import Padding, media_ssrc, padding_ssrc
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import Uplink
 from tams_app.video.core.stages import StageMeans
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
 from tams_app.video.live.udp import (
     UdpSocket,
@@ -44,38 +43,28 @@ class VideoSender:
 
     def __init__(
         self,
-        view: str,
-        config: VideoConfig,
-        rtx: bool,
+        stream: StreamSettings,
         clock: Clock,
-        start_kbps: float,
-        source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
         uplink: Uplink,
-        encoder: Encoder = X264,
     ) -> None:
         """Bind the port for feedback; ConfigError if it is taken.
 
-        `rtx`: whether packets are kept to be sent again (`RepairRule.rtx`). Rates, `on_encoded` and
-        `on_dropped` are those of the `ViewEncoder`. `encoder`: one that is here
-        (`installed_codecs`). SetupError if GStreamer lacks an element.
+        `on_encoded` and `on_dropped` are those of the `ViewEncoder`. SetupError if GStreamer lacks
+        an element.
         """
         gst.require_elements()
-        self.view = view
+        self._stream, config = stream, stream.config
+        self.view = view = stream.view
         self._on_encoded = on_encoded
-        self._config = config
-        self._rtx = rtx
-        self._encoder = encoder
         self.stages = StageMeans()  # until the packets leave
         self._leaving: deque[int] = deque(maxlen=_LEAVING)  # when each was encoded [ns]
         self._parity = uplink.parity.get(view)
         self._packets: list[bytes] = []  # of the frame that is being packetised
         self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
         self._padded_bytes = 0
-        self._frames = ViewEncoder(
-            view, config, clock, start_kbps, source_drop_below_kbps, self._encoded, on_dropped
-        )
+        self._frames = ViewEncoder(stream, clock, self._encoded, on_dropped)
         self._clock = clock
         self._received = uplink.received.get(view)
         self._feedback = uplink.feedback
@@ -102,15 +91,12 @@ class VideoSender:
         self._link = link
         pipeline = gst.parse_pipeline(
             pipelines.session_sender(
-                self._config,
-                self.view,
-                self._rtx,
+                self._stream,
                 self._frames.encoder_kbps,
                 rtp_out=udp_sink("rtp_out", link.host, link.rtp),
                 reports_out=udp_sink("reports_out", link.host, link.reports),
                 feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
                 feedback=self._feedback,
-                encoder=self._encoder,
                 paced=self._pacer is not None,
             )
         )
@@ -124,7 +110,7 @@ class VideoSender:
         # else a session that sent RTCP before the first frame imposes a random SSRC
         session = pipeline.get_by_name("session")
         self._rtp_entrance = session.get_static_pad("send_rtp_sink")
-        ssrc = media_ssrc(self._config, self.view)
+        ssrc = media_ssrc(self._stream.config, self.view)
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
         if self._received is not None and self._feedback:
             self._listener: object = PacketFeedback(
@@ -134,7 +120,7 @@ class VideoSender:
             self._listener = ReceptionReports(session, self._received, self._frames.fail)
         if self._resender is not None:
             self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
-            self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._config, self.view))
+            self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._stream.config, self.view))
         kinds = gst.load().Gst.PadProbeType
         if self._pacer is not None:
             paced = pipeline.get_by_name("paced").get_static_pad("src")

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from typing import Any
 
 from tams_app import gst
-from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import DroppedFrame, EncodedFrame, Frame
 from tams_app.runtime.clock import Clock
@@ -18,6 +17,7 @@ from tams_app.video.core.colour import i420_of
 from tams_app.video.core.frame_identity import SentFrame, SentFrames, rtp_timestamp
 from tams_app.video.core.frame_interval import FrameIntervals
 from tams_app.video.core.rate_control import EncoderServo, SourceDrop
+from tams_app.video.core.stream import StreamSettings
 
 
 class ViewEncoder:
@@ -25,32 +25,28 @@ class ViewEncoder:
 
     `admit` from one thread, `set_target_kbps` from any. `on_encoded` runs in the encoder's thread
     once per frame, `on_dropped` in the thread that admits: both must only hand over.
-    `start_kbps`: target until the first is set; below `source_drop_below_kbps` whole frames are
-    dropped. `sent`: what the stream's timestamps stand for.
+    `sent`: what the stream's timestamps stand for.
     """
 
     def __init__(
         self,
-        view: str,
-        config: VideoConfig,
+        stream: StreamSettings,
         clock: Clock,
-        start_kbps: float,
-        source_drop_below_kbps: float,
         on_encoded: Callable[[EncodedFrame], None],
         on_dropped: Callable[[DroppedFrame], None],
     ) -> None:
-        self.view = view
+        self.view, config = stream.view, stream.config
         self.failure = ""
         self.sent = SentFrames()
         self._clock = clock
         self._on_encoded = on_encoded
         self._on_dropped = on_dropped
-        self._target_kbps = start_kbps
-        self._source_drop = SourceDrop(source_drop_below_kbps)
+        self._target_kbps = stream.start_kbps
+        self._source_drop = SourceDrop(stream.source_drop_below_kbps)
         first_ns = NS_PER_S // config.fps
         self._intervals = FrameIntervals(first_ns)
         self._servo = EncoderServo(config.mtu_bytes)
-        frame_kbps = self._source_drop.frame_target_kbps(start_kbps, first_ns)
+        frame_kbps = self._source_drop.frame_target_kbps(stream.start_kbps, first_ns)
         self.encoder_kbps = round(self._servo.encoder_kbps(frame_kbps, first_ns))
 
     def attach(self, pipeline: Any) -> None:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from typing import Any
 
 from tams_app import gst
-from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.video.core import pipelines
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.view_decoder import ViewDecoder
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.stepped_clock import SteppedClock
@@ -75,18 +75,17 @@ class EncoderChain(Chain):
 
     def __init__(
         self,
-        view: str,
-        config: VideoConfig,
+        stream: StreamSettings,
         frames: ViewEncoder,
         clock: SteppedClock,
         feedback: bool = False,
     ) -> None:
         description = (
-            f"{pipelines.encoder_chain(config, view, frames.encoder_kbps, feedback)} "
+            f"{pipelines.encoder_chain(stream, frames.encoder_kbps, feedback)} "
             "! appsink name=packets async=false sync=false"
         )
-        caps = pipelines.raw_caps(config)
-        super().__init__(description, "converter", caps, clock, f"the sender of view {view}")
+        caps, what = pipelines.raw_caps(stream.config), f"the sender of view {stream.view}"
+        super().__init__(description, "converter", caps, clock, what)
         self._packets = self.pipeline.get_by_name("packets")
         self._requests = self.pipeline.get_by_name("payloader").get_static_pad("src")
         frames.attach(self.pipeline)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from functools import partial
 from random import Random
 
-from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame, PacketFate, PacketKind, PacketRecord
 from tams_app.video.core.packets import (
@@ -20,6 +19,7 @@ from tams_app.video.core.packets import (
 )
 from tams_app.video.core.pipelines import RTX_HISTORY_MS
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import EncoderChain
 from tams_app.video.virtual.rtcp_sessions import Feedback, SenderSession, SentPackets
@@ -38,18 +38,15 @@ class VirtualSender:
 
     def __init__(
         self,
-        view: str,
-        config: VideoConfig,
-        rtx: bool,
+        stream: StreamSettings,
         seed: int,
-        start_kbps: float,
-        source_drop_below_kbps: float,
         shared: Shared,
         deliver: Callable[[bytes, bool], None],
         deliver_report: Callable[[int, int], None],
         uplink: Uplink,
     ) -> None:
-        self.view = view
+        self.view = view = stream.view
+        config = stream.config
         self.wire_bytes = 0
         self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
         self._padded_bytes = 0
@@ -63,21 +60,13 @@ class VirtualSender:
         self._next_sequence = 0  # transport-wide
         self._unreported: deque[tuple[int, int, int]] = deque()  # number, sent_ns, bytes
         self._parity = uplink.parity.get(view)
-        self._history = SentPackets(RTX_HISTORY_MS) if rtx else None
-        self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), rtx)
+        self._history = SentPackets(RTX_HISTORY_MS) if stream.rtx else None
+        self._session = SenderSession(Random(f"{seed}/{view}/sender-rtcp"), stream.rtx)
         self._done_clock = LaterClock(shared.clock)
         records = shared.records
-        self._frames = ViewEncoder(
-            view,
-            config,
-            self._done_clock,
-            start_kbps,
-            source_drop_below_kbps,
-            records.encoded,
-            records.dropped,
-        )
+        self._frames = ViewEncoder(stream, self._done_clock, records.encoded, records.dropped)
         self.sent = self._frames.sent
-        self._chain = EncoderChain(view, config, self._frames, shared.clock, uplink.feedback)
+        self._chain = EncoderChain(stream, self._frames, shared.clock, uplink.feedback)
         self.start, self.close = self._chain.start, self._chain.close
         self.timing = self._session.timing  # it knows when `step` must be called
         self.set_target_kbps = self._frames.set_target_kbps

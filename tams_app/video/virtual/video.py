@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 
 from tams_app import gst
-from tams_app.config import Network, VideoConfig
+from tams_app.config import Network
 from tams_app.records import Frame
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.link import Link
 from tams_app.video.core.received_feedback import Uplink
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.networks import network_capacity
 from tams_app.video.virtual.event_queue import EventQueue
 from tams_app.video.virtual.receiver import VirtualReceiver
@@ -34,30 +35,28 @@ class VirtualVideo:
 
     def __init__(
         self,
-        config: VideoConfig,
+        streams: Mapping[str, StreamSettings],
         network: Network,
         rule: RepairRule,
         seed: int,
         start_ns: int,
-        start_kbps: Mapping[str, float],
-        source_drop_below_kbps: float,
         records: VideoRecords,
         uplink: Uplink,
     ) -> None:
-        """Start the chains; SetupError if GStreamer lacks something. `start_kbps` by view."""
+        """Start the chains; SetupError if GStreamer lacks something. `streams` by view."""
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
         self._waiter = IdleWaiter()
         self._idle_gate = IdleGate(self._waiter, self._clock)
-        link = Link(network, network_capacity(network, start_ns), config.views, seed)
+        link = Link(network, network_capacity(network, start_ns), tuple(streams), seed)
         shared = Shared(link, self._events, self._clock, self._idle_gate, records)
         self._senders: dict[str, VirtualSender] = {}
         self.receivers: dict[str, VirtualReceiver] = {}
-        for view in config.views:
+        for view, stream in streams.items():
             receiver = VirtualReceiver(
                 view,
-                config,
+                stream.config,
                 rule,
                 seed,
                 shared,
@@ -67,12 +66,8 @@ class VirtualVideo:
             )
             self.receivers[view] = receiver
             self._senders[view] = VirtualSender(
-                view,
-                config,
-                rule.rtx,
+                stream,
                 seed,
-                start_kbps[view],
-                source_drop_below_kbps,
                 shared,
                 receiver.arrive,
                 receiver.arrive_report,

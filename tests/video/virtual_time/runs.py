@@ -20,6 +20,7 @@ from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule, repair_rule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.shared import VideoRecords
 from tams_app.video.virtual.video import VirtualVideo
@@ -117,14 +118,13 @@ def make(
     parity = {view: ViewParity(parity_ssrc(config, view), feedback) for view in views if groups}
     for each in parity.values():
         each.groups = groups
+    rule = rule or repair_rule(network, config.pli_min_interval_ms)
     return VirtualVideo(
-        config,
+        {view: StreamSettings(view, config, rule.rtx, kbps, 80.0) for view in views},
         network,
-        rule or repair_rule(network, config.pli_min_interval_ms),
+        rule,
         seed,
         START_NS,
-        dict.fromkeys(views, kbps),
-        80.0,
         records or run.records,
         Uplink(feedback=feedback, parity=parity, **more),
     )

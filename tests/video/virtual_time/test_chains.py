@@ -13,6 +13,7 @@ from tams_app.records import EncodedFrame, ShownFrame
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.packets import read_rtp
 from tams_app.video.core.repair import RepairRule
+from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.view_decoder import ViewDecoder
 from tams_app.video.live.view_encoder import ViewEncoder
 from tams_app.video.virtual.chains import DecoderChain, EncoderChain, time_left_ms
@@ -34,13 +35,12 @@ class Ends:
         self.clock = SteppedClock(NS_PER_S)
         self.encoded: list[EncodedFrame] = []
         self.shown: list[ShownFrame] = []
-        self.frames = ViewEncoder(
-            "eih", config, self.clock, 1500.0, 80.0, self.encoded.append, lambda dropped: None
-        )
+        stream = StreamSettings("eih", config, rule.rtx, 1500.0, 80.0)
+        self.frames = ViewEncoder(stream, self.clock, self.encoded.append, lambda dropped: None)
         self.images = ViewDecoder(
             "eih", config, rule, self.clock, self.frames.sent.find, self.shown.append
         )
-        self.encoder = EncoderChain("eih", config, self.frames, self.clock)
+        self.encoder = EncoderChain(stream, self.frames, self.clock)
         self.decoder = DecoderChain("eih", rule, self.images, self.clock)
         self.waiter = IdleWaiter()
         self.encoder.start()
