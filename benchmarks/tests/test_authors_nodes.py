@@ -16,7 +16,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.topic import Topic as DdsTopic
 
 from benchmarks.experiments.authors_nodes import Bool, Float32
-from tams_app.ros2.messages import Header, Time, Twist, TwistStamped, Vector3
+from tams_app.ros2.messages import HeaderMsg, Time, TwistMsg, TwistStamped, Vector3
 from tams_app.ros2.topics import AUTHORS
 from tests.ros2.dds import RELIABLE, Node, free_domain, until
 
@@ -44,14 +44,14 @@ def test_it_takes_their_topics_and_gives_theirs_in_their_words(domain: int) -> N
     velocity = writer("end_effector_velocity", TwistStamped)
     gripper, budget = writer("gripper_closed", Bool), writer("uplink_budget_mbps", Float32)
     phase, targets = (node.reader(topic) for topic in AUTHORS)
-    down = Twist(Vector3(0.0, 0.0, -0.05), Vector3(0.0, 0.0, 0.0))
+    down = TwistMsg(Vector3(0.0, 0.0, -0.05), Vector3(0.0, 0.0, 0.0))
 
     def becomes(word: str, closed: bool, moving: bool) -> None:
         heard: list[str] = []
 
         def tell() -> None:
-            still = Twist(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0))
-            head = Header(Time(0, 0), "base_link")
+            still = TwistMsg(Vector3(0.0, 0.0, 0.0), Vector3(0.0, 0.0, 0.0))
+            head = HeaderMsg(Time(0, 0), "base_link")
             velocity.write(TwistStamped(head, down if moving else still))
             gripper.write(Bool(closed))
             budget.write(Float32(0.6))

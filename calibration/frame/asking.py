@@ -16,16 +16,16 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from calibration.frame.capture import MIN_TRAVEL_M, Capture, Held, touch_of, travel_m
+from calibration.frame.capture import MIN_TRAVEL_M, Held, StrokeCapture, touch_of, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
 from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Prompt, Reach
 from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,
     MIN_SAMPLES,
-    Reason,
     RefusedError,
     Stroke,
+    StrokeFault,
     check_line,
     fit_line,
 )
@@ -99,7 +99,7 @@ def _held(
 ) -> Held:
     """Ask for it, and wait until the trigger has been held and let go; shows what is `so_far`."""
     source.ask(prompt)
-    capture, count = Capture(config), 0
+    capture, count = StrokeCapture(config), 0
     while True:
         now_ns, sample = source.next()
         held = capture.take(sample, now_ns)
@@ -116,7 +116,7 @@ def _held(
 def repeated(
     once: Callable[[], Result],
     attempts: int,
-    mended_by: Callable[[Reason], bool],
+    mended_by: Callable[[StrokeFault], bool],
     again: Callable[[RefusedError], None],
 ) -> Result:
     """Until it goes well, with `again` before each repetition.
@@ -138,7 +138,7 @@ def ask_again(ui: WizardUI, once: Callable[[], Result]) -> Result:
     return repeated(
         once,
         ATTEMPTS,
-        lambda reason: reason not in (Reason.FRAME_CHANGED, Reason.WRONG_BUTTON),
+        lambda reason: reason not in (StrokeFault.FRAME_CHANGED, StrokeFault.WRONG_BUTTON),
         lambda error: ui.print(str(error)),
     )
 
@@ -161,7 +161,9 @@ def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Fit]) -> Fit:
         while source.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
             pass  # until the new frame is steady
 
-    return repeated(once, _BEGINNINGS, lambda reason: reason is not Reason.IMPOSSIBLE_SCALE, again)
+    return repeated(
+        once, _BEGINNINGS, lambda reason: reason is not StrokeFault.IMPOSSIBLE_SCALE, again
+    )
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -214,7 +216,7 @@ def _try_direction(
     right: Mapping[Move, bool],
 ) -> str | None:
     """What was wrong with one try of a direction, "" for nothing; None if Enter skipped it."""
-    capture, compass = Capture(config), Compass(config, hand)
+    capture, compass = StrokeCapture(config), Compass(config, hand)
     source.ask(wanted)
     count, done = 0, None
     while done is None or travel_m(done) < MIN_TRAVEL_M:
@@ -222,7 +224,7 @@ def _try_direction(
         try:
             done = capture.take(sample, now_ns)
         except RefusedError as error:
-            if error.reason is Reason.FRAME_CHANGED:
+            if error.reason is StrokeFault.FRAME_CHANGED:
                 raise
             return str(error)
         compass.update(sample, now_ns, held=capture.so_far is not None)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from calibration.frame.asking import ATTEMPTS, ask_again, repeated
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.ui import WizardUI, bar, plain_table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
@@ -74,13 +74,13 @@ class PressWatch:
         pressed = sorted(self._pressed)
         if len(pressed) > 1:
             raise RefusedError(
-                Reason.TWO_BUTTONS,
+                StrokeFault.TWO_BUTTONS,
                 f"{' and '.join(pressed)} were pressed together: press the {self._role} alone.",
             )
         path = pressed[0]
         if path in self._taken:
             raise RefusedError(
-                Reason.WRONG_BUTTON,
+                StrokeFault.WRONG_BUTTON,
                 f"{path} is the {self._taken[path]} already: press another one for {self._role}.",
             )
         return path
@@ -96,7 +96,7 @@ class PressWatch:
         else:
             why = "nothing arrived: wake the controller, and press firmly"
         return RefusedError(
-            Reason.NO_BUTTON,
+            StrokeFault.NO_BUTTON,
             f"Waiting for the {self._role}: {why} (--no-buttons leaves the mapping as it is).",
         )
 
@@ -108,7 +108,7 @@ def settle(
     try:
         role_map(controller_type, hand, paths)
     except ConfigError as error:
-        raise RefusedError(Reason.WRONG_BUTTON, str(error)) from error
+        raise RefusedError(StrokeFault.WRONG_BUTTON, str(error)) from error
     return ButtonFinding(controller_type, dict(paths), dict(believed))
 
 
@@ -117,7 +117,7 @@ def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFin
     return repeated(
         lambda: _press_all(ui, source, config),
         ATTEMPTS,
-        lambda reason: reason is Reason.WRONG_BUTTON,
+        lambda reason: reason is StrokeFault.WRONG_BUTTON,
         lambda error: ui.print(f"{error} All the buttons once more."),
     )
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.frame.fit import Matrix
-from calibration.frame.stroke import AXES, Reason, RefusedError, Stroke
+from calibration.frame.stroke import AXES, RefusedError, Stroke, StrokeFault
 from calibration.frame.touches import Touch, mean_rotation
 from tams_app.config import Config
 from tams_app.console.report import session_log
@@ -34,7 +34,7 @@ class Held:
         return np.array([pose.position for pose in self.poses]).reshape(-1, 3)
 
 
-class Capture:
+class StrokeCapture:
     """Collects while the trigger is held, with the clutch's own rules for what that means."""
 
     def __init__(self, config: Config) -> None:
@@ -56,7 +56,7 @@ class Capture:
         if sample.status is ControllerStatus.TRACKING_FRAME_CHANGED:
             self._poses = None
             raise RefusedError(
-                Reason.FRAME_CHANGED,
+                StrokeFault.FRAME_CHANGED,
                 "The headset was recentred, so that nothing measured before holds any longer: "
                 "let the trigger go for a second, and begin anew.",
             )
@@ -65,7 +65,7 @@ class Capture:
         ):
             self._poses = None
             raise RefusedError(
-                Reason.TRACKING,
+                StrokeFault.TRACKING,
                 f"The controller was lost while the trigger was held ({sample.status.value}): "
                 "do it again where it is tracked.",
             )
@@ -86,14 +86,14 @@ def touch_of(held: Held, robot: Vector, number: int) -> Touch:
     """The touch of one of the robot's points [m]; Refused if the hand did not keep still."""
     if len(held.poses) < MIN_TOUCH_SAMPLES:
         raise RefusedError(
-            Reason.TOO_FEW_SAMPLES,
+            StrokeFault.TOO_FEW_SAMPLES,
             f"Point {number} was touched for a moment only: hold the trigger for half a second.",
         )
     place = np.median(held.positions, axis=0)
     tremble = float(np.sqrt(((held.positions - place) ** 2).sum() / len(held.poses)))
     if tremble > MAX_TOUCH_TREMBLE_M:
         raise RefusedError(
-            Reason.NOISY,
+            StrokeFault.NOISY,
             f"The hand moved by {1000 * tremble:.0f} mm while touching point {number}: "
             "rest the controller on the point, then squeeze the trigger.",
         )
@@ -125,11 +125,11 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     rotation in force, so the pairs of their travels give that rotation and nothing of how the
     frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
     """
-    capture, found = Capture(config), list[Held]()
+    capture, found = StrokeCapture(config), list[Held]()
     for tick in ticks:
         if tick.arming.lower() == ArmingState.ENGAGED.value:
             raise RefusedError(
-                Reason.DRIVEN,
+                StrokeFault.DRIVEN,
                 "In this session the hand drove the arm, which shows the mapping in force and not "
                 "the true one: record strokes with `run --dry-run` without arming, and give that.",
             )
@@ -138,7 +138,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
             found.append(held)
     if not found or len(found) % len(AXES):
         raise RefusedError(
-            Reason.MISSING,
+            StrokeFault.MISSING,
             f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
             "of three: +x, +y, +z, in this order, once or more often.",
         )

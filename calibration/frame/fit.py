@@ -17,7 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from calibration.frame.stroke import AXES, Line, Reason, RefusedError, Stroke, check_line, fit_line
+from calibration.frame.stroke import (
+    AXES,
+    RefusedError,
+    Stroke,
+    StrokeFault,
+    StrokeLine,
+    check_line,
+    fit_line,
+)
 from tams_app.rotation import Rotation
 
 Matrix = NDArray[np.float64]
@@ -73,7 +81,7 @@ _REVERSED_DEG = 135.0
 class StrokeResult:
     """How one stroke fits the frame."""
 
-    line: Line
+    line: StrokeLine
     angle_deg: float  # between the fitted direction and the prompted axis
     used: bool
     remark: str  # why it was left out, "" if it was not
@@ -103,10 +111,10 @@ def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> Fra
     for axis, name in enumerate(AXES):
         count = sum(line.axis == axis for line in lines)
         if count == 0:
-            raise RefusedError(Reason.MISSING, f"There is no +{name} stroke: make one.")
+            raise RefusedError(StrokeFault.MISSING, f"There is no +{name} stroke: make one.")
         if count > _MOST_PER_AXIS:
             raise RefusedError(
-                Reason.TOO_MANY,
+                StrokeFault.TOO_MANY,
                 f"There are {count} +{name} strokes, and {_MOST_PER_AXIS} along each axis are the "
                 "most: give fewer recordings.",
             )
@@ -132,7 +140,7 @@ def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> Fra
     )
 
 
-def _consensus(lines: Sequence[Line], measured: Matrix, wanted: Matrix) -> Matrix:
+def _consensus(lines: Sequence[StrokeLine], measured: Matrix, wanted: Matrix) -> Matrix:
     """Which strokes agree, shape (n,) of bool; an axis without any cannot be helped here."""
     of_axis = [[n for n, line in enumerate(lines) if line.axis == axis] for axis in range(3)]
     best, best_cost = np.zeros(len(lines), dtype=bool), math.inf
@@ -145,7 +153,7 @@ def _consensus(lines: Sequence[Line], measured: Matrix, wanted: Matrix) -> Matri
     return np.asarray(best)
 
 
-def _typical_directions(lines: Sequence[Line]) -> Matrix:
+def _typical_directions(lines: Sequence[StrokeLine]) -> Matrix:
     """For each axis the stroke that is nearest to the others of its axis, rows of shape (3, 3)."""
     rows = []
     for axis in range(3):
@@ -154,7 +162,7 @@ def _typical_directions(lines: Sequence[Line]) -> Matrix:
     return np.array(rows)
 
 
-def _error_bound_deg(angles: Matrix, wanted: Matrix, lines: Sequence[Line]) -> float:
+def _error_bound_deg(angles: Matrix, wanted: Matrix, lines: Sequence[StrokeLine]) -> float:
     """Never below what the scatter within the strokes alone explains."""
     freedom = 2 * len(angles) - 3
     between = float((np.radians(angles) ** 2).sum()) / freedom
@@ -167,7 +175,7 @@ def _error_bound_deg(angles: Matrix, wanted: Matrix, lines: Sequence[Line]) -> f
 
 
 def _residual_mm(
-    rotation: Matrix, strokes: Sequence[Stroke], lines: Sequence[Line], used: Matrix
+    rotation: Matrix, strokes: Sequence[Stroke], lines: Sequence[StrokeLine], used: Matrix
 ) -> float:
     squares, count = 0.0, 0
     for stroke, line, use in zip(strokes, lines, used, strict=True):
@@ -179,7 +187,7 @@ def _residual_mm(
     return 1000 * math.sqrt(max(0.0, squares) / count)
 
 
-def _remark(line: Line, angle: float) -> str:
+def _remark(line: StrokeLine, angle: float) -> str:
     if angle > _REVERSED_DEG:
         return f"one {line.name} stroke went the other way and is left out"
     return f"one {line.name} stroke was {angle:.0f}° from the others and is left out"
@@ -210,20 +218,20 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
         if not PARALLEL_DEG <= angle <= 180 - PARALLEL_DEG:
             ways = "nearly the same way" if angle < 90 else "nearly opposite ways"
             return RefusedError(
-                Reason.NOT_INDEPENDENT,
+                StrokeFault.NOT_INDEPENDENT,
                 f"{pair} went {ways} ({angle:.0f}° apart, and it should be 90): "
                 "make both again, each along its own axis of the robot.",
             )
     if np.linalg.det(directions) < 0:
-        return RefusedError(Reason.MIRRORED, _mirrored(directions, present))
+        return RefusedError(StrokeFault.MIRRORED, _mirrored(directions, present))
     worst, pair = max((abs(90 - angle), pair) for pair, angle in zip(names, angles, strict=True))
     if worst < _SQUARE_DEG:
         return RefusedError(
-            Reason.CONTRADICTORY,
+            StrokeFault.CONTRADICTORY,
             "Strokes along the same axis went different ways: make them all again, as prompted.",
         )
     return RefusedError(
-        Reason.SKEWED,
+        StrokeFault.SKEWED,
         f"{pair} are {worst:.0f}° from a right angle: "
         "make both again, along edges that are square to each other.",
     )

@@ -15,7 +15,7 @@ from rich.table import Table
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
-from calibration.frame.stroke import AXES, Reason, RefusedError
+from calibration.frame.stroke import AXES, RefusedError, StrokeFault
 from calibration.frame.touches import TouchFit
 from calibration.store import Calibration
 from calibration.ui import plain_table
@@ -31,7 +31,7 @@ _PLANES = ((0, 1), (0, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Outcome:
+class FrameResult:
     """All that one run of the wizard found out."""
 
     frame: FrameFit | TouchFit
@@ -118,7 +118,7 @@ def doubt(frame: FrameFit | TouchFit) -> str:
     bound = frame.error_bound_deg
     if bound > BAD_DEG:
         raise RefusedError(
-            Reason.UNCERTAIN,
+            StrokeFault.UNCERTAIN,
             f"The frame may be off by {bound:.1f}°, and more than {BAD_DEG:g}° is no use: "
             f"{_advice(frame)}.",
         )
@@ -142,7 +142,7 @@ def _advice(frame: FrameFit | TouchFit) -> str:
 
 
 def calibration(
-    config: Config, outcome: Outcome, keep_scale: bool, before: Path | None, simulated: bool
+    config: Config, outcome: FrameResult, keep_scale: bool, before: Path | None, simulated: bool
 ) -> Calibration:
     """What is written. A part that was not measured now stays as `before`, the file in force."""
     changes: dict[str, Any] = {}
@@ -160,7 +160,7 @@ def calibration(
     return Calibration(KIND, changes, outcome.source, _quality(config, outcome), simulated)
 
 
-def _quality(config: Config, outcome: Outcome) -> dict[str, Any]:
+def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
     frame, lit, buttons = outcome.frame, outcome.lit, outcome.buttons
     quality: dict[str, Any] = {
         "error_bound_95_deg": round(frame.error_bound_deg, 3),

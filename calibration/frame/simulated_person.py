@@ -13,7 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.sim.operator.hand import Button, Hand, HandCommand
+from hw.sim.operator.hand import Hand, HandCommand, ThumbButton
 from tams_app.records import Haptic, Vector
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -106,7 +106,7 @@ class PromptedPerson:
 
     def press(self, role: str) -> Routine:
         """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
-        button = None if role in ("trigger", "grip") else Button(role)
+        button = None if role in ("trigger", "grip") else ThumbButton(role)
         pressed = HandCommand.still(trigger=role == "trigger", grip=role == "grip", button=button)
         yield from self._wait(_PAUSE_NS)
         yield from self._wait(_HOLD_NS, pressed)

@@ -27,7 +27,7 @@ _MEDIAN_STEPS = 15
 _RAYLEIGH_MEDIAN = 1.1774  # of the distance from a line, in standard deviations of one axis
 
 
-class Reason(StrEnum):
+class StrokeFault(StrEnum):
     """What is wrong with what was measured."""
 
     TOO_SHORT = "too short"
@@ -56,7 +56,7 @@ class Reason(StrEnum):
 class RefusedError(TamsError):
     """The data are no use; `reason` is for programs, the sentence for people."""
 
-    def __init__(self, reason: Reason, sentence: str) -> None:
+    def __init__(self, reason: StrokeFault, sentence: str) -> None:
         super().__init__(sentence)
         self.reason = reason
 
@@ -77,7 +77,7 @@ class Stroke:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Line:
+class StrokeLine:
     """The line through a stroke, in the direction the hand went."""
 
     axis: int
@@ -100,7 +100,7 @@ class Line:
         return max(0.0, 1.0 - self.bow)
 
 
-def fit_line(stroke: Stroke) -> Line:
+def fit_line(stroke: Stroke) -> StrokeLine:
     """The line by least squares over the samples within 4 σ of it, repeated until they stand.
 
     σ comes from the median distance, and the first direction from the medians of the first and
@@ -131,7 +131,7 @@ def fit_line(stroke: Stroke) -> Line:
     along, across = offset @ direction, _across(offset, direction)
     length = float(np.ptp(along))
     relative = 1.0 / length if length > 0 else 0.0
-    return Line(
+    return StrokeLine(
         axis=stroke.axis,
         centre=centre,
         direction=direction,
@@ -144,32 +144,32 @@ def fit_line(stroke: Stroke) -> Line:
     )
 
 
-def check_line(line: Line) -> None:
+def check_line(line: StrokeLine) -> None:
     """RefusedError with what is wrong with this stroke by itself."""
     length_mm = 1000 * line.length_m
     if line.samples < MIN_SAMPLES:
         raise _too_few(line.name, line.samples)
     if line.length_m < MIN_LENGTH_M:
         raise RefusedError(
-            Reason.TOO_SHORT,
+            StrokeFault.TOO_SHORT,
             f"The {line.name} stroke was {length_mm:.0f} mm long: "
             f"make it at least {1000 * ASKED_LENGTH_M:.0f} mm.",
         )
     if line.backtrack > MAX_BACKTRACK:
         raise RefusedError(
-            Reason.WENT_BACK,
+            StrokeFault.WENT_BACK,
             f"The {line.name} stroke went back {line.backtrack * length_mm:.0f} mm: "
             "move one way, and let the trigger go at the end.",
         )
     if line.bow > MAX_BOW:
         raise RefusedError(
-            Reason.CURVED,
+            StrokeFault.CURVED,
             f"The {line.name} stroke is bent by {line.bow * length_mm:.0f} mm over "
             f"{length_mm:.0f} mm: move along something straight, such as the table's edge.",
         )
     if line.scatter_m > MAX_SCATTER_M:
         raise RefusedError(
-            Reason.NOISY,
+            StrokeFault.NOISY,
             f"The {line.name} stroke scatters by {1000 * line.scatter_m:.0f} mm: "
             "go to where the controller is tracked well, and move steadily.",
         )
@@ -205,7 +205,7 @@ def _unit(vector: Vector) -> Vector:
 
 def _too_few(name: str, count: int) -> RefusedError:
     return RefusedError(
-        Reason.TOO_FEW_SAMPLES,
+        StrokeFault.TOO_FEW_SAMPLES,
         f"The {name} stroke has {count} samples of the {MIN_SAMPLES} it takes: "
         "move for about two seconds with the trigger held.",
     )

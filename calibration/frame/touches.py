@@ -17,7 +17,7 @@ from scipy import stats
 from scipy.spatial import transform
 
 from calibration.frame.fit import Matrix, bound_rad, kabsch
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 from tams_app.rotation import Rotation
@@ -55,7 +55,7 @@ class TouchFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Similarity:
+class SimilarityTransform:
     """robot = scale · rotation · hand + offset."""
 
     scale: float
@@ -66,12 +66,14 @@ class Similarity:
         return np.asarray(self.scale * hand @ self.rotation.T + self.offset)
 
 
-def umeyama(hand: Matrix, robot: Matrix) -> Similarity:
+def umeyama(hand: Matrix, robot: Matrix) -> SimilarityTransform:
     """The similarity that takes rows of `hand` to those of `robot` by least squares (1991)."""
     from_hand, to_robot = hand - hand.mean(axis=0), robot - robot.mean(axis=0)
     rotation = kabsch(from_hand, to_robot)
     scale = float((to_robot * (from_hand @ rotation.T)).sum() / (from_hand**2).sum())
-    return Similarity(scale, rotation, robot.mean(axis=0) - scale * rotation @ hand.mean(axis=0))
+    return SimilarityTransform(
+        scale, rotation, robot.mean(axis=0) - scale * rotation @ hand.mean(axis=0)
+    )
 
 
 def read_points(path: Path) -> list[Vector]:
@@ -117,7 +119,7 @@ def fit_touches(touches: Sequence[Touch]) -> TouchFit:
     while (worst := _outlier(hand[kept], robot[kept])) is not None:
         if len(kept) == MIN_TOUCHES:
             raise RefusedError(
-                Reason.CONTRADICTORY,
+                StrokeFault.CONTRADICTORY,
                 f"Touch {kept[worst] + 1} does not fit the others: "
                 "touch them again, that one with care.",
             )
@@ -131,7 +133,7 @@ def fit_touches(touches: Sequence[Touch]) -> TouchFit:
     _refuse_mirrored(hand_kept, robot_kept)
     if not SCALES[0] <= frame.scale <= SCALES[1]:
         raise RefusedError(
-            Reason.IMPOSSIBLE_SCALE,
+            StrokeFault.IMPOSSIBLE_SCALE,
             f"The robot's points are {frame.scale:.2g} times as far apart as the hand's: "
             "check the list's unit (mm) and its order.",
         )
@@ -151,7 +153,7 @@ def check_points(points: Sequence[Vector]) -> None:
     """RefusedError if touching the robot's points [m] cannot give a frame."""
     if len(points) < MIN_TOUCHES:
         raise RefusedError(
-            Reason.MISSING,
+            StrokeFault.MISSING,
             f"{len(points)} points are too few: touch at least {MIN_TOUCHES}.",
         )
     extents = _extents(np.array(points))
@@ -170,7 +172,7 @@ def _check_hand(touches: Sequence[Touch]) -> None:
         turn = math.degrees((mean.inv() * touch.hand_rotation).magnitude())
         if turn > MAX_HAND_TURN_DEG:
             raise RefusedError(
-                Reason.TURNED_HAND,
+                StrokeFault.TURNED_HAND,
                 f"At touch {number} the controller was turned by {turn:.0f}° from its mean: "
                 "hold it the same way at every point, for its tip is not where it is tracked.",
             )
@@ -178,7 +180,7 @@ def _check_hand(touches: Sequence[Touch]) -> None:
 
 def _too_flat(spread_m: float) -> RefusedError:
     return RefusedError(
-        Reason.NOT_INDEPENDENT,
+        StrokeFault.NOT_INDEPENDENT,
         f"The points lie nearly on one line ({1000 * spread_m:.0f} mm across it): "
         f"choose points at least {2000 * MIN_SPREAD_M:.0f} mm apart in two directions.",
     )
@@ -229,7 +231,7 @@ def _refuse_mirrored(hand: Matrix, robot: Matrix) -> None:
     found, mirrored = _squares(hand, robot), _squares(hand * [1.0, 1.0, -1.0], robot)
     if mirrored < len(hand) * OUTLIER_M**2 and found > max(4 * mirrored, OUTLIER_M**2):
         raise RefusedError(
-            Reason.MIRRORED,
+            StrokeFault.MIRRORED,
             "The touches make a mirrored frame: two points were taken for one another, or an axis "
             "of the list has the wrong sign; check the list and touch them all again.",
         )

@@ -14,9 +14,9 @@ from calibration.frame.asking import fit_moves, fit_touched, try_six_directions
 from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
-from calibration.frame.result import KIND, Outcome, save_fit
+from calibration.frame.result import KIND, FrameResult, save_fit
 from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, SimulatedSetup
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
 from calibration.store import Calibration
@@ -45,7 +45,7 @@ class FrameWizard(Wizard[FrameOptions]):
     """How the controller's frame stands to the arm's, and which button is which."""
 
     _points: list[Vector]
-    _outcome: Outcome | None = None  # once there is a frame that may be kept
+    _outcome: FrameResult | None = None  # once there is a frame that may be kept
 
     def check(self) -> None:
         options = self.options
@@ -92,7 +92,7 @@ class FrameWizard(Wizard[FrameOptions]):
         strokes = [stroke for log in logs for stroke in strokes_of_log(log, self.config)]
         frame = fit_strokes(strokes, np.array(self.config.hand.rotation))
         source = "strokes recorded in " + ", ".join(str(log) for log in logs)
-        self._outcome = Outcome(frame, source)
+        self._outcome = FrameResult(frame, source)
         self._show(frame)
         self.ui.print("A recording cannot be tried out: watch the directions in `run --dry-run`.")
 
@@ -128,7 +128,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self._show(frame)
         result.doubt(frame)  # what is no use needs no trying
         how = f"{'touches' if points else 'strokes'} by {setup.description}"
-        self._outcome = Outcome(frame, how, buttons, None, setup.true_rotation)
+        self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
         self._try(source, self._outcome)
 
     def _show(self, frame: FrameFit | TouchFit) -> None:
@@ -136,7 +136,7 @@ class FrameWizard(Wizard[FrameOptions]):
         for remark in result.remarks(self.config, frame):
             self.ui.print(remark)
 
-    def _try(self, source: HandSource, outcome: Outcome) -> None:
+    def _try(self, source: HandSource, outcome: FrameResult) -> None:
         """Refused unless each direction that was tried lit up."""
         self.ui.print(
             "Now try it: no arm is connected, the table shows where it would go. Move some 200 mm "
@@ -152,7 +152,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if wrong := [one.name for one, is_right in lit.items() if not is_right]:
             self._outcome = None
             raise RefusedError(
-                Reason.WRONG_DIRECTION,
+                StrokeFault.WRONG_DIRECTION,
                 f"Another direction lit up for {', '.join(wrong)}, or none: if you moved as asked, "
                 "the frame is wrong; calibrate again.",
             )
@@ -163,7 +163,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if not self.ui.attended:
             self._outcome = None
             raise RefusedError(
-                Reason.UNCERTAIN,
+                StrokeFault.UNCERTAIN,
                 "A person at the terminal must confirm so uncertain a frame: run this from one, or "
                 "make better strokes.",
             )

@@ -28,7 +28,7 @@ StepInput: TypeAlias = tuple[float, float, bool | None, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class TrialMotion:
     """What the control loop gave Algorithm 1, tick by tick, n ticks in all.
 
     `t_s` since the session started, shape (n,). `inputs`: one per tick.
@@ -48,7 +48,7 @@ class Motion:
 class Trial:
     """A motion and its true phases: codes of `PHASES` or NOT_COUNTED, shape (n,)."""
 
-    motion: Motion
+    motion: TrialMotion
     labels: Codes
 
     @property
@@ -56,7 +56,9 @@ class Trial:
         return self.motion.name
 
 
-def motion_of(name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: float) -> Motion:
+def motion_of(
+    name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: float
+) -> TrialMotion:
     """The inputs of Algorithm 1 anew from logged ticks, as `ControlLoop` makes them.
 
     LogError if there are no ticks, or none with an arm state.
@@ -76,10 +78,10 @@ def motion_of(name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: f
         inputs.append((smoothed.speed, smoothed.vertical_speed, closed, period_s))
         last_ns = tick.started_ns
     t_s = np.array([(tick.started_ns - started_ns) / NS_PER_S for tick in ticks])
-    return Motion(name, t_s, tuple(inputs))
+    return TrialMotion(name, t_s, tuple(inputs))
 
 
-def infer(motion: Motion, thresholds: PhasesConfig) -> Codes:
+def infer(motion: TrialMotion, thresholds: PhasesConfig) -> Codes:
     """The phases that Algorithm 1 gives with `thresholds`, codes of `PHASES`, shape (n,)."""
     step = PhaseTracker(thresholds).step
     return np.fromiter(

@@ -31,7 +31,7 @@ from scipy.stats import rankdata, tiecorrect
 
 from calibration.weights.ratings import (
     LEAST,
-    Answer,
+    RatedPhase,
     Sheet,
     answers_on,
     critical_table,
@@ -74,7 +74,7 @@ def fit_weights(
 
 
 def _row(
-    phase: Phase, answers: Sequence[Answer], views: Sequence[str], present: Mapping[str, float]
+    phase: Phase, answers: Sequence[RatedPhase], views: Sequence[str], present: Mapping[str, float]
 ) -> PhaseWeights:
     votes = {view: sum(answer.most_critical == view for answer in answers) for view in views}
     means = {view: _mean_necessity(answers, view) for view in views}
@@ -89,13 +89,13 @@ def _row(
     return PhaseWeights(phase, shares, dominant, votes, shown, tuple(remarks))
 
 
-def _mean_necessity(answers: Sequence[Answer], view: str) -> Fraction | None:
+def _mean_necessity(answers: Sequence[RatedPhase], view: str) -> Fraction | None:
     given = [value for answer in answers if (value := answer.necessity.get(view)) is not None]
     return Fraction(sum(given), len(given)) if given else None
 
 
 def _what_lacks(
-    answers: Sequence[Answer], votes: Mapping[str, int], means: Mapping[str, Fraction | None]
+    answers: Sequence[RatedPhase], votes: Mapping[str, int], means: Mapping[str, Fraction | None]
 ) -> str:
     if not answers:
         return "no rater rated it"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.weights.ratings import LEAST, MOST, Answer, RatingFolder, Sheet
+from calibration.weights.ratings import LEAST, MOST, RatedPhase, RatingFolder, Sheet
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError, not_one_of
 from tams_app.recording import LOG_NAME, read_log
@@ -42,7 +42,7 @@ def simulate_panel(
 
 
 def _sheet(preferred: Mapping[Phase, str], views: Sequence[str], number: int, seed: int) -> Sheet:
-    random, answers = np.random.default_rng([seed, number]), list[Answer]()
+    random, answers = np.random.default_rng([seed, number]), list[RatedPhase]()
     generosity = random.normal(0.0, _GENEROSITY)
     for phase in Phase:
         means = np.array([_PREFERRED if preferred.get(phase) == one else _OTHER for one in views])
@@ -50,7 +50,7 @@ def _sheet(preferred: Mapping[Phase, str], views: Sequence[str], number: int, se
         points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
         needed_most = views[int(np.argmax(means + random.normal(0.0, _NOISE, len(views))))]
         necessity: dict[str, int | None] = dict(zip(views, points.tolist(), strict=True))
-        answers.append(Answer(phase=phase, necessity=necessity, most_critical=needed_most))
+        answers.append(RatedPhase(phase=phase, necessity=necessity, most_critical=needed_most))
     return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 

@@ -33,7 +33,7 @@ SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable
 PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
-class Answer(Kept):
+class RatedPhase(Kept):
     """One rater on one phase: whole numbers LEAST..MOST by view, None for no answer."""
 
     phase: Phase
@@ -47,7 +47,7 @@ class Sheet(Kept):
     rater: Annotated[str, Field(pattern=f"^{PSEUDONYM.pattern}$")]
     simulated: bool
     scale: tuple[Literal[1], Literal[5]] = (LEAST, MOST)
-    answers: tuple[Answer, ...] = ()
+    answers: tuple[RatedPhase, ...] = ()
 
     @field_validator("answers", mode="before")
     @classmethod
@@ -55,12 +55,12 @@ class Sheet(Kept):
         """A file written by hand may have nothing under `answers`."""
         return () if answers is None else answers
 
-    def on(self, phase: Phase) -> Answer | None:
+    def on(self, phase: Phase) -> RatedPhase | None:
         """The answer on `phase`, None if there is none."""
         return next((answer for answer in self.answers if answer.phase is phase), None)
 
 
-def answers_on(sheets: Sequence[Sheet], phase: Phase) -> list[Answer]:
+def answers_on(sheets: Sequence[Sheet], phase: Phase) -> list[RatedPhase]:
     """The answers about one phase, in the order of `sheets`."""
     return [answer for sheet in sheets if (answer := sheet.on(phase)) is not None]
 
@@ -124,7 +124,7 @@ class RatingFolder:
             raise ConfigError(f"{file}: belongs to another kind of rater; take another name")
         return sheet
 
-    def add(self, rater: str, answer: Answer) -> None:
+    def add(self, rater: str, answer: RatedPhase) -> None:
         """Add one answer on the disk; ConfigError if this phase is answered already."""
         file = self._file(rater)
         sheet = self._read(file)
@@ -223,7 +223,7 @@ def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
             return
 
 
-def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
+def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> RatedPhase:
     """Ask until the rater stands by the answer."""
     scale = {str(point): words for point, words in enumerate(SCALE_WORDS, LEAST)}
     scale[_NO_ANSWER] = "cannot say"
@@ -239,4 +239,4 @@ def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> Answer:
         points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
         whole = f"{points}; most critical {critical.upper() if critical else '-'}"
         if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
-            return Answer(phase=phase, necessity=necessity, most_critical=critical)
+            return RatedPhase(phase=phase, necessity=necessity, most_critical=critical)

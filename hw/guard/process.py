@@ -33,7 +33,7 @@ BLIND_NS = 1200 * NS_PER_MS  # without a report: later than *arm silent* of the 
 FAREWELL_STOP_TIMEOUT_S = 2.0
 
 
-class Watch(Enum):
+class GuardWatch(Enum):
     """What the guard is doing."""
 
     IDLE = "idle"  # never armed, or disarmed
@@ -51,7 +51,7 @@ class HeartbeatWatch:
         self._timeout_ns = timeout_ns
         self.arming = self.sequence = 0  # of the newest beat that counted
         self._last_beat_ns = 0
-        self.watch = Watch.IDLE
+        self.watch = GuardWatch.IDLE
         self.cause = Cause.NONE  # of the latch
 
     def hear(self, now_ns: int, heartbeat: Heartbeat) -> bool:
@@ -61,7 +61,7 @@ class HeartbeatWatch:
         if heartbeat.arming > self.arming:
             self._begin(now_ns, heartbeat)
             return True
-        if self.watch is not Watch.ARMED or heartbeat.sequence <= self.sequence:
+        if self.watch is not GuardWatch.ARMED or heartbeat.sequence <= self.sequence:
             return False
         self._continue(now_ns, heartbeat)
         return True
@@ -73,21 +73,21 @@ class HeartbeatWatch:
 
     def trip(self, cause: Cause) -> bool:
         """Latch for `cause`; True if the arm is to be stopped for it, once for each arming."""
-        if self.watch is not Watch.ARMED:
+        if self.watch is not GuardWatch.ARMED:
             return False
-        self.watch, self.cause = Watch.LATCHED, cause
+        self.watch, self.cause = GuardWatch.LATCHED, cause
         return True
 
     def _begin(self, now_ns: int, heartbeat: Heartbeat) -> None:
         self.arming = heartbeat.arming
-        self.watch, self.cause = Watch.IDLE, Cause.NONE
+        self.watch, self.cause = GuardWatch.IDLE, Cause.NONE
         if heartbeat.message is GuardMessage.BEAT:
-            self.watch = Watch.ARMED
+            self.watch = GuardWatch.ARMED
             self.sequence, self._last_beat_ns = heartbeat.sequence, now_ns
 
     def _continue(self, now_ns: int, heartbeat: Heartbeat) -> None:
         if heartbeat.message is GuardMessage.DISARM:
-            self.watch = Watch.IDLE
+            self.watch = GuardWatch.IDLE
         elif heartbeat.message is GuardMessage.BEAT:
             self.sequence, self._last_beat_ns = heartbeat.sequence, now_ns
 
@@ -131,7 +131,7 @@ class Guard:
         try:
             self._hear()  # that it was disarmed just before
         finally:  # also where hearing is what has failed
-            if self._watch.watch is Watch.ARMED:
+            if self._watch.watch is GuardWatch.ARMED:
                 self._arm.request_stop()
             if self._arm.pending:
                 self._arm.wait_acknowledged(FAREWELL_STOP_TIMEOUT_S)
@@ -155,7 +155,7 @@ class Guard:
                 self._answer(heartbeat.arming, heartbeat.sequence)
 
     def _take(self, now_ns: int, heartbeat: Heartbeat) -> None:
-        if not self._watch.hear(now_ns, heartbeat) or self._watch.watch is not Watch.ARMED:
+        if not self._watch.hear(now_ns, heartbeat) or self._watch.watch is not GuardWatch.ARMED:
             return
         if heartbeat.arming != self._arming:
             self._arming = heartbeat.arming
@@ -171,7 +171,7 @@ class Guard:
         if report is None:
             return Cause.NONE
         self._reported_ns = self._clock.now_ns()
-        if self._watch.watch is not Watch.ARMED:
+        if self._watch.watch is not GuardWatch.ARMED:
             return Cause.NONE
         return self._motion.look(before_ns, self._reported_ns, report)
 
@@ -181,7 +181,7 @@ class Guard:
             GuardMessage.ACKNOWLEDGEMENT,
             arming,
             sequence,
-            latched=self._watch.watch is Watch.LATCHED,
+            latched=self._watch.watch is GuardWatch.LATCHED,
             arm_lost=bool(self._arm.failure) or is_blind,
             cause=self._watch.cause,
         )

@@ -16,8 +16,8 @@ class Lite6Kind(ArmKind):
 
     title = "Lite 6"
     limits = LIMITS
-    stop_channel = "hw.lite6.stop_channel:StopChannel"
-    report_watch = "hw.lite6.report_watch:ReportWatch"
+    stop_channel = "hw.lite6.stop_channel:Lite6StopChannel"
+    report_watch = "hw.lite6.report_watch:Lite6ReportWatch"
     simulation = "hw.sim.controller.inprocess_arm:simulated_lite6"
     rig = "hw.sim.rig"
 

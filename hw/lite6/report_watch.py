@@ -18,7 +18,7 @@ from tams_app.units import NS_PER_MS
 _SILENT_NS = 500 * NS_PER_MS  # 50 reports: the connection is dead, or was never made
 
 
-class ReportWatch:
+class Lite6ReportWatch:
     """Reads received reports, and connects anew after half a second of silence; no call waits."""
 
     def __init__(self, host: str, report_port: int) -> None:

@@ -24,7 +24,7 @@ from typing import Any
 
 from hw.lite6.codes import Code, Mode, Register
 from hw.lite6.control_port import ControlPort
-from hw.lite6.uxbus import Frame
+from hw.lite6.uxbus import UxbusFrame
 from tams_app.errors import DeviceError, SetupError
 
 _JOIN_S = 2.0
@@ -125,7 +125,7 @@ def set_cartesian_velocity(api: Any, speeds: Sequence[float], duration_s: float)
     payload = _VELOCITY.pack(*speeds, _BASE_FRAME, duration_s)
     with commands.lock:
         number = commands._transaction_id
-        request = Frame(number, commands._protocol_identifier, register, payload).encode()
+        request = UxbusFrame(number, commands._protocol_identifier, register, payload).encode()
         if commands.arm_port.write(request) != 0:
             return Code.NOT_SENT
         commands._transaction_id = number % _LAST_TRANSACTION + 1

@@ -17,7 +17,7 @@ from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusR
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender
 from hw.lite6.settings import Lite6Settings, accept, foreign_refusal
-from hw.lite6.stop_channel import StopChannel
+from hw.lite6.stop_channel import Lite6StopChannel
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import CommandLink, LinkFault, Vector
@@ -48,7 +48,7 @@ class Lite6Connection:
         self._problem = ""  # with the settings, once it was set up
         self.outbox = Outbox()
         with contextlib.ExitStack() as opened:
-            self.stop = StopChannel(
+            self.stop = Lite6StopChannel(
                 config.host, config.control_port, config.reply_timeout_s, name="arm-stop"
             )
             opened.callback(self.stop.close)

@@ -19,7 +19,7 @@ KEEPALIVE_MISSES = 2
 LONGEST_REPLY_TIMEOUT_S = 1.0
 
 
-class StopChannel:
+class Lite6StopChannel:
     """Sends controller state 4 when asked, again and again until the controller acknowledges it.
 
     A request during a stop is sent after it. A connection that is broken, or stays silent, is made

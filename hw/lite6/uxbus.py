@@ -31,7 +31,7 @@ class MalformedFrameError(ConnectionError):
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
+class UxbusFrame:
     """One request or reply; the payload of a reply begins with its status byte."""
 
     transaction: int
@@ -50,16 +50,16 @@ class Frame:
 
     def reply(self, status_and_data: bytes) -> bytes:
         """The bytes that answer this request."""
-        return Frame(self.transaction, self.protocol, self.register, status_and_data).encode()
+        return UxbusFrame(self.transaction, self.protocol, self.register, status_and_data).encode()
 
 
-class FrameReader:
+class UxbusReader:
     """Cuts a byte stream into frames."""
 
     def __init__(self) -> None:
         self._buffer = bytearray()
 
-    def feed(self, received: bytes) -> Iterator[Frame]:
+    def feed(self, received: bytes) -> Iterator[UxbusFrame]:
         """The frames that `received` completes; MalformedFrameError ends the stream."""
         self._buffer += received
         while len(self._buffer) >= _HEADER.size:
@@ -71,7 +71,7 @@ class FrameReader:
                 return
             body = bytes(self._buffer[_HEADER.size : end])
             del self._buffer[:end]
-            yield Frame(transaction, protocol, body[0], body[1:])
+            yield UxbusFrame(transaction, protocol, body[0], body[1:])
 
 
 class UxbusClient:
@@ -80,7 +80,7 @@ class UxbusClient:
     def __init__(self, host: str, port: int) -> None:
         self._address: tuple[str, int] = (host, port)
         self._socket: socket.socket | None = None
-        self._frames = FrameReader()
+        self._frames = UxbusReader()
         self._transaction = 0
 
     @property
@@ -118,7 +118,7 @@ class UxbusClient:
         deadline = time.monotonic() + timeout_s
         try:
             self._socket.settimeout(timeout_s)
-            request = Frame(self._transaction, _PROTOCOL, register, payload)
+            request = UxbusFrame(self._transaction, _PROTOCOL, register, payload)
             self._socket.sendall(request.encode())
             while True:
                 reply = self._next_reply(self._socket, deadline)
@@ -132,12 +132,12 @@ class UxbusClient:
 
     def close(self) -> None:
         """Disconnect; may be called twice."""
-        self._frames = FrameReader()
+        self._frames = UxbusReader()
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
-    def _next_reply(self, connection: socket.socket, deadline: float) -> Frame:
+    def _next_reply(self, connection: socket.socket, deadline: float) -> UxbusFrame:
         """The next whole frame; one that waits already comes first."""
         data = b""
         while True:

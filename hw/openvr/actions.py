@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from hw.openvr.bindings import ACTION_SET, HAPTIC_ACTION, input_action
-from hw.openvr.components import ROLES, Buttons
+from hw.openvr.components import ROLES, ButtonReading
 from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime
 
@@ -36,7 +36,7 @@ class ActionButtons:
         self._device = self._input.getInputSourceHandle(f"/user/hand/{hand}")
         self.unread: tuple[str, ...] = ()  # what the last `read` could not read
 
-    def read(self) -> Buttons | None:
+    def read(self) -> ButtonReading | None:
         """The buttons now; None unless every one of them is there and this process may have it."""
         try:
             self._input.updateActionState(self._sets)
@@ -51,7 +51,7 @@ class ActionButtons:
         self.unread = tuple(r for r, v in zip(ROLES, values, strict=True) if v is None)
         if trigger is None or grip is None or a is None or b is None or menu is None:
             return None
-        return Buttons(trigger, grip, a, b, menu)
+        return ButtonReading(trigger, grip, a, b, menu)
 
     def vibrate(self, vibration: Vibration) -> None:
         """Let the controller vibrate; does not wait until it has."""

@@ -82,7 +82,7 @@ class ComponentReading:
 
 
 @dataclass(frozen=True, slots=True)
-class Buttons:
+class ButtonReading:
     """One complete reading: trigger and grip 0..1."""
 
     trigger: float = 0.0

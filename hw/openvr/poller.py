@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from hw.openvr.actions import ActionButtons
-from hw.openvr.components import COMPONENTS, Buttons
+from hw.openvr.components import COMPONENTS, ButtonReading
 from hw.openvr.devices import DeviceIdentity, identify
 from hw.openvr.haptics import HapticPlayer
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
@@ -46,7 +46,7 @@ from tams_app.units import NS_PER_S
 
 RETRY_NS = NS_PER_S
 SILENT_NS = 2 * NS_PER_S  # a runtime without a single device has died without a word
-RELEASED = Buttons()
+RELEASED = ButtonReading()
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +56,7 @@ class _View:
     status: ControllerStatus
     why: str
     pose: Pose | None = None
-    buttons: Buttons = RELEASED
+    buttons: ButtonReading = RELEASED
 
 
 class OpenVrPoller:
@@ -225,19 +225,19 @@ class OpenVrPoller:
         return _View(ControllerStatus.OK, "", pose, self._buttons)
 
     def _mistrusted(
-        self, status: ControllerStatus, why: str, read: Buttons | None, now_ns: int
+        self, status: ControllerStatus, why: str, read: ButtonReading | None, now_ns: int
     ) -> _View:
         """Nothing counts but the menu button, which may still stop the arm."""
-        self._take(Buttons(menu=read.menu) if read else None, now_ns)
-        return _View(status, why, buttons=Buttons(menu=self._buttons.menu))
+        self._take(ButtonReading(menu=read.menu) if read else None, now_ns)
+        return _View(status, why, buttons=ButtonReading(menu=self._buttons.menu))
 
-    def _take(self, read: Buttons | None, now_ns: int) -> None:
+    def _take(self, read: ButtonReading | None, now_ns: int) -> None:
         """Keep a reading with its time; what could not be read leaves the last as it is."""
         if read is not None:
             self._buttons, self._buttons_ns = read, now_ns
             self._counter.update(read.grip, read.a, read.b, read.menu)
 
-    def _input_taken_by(self, runtime: OpenVrRuntime, read: Buttons | None) -> str:
+    def _input_taken_by(self, runtime: OpenVrRuntime, read: ButtonReading | None) -> str:
         """The cause that keeps the buttons from this process; "" if there is none."""
         if self._overlay.isDashboardVisible():
             return "close it to go on"

@@ -15,9 +15,9 @@ from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, actions_of, carry_out
 from tams_app.faces.display import has_display
-from tams_app.faces.registry import FACES, Shown, ShowsEnd, check_faces
+from tams_app.faces.registry import FACES, SessionDisplay, ShowsEnd, check_faces
 from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
-from tams_app.faces.terminal.keys import Presses, TerminalKeys, handled_signals
+from tams_app.faces.terminal.keys import KeyPresses, TerminalKeys, handled_signals
 from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.faces.terminal.output import unblocked_output
 from tams_app.printing import Console
@@ -34,7 +34,7 @@ from tams_app.station.seat import require_local_seat
 from tams_app.teleop.hands import hand_of, words_of_hand
 
 POLL_S = 0.05
-Conclude: TypeAlias = Callable[[Sequence[Shown]], None]
+Conclude: TypeAlias = Callable[[Sequence[SessionDisplay]], None]
 
 
 class ShownSession(FacedSession, Protocol):
@@ -57,7 +57,7 @@ class ShownSession(FacedSession, Protocol):
     def close(self) -> None: ...
 
 
-class RecordedSession(ShownSession, Protocol):
+class RecordingSession(ShownSession, Protocol):
     """A session that leaves a folder, if it has started."""
 
     @property
@@ -90,7 +90,7 @@ def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
 
 
 def run_and_report(
-    config: Config, make: Callable[[Path], RecordedSession], may_repeat: bool = False
+    config: Config, make: Callable[[Path], RecordingSession], may_repeat: bool = False
 ) -> int:
     """Run the session that `make` makes of its folder, and report on it; the exit code.
 
@@ -105,15 +105,15 @@ def run_and_report(
 
 
 def _run_once(
-    config: Config, make: Callable[[Path], RecordedSession], console: Console, may_repeat: bool
+    config: Config, make: Callable[[Path], RecordingSession], console: Console, may_repeat: bool
 ) -> bool:
     """One session and its report; whether the operator asks for another one."""
     folder = create_session_folder(config)
-    session: RecordedSession | None = None
+    session: RecordingSession | None = None
     signals: list[str] = []
     closed = again = False
 
-    def conclude(faces: Sequence[Shown]) -> None:
+    def conclude(faces: Sequence[SessionDisplay]) -> None:
         nonlocal closed, again
         closed = True
         summary: Mapping[str, Any] | None = None
@@ -196,7 +196,7 @@ def _watch(
     session: ShownSession,
     console: Console,
     words_of: WordsOf = status_words,
-    faces: Sequence[Shown] = (),
+    faces: Sequence[SessionDisplay] = (),
     trial: ShownTrial | None = None,
     shows_end: bool = False,
 ) -> None:
@@ -232,7 +232,7 @@ def _launch_faces(
     stack: ExitStack,
     trial: ShownTrial | None,
     replay: ShownReplay | None,
-) -> list[Shown]:
+) -> list[SessionDisplay]:
     """Those of `faces`; without a display or with --headless none; not open yet."""
     names = session.config.faces
     if session.config.controller.device == "keyboard" and replay is None:
@@ -294,7 +294,7 @@ def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
 def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None) -> bool:
     """Act on the terminal's keys from now on; False if there is no terminal to read."""
     actions = actions_of(session, trial.actions) if trial else actions_of(session)
-    presses, clock = defaultdict[Command, Presses](Presses), MonotonicClock()
+    presses, clock = defaultdict[Command, KeyPresses](KeyPresses), MonotonicClock()
 
     def act(command: Command, asked_ns: int) -> None:
         now_ns = clock.now_ns()

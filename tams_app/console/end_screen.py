@@ -14,7 +14,7 @@ from tams_app.console.report import PAGE_NAME
 from tams_app.console.summary_tables import stop_texts, task_verdict
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended
-from tams_app.faces.registry import Shown, ShowsEnd
+from tams_app.faces.registry import SessionDisplay, ShowsEnd
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 
@@ -23,7 +23,7 @@ _POLL_S = 0.1
 
 
 def ask_at_end(
-    faces: Sequence[Shown],
+    faces: Sequence[SessionDisplay],
     console: Console,
     config: Config,
     failure: str,

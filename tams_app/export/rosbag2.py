@@ -26,7 +26,7 @@ from tams_app.outputs import refuse_existing
 from tams_app.recording import Header, read_records
 from tams_app.ros2.conversion import Conversion, Sent
 from tams_app.ros2.messages import cdr, ros_name
-from tams_app.ros2.topics import Topic, published
+from tams_app.ros2.topics import RosTopic, published
 from tams_app.ros2.types import typestore
 from tams_app.telemetry import Scene
 from tams_app.telemetry.rates import RatesMeter
@@ -83,7 +83,7 @@ def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None])
     return counts
 
 
-def _connect(writer: Writer, topic: Topic) -> Connection:
+def _connect(writer: Writer, topic: RosTopic) -> Connection:
     return writer.add_connection(
         topic.name,
         ros_name(topic.type),
@@ -92,7 +92,7 @@ def _connect(writer: Writer, topic: Topic) -> Connection:
     )
 
 
-def _qos(topic: Topic) -> Qos:
+def _qos(topic: RosTopic) -> Qos:
     return Qos(
         history=QosHistory.KEEP_LAST,
         depth=topic.depth,

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import msgspec
 
 from tams_app import palette
-from tams_app.faces.messages import Facts
+from tams_app.faces.messages import FaceFacts
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received
 from tams_app.teleop.hands import SIMULATED, HandWords, words_of_hand
 
@@ -95,7 +95,7 @@ _SIMULATED = {  # who watches can do that much
 }
 
 
-def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -> Banner:
+def banner_of(facts: FaceFacts, hand: str = "openvr", shift_is_dead: bool = False) -> Banner:
     """The state, why the arm does not move, and the key that helps; of a replay that it is one.
 
     Of a session that is over, what came of it.
@@ -131,7 +131,7 @@ def banner_of(facts: Facts, hand: str = "openvr", shift_is_dead: bool = False) -
     return replace(banner, key=banner.key + moves)
 
 
-def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWords) -> Banner:
+def _banner_of(facts: FaceFacts, quiet: Mapping[str, tuple[str, str]], words: HandWords) -> Banner:
     state = facts.state
     look = look_of(state.arming)
     if state.arming == "holding":
@@ -150,7 +150,7 @@ def _banner_of(facts: Facts, quiet: Mapping[str, tuple[str, str]], words: HandWo
     return Banner(look, sentence, key)
 
 
-def _sentence(facts: Facts) -> str:
+def _sentence(facts: FaceFacts) -> str:
     reason = facts.state.reason
     reason = reason[:1].upper() + reason[1:]
     if reason and not reason.endswith("."):

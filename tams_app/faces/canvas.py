@@ -13,7 +13,7 @@ from tams_app import palette
 from tams_app.faces.banner import look_of
 from tams_app.faces.figures import HEADINGS, hand_rows, slowest_text, uplink_texts, view_row
 from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import Workspace
+from tams_app.faces.messages import ShownWorkspace
 from tams_app.records import SessionState
 
 GROUND, PANEL = "#101418", "#1B2127"
@@ -186,7 +186,7 @@ def draw_hand(cr: Context, width: float, height: float, state: SessionState) -> 
 
 
 def draw_workspace(
-    cr: Context, width: float, height: float, workspace: Workspace, state: SessionState
+    cr: Context, width: float, height: float, workspace: ShownWorkspace, state: SessionState
 ) -> None:
     """The arm's workspace from above, x up and y to the left, and at the side the TCP's height."""
     fill(cr, PANEL, 0, 0, width, height)

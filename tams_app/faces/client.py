@@ -20,11 +20,11 @@ from tams_app.faces.messages import (
     LONGEST,
     Beat,
     Event,
-    Facts,
+    FaceFacts,
     Keys,
     Opening,
     Outline,
-    Workspace,
+    ShownWorkspace,
 )
 from tams_app.prediction.cameras import numbers_of
 from tams_app.runtime.clock import Clock
@@ -121,7 +121,7 @@ class FaceClient:
         """Of its process."""
         return self._process.pid if self._process else None
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         """These facts from now on."""
         if self._facts is not None:
             self._facts.put(msgspec.structs.replace(facts, reported_ns=self._clock.now_ns()))
@@ -171,7 +171,7 @@ def _opening(config: Config, blind: bool, replay: Outline | None) -> Opening:
         views=video.views,
         width=video.width,
         height=video.height,
-        workspace=Workspace(
+        workspace=ShownWorkspace(
             (low_x, low_y, max(low_z, limits.floor_mm)),
             limits.box_max_mm,
             limits.radius_min_mm,

@@ -49,7 +49,7 @@ LETTERS: Mapping[str, Command] = MappingProxyType(
 """The commands of letter keys, in the window as on the terminal."""
 
 
-class Signals(Protocol):
+class OperatorSignals(Protocol):
     """The operator's signals to arm and log."""
 
     pinned: str
@@ -66,7 +66,7 @@ class CommandedSession(Protocol):
     """A session of which something is asked."""
 
     @property
-    def signals(self) -> Signals: ...
+    def signals(self) -> OperatorSignals: ...
 
     def end(self, reason: str) -> None: ...
 

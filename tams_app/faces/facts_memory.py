@@ -8,7 +8,7 @@ import struct
 
 import msgspec
 
-from tams_app.faces.messages import Facts
+from tams_app.faces.messages import FaceFacts
 from tams_app.runtime.shared_ring import (
     RingShape,
     SharedRing,
@@ -33,7 +33,7 @@ class FactsWriter:
         remove_block(name)
         self._ring = SharedRing(self._memory, _SHAPE)
 
-    def put(self, facts: Facts) -> None:
+    def put(self, facts: FaceFacts) -> None:
         """Put them in the place of the oldest; ValueError if they are too long."""
         content = msgspec.msgpack.encode(facts)
         head = _LENGTH.pack(len(content)) + content
@@ -55,7 +55,7 @@ class FactsReader:
         self._ring = SharedRing(self._memory, _SHAPE)
         self._read = 0
 
-    def newer(self) -> Facts | None:
+    def newer(self) -> FaceFacts | None:
         """The newest facts; None if they were read already, or none are whole."""
         if self._ring.written() == self._read:
             return None
@@ -65,4 +65,4 @@ class FactsReader:
         number, head = found
         self._read = number + 1
         (length,) = _LENGTH.unpack_from(head)
-        return msgspec.msgpack.decode(head[_LENGTH.size : _LENGTH.size + length], type=Facts)
+        return msgspec.msgpack.decode(head[_LENGTH.size : _LENGTH.size + length], type=FaceFacts)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from tams_app.faces.commands import PHASE_KEYS
-from tams_app.faces.messages import Facts, Opening, ReplayFacts, TrialFacts
+from tams_app.faces.messages import FaceFacts, Opening, ReplayFacts, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
 from tams_app.video.core.stages import REMEDIES, stage_words
@@ -13,7 +13,7 @@ NOTABLE_MS = 25  # outside the network: below it there is little to gain
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 
-def status_text(facts: Facts, opening: Opening) -> str:
+def status_text(facts: FaceFacts, opening: Opening) -> str:
     """Time, strategy, network and recording; of a replay, whose bar has its time, without both."""
     parts = []
     if opening.strategy:
@@ -24,12 +24,12 @@ def status_text(facts: Facts, opening: Opening) -> str:
     return " · ".join(parts)
 
 
-def notice_text(facts: Facts) -> str:
+def notice_text(facts: FaceFacts) -> str:
     """The newest sentence; none once the session is over, when it says what holds no longer."""
     return facts.notices[-1].text if facts.notices and facts.end is None else ""
 
 
-def _size(facts: Facts) -> str:
+def _size(facts: FaceFacts) -> str:
     if facts.recorded_mb is None:
         return ""
     a_minute = facts.recorded_mb * 60 / max(facts.state.t_s, 1.0)

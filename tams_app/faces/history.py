@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable
 from itertools import groupby, pairwise
 
-from tams_app.faces.messages import Facts, Stretch
+from tams_app.faces.messages import FaceFacts, Stretch
 from tams_app.records import SessionState
 
 SPAN_S = 60.0
@@ -19,7 +19,7 @@ class History:
         self.states: deque[SessionState] = deque()
         self._jumps = 0
 
-    def add(self, facts: Facts) -> None:
+    def add(self, facts: FaceFacts) -> None:
         """Take in a newer state; one of the same moment changes nothing.
 
         Where a replay goes back, what came later is forgotten; where it jumps, the minute before
@@ -52,5 +52,5 @@ class History:
         return [(t_s, known) for t_s, known in points if known is not None]
 
 
-def _jumps(facts: Facts) -> int:
+def _jumps(facts: FaceFacts) -> int:
     return 0 if facts.replay is None else facts.replay.jumps

@@ -1,6 +1,6 @@
 """The messages between the application and a face of it, window or headset.
 
-The application's `Facts` lie in shared memory, where the newest wins; the face's messages come
+The application's `FaceFacts` lie in shared memory, where the newest wins; the face's messages come
 over a socket, each whole in one packet. Stamps are of the monotonic clock of this computer.
 """
 
@@ -18,7 +18,7 @@ BEAT_S = 0.02  # a face reports at least so often
 LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
 
 
-class Workspace(msgspec.Struct, frozen=True):
+class ShownWorkspace(msgspec.Struct, frozen=True):
     """The space that the TCP does not leave [mm], in the arm's base frame."""
 
     box_min_mm: tuple[float, float, float]
@@ -57,7 +57,7 @@ class Opening(msgspec.Struct, frozen=True):
     views: tuple[str, ...]
     width: int
     height: int
-    workspace: Workspace
+    workspace: ShownWorkspace
     blind: bool
     hand: str
     old_ms: float
@@ -111,7 +111,7 @@ class Notice(msgspec.Struct, frozen=True):
     text: str
 
 
-class Facts(msgspec.Struct, frozen=True):
+class FaceFacts(msgspec.Struct, frozen=True):
     """The session's state at one moment as a face shows it, and the notices last.
 
     advice: what to do about `state.reason` now. reported_ns: when they were put (`FaceClient`).

@@ -12,7 +12,7 @@ FOLLOWS_NS = 50 * NS_PER_MS  # for so long all others wait for the large picture
 _JUDGED_NS = NS_PER_S // 2
 
 
-class Pacer:
+class DrawPacer:
     """Decides when to draw; what is drawn then is always the newest, so a slow one is never late.
 
     Frames of the large picture are drawn as they come, and the other views' with them, or they are

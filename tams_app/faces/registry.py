@@ -14,7 +14,7 @@ from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
 from tams_app.registry import Registry
 
 
-class Shown(Protocol):
+class SessionDisplay(Protocol):
     """A face: launched before the session has the processor, opened once it has started."""
 
     def launch(self) -> None:
@@ -66,7 +66,9 @@ class ShowsEnd(Protocol):
         """Whether it can show anything still."""
 
 
-MakeFace: TypeAlias = Callable[[FacedSession, ShownTrial | None, ShownReplay | None], Shown | None]
+MakeFace: TypeAlias = Callable[
+    [FacedSession, ShownTrial | None, ShownReplay | None], SessionDisplay | None
+]
 """Makes a face of the session, of its trial and of its replay, None where it is neither.
 
 In a trial no figures may be shown (`tams_app.records.without_figures`). It returns None if it has

@@ -17,7 +17,7 @@ from tams_app.faces.commands import Action, Command, CommandedSession
 from tams_app.faces.messages import (
     Event,
     FaceClosed,
-    Facts,
+    FaceFacts,
     Keys,
     Notice,
     Outline,
@@ -235,7 +235,7 @@ class SessionFace:
             )
         self._silent = silent
 
-    def _facts(self, state: SessionState) -> Facts:
+    def _facts(self, state: SessionState) -> FaceFacts:
         trial = None if self._trial is None else self._trial.facts_of(state)
         replay = None if self._replay is None else self._replay.facts()
         facts = facts_of(state, tuple(self._notices), trial, replay)
@@ -259,9 +259,9 @@ def facts_of(
     notices: tuple[Notice, ...],
     trial: TrialFacts | None = None,
     replay: ReplayFacts | None = None,
-) -> Facts:
+) -> FaceFacts:
     """The state as a face gets it; in a trial without all that reveals what is compared."""
-    return Facts(
+    return FaceFacts(
         state=state if trial is None else without_figures(state),
         advice=what_to_do(state.reason, state.lasting, words_of_hand(state.hand)),
         trial=trial,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 
 from tams_app.faces.facts_memory import FactsReader
-from tams_app.faces.messages import Facts
+from tams_app.faces.messages import FaceFacts
 from tams_app.records import LINK_LOST, SessionState, ViewState
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -31,7 +31,7 @@ def silence_of(state: SessionState) -> float | None:
     return silent_s(state.heard_ns, state.now_ns)
 
 
-def as_known(facts: Facts, now_ns: int) -> Facts:
+def as_known(facts: FaceFacts, now_ns: int) -> FaceFacts:
     """The facts as they may be shown at `now_ns`: where they are not live, that and their age.
 
     The application that is silent itself reports nothing of the link either; one that is not may
@@ -61,10 +61,10 @@ class LiveFacts:
 
     def __init__(self, reader: FactsReader) -> None:
         self._reader = reader
-        self._newest: Facts | None = None
+        self._newest: FaceFacts | None = None
         self._again_ns = 0  # when to show the duration of a silence anew
 
-    def newer(self, now_ns: int) -> Facts | None:
+    def newer(self, now_ns: int) -> FaceFacts | None:
         """What is to be shown from now on; None: what is shown already."""
         newer = self._reader.newer()
         self._newest = newer or self._newest

@@ -40,7 +40,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import OVERHEAD_BYTES, NoiseError, Responder
-from tams_app.link.peer import MESSAGE, Address, Peer, Session
+from tams_app.link.peer import MESSAGE, Address, LinkSession, Peer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 MEDIA = range(128, 192)
@@ -159,7 +159,7 @@ class _Call:
     key: Key
     noise: bytes
     response: bytes
-    session: Session
+    session: LinkSession
     address: Address
     introduction: bytes
     answered_ns: int  # the first time
@@ -273,7 +273,7 @@ class RobotEnd(End):
                 )
             except NoiseError:  # its MAC was ours: the other side is not sound
                 return None
-            session = Session(session_keys(split, initiator=False), now_ns)
+            session = LinkSession(session_keys(split, initiator=False), now_ns)
             call = _Call(
                 initiation.key,
                 initiation.noise,
@@ -364,6 +364,6 @@ class RobotEnd(End):
             except NoiseError:
                 self.counts["new keys that came to nothing"] += 1
                 return []
-            peer.agree(Session(session_keys(split, initiator=False), now_ns))
+            peer.agree(LinkSession(session_keys(split, initiator=False), now_ns))
             self._rekeyed = asked, response
         return [(peer.seal(REKEYED + self._rekeyed[1]), address)]

@@ -42,7 +42,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import Initiator, NoiseError
-from tams_app.link.peer import MESSAGE, Address, Peer, Session
+from tams_app.link.peer import MESSAGE, Address, LinkSession, Peer
 from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -181,7 +181,7 @@ class OperatorEnd(End):
             return self._refuse(heard, "answers that are not authentic")
         self.welcome = unfilled(said)
         self._attempt = self._renewal = None
-        session = Session(session_keys(split, initiator=True), now_ns)
+        session = LinkSession(session_keys(split, initiator=True), now_ns)
         self._peer = Peer(session, self._answering(address), now_ns, asks=True)
         self._refusals.since_ns.clear()
         heard.connected = True
@@ -234,4 +234,4 @@ class OperatorEnd(End):
             return
         self._renewal = None
         self._refusals.since_ns.clear()
-        peer.agree(Session(session_keys(split, initiator=True), now_ns))
+        peer.agree(LinkSession(session_keys(split, initiator=True), now_ns))

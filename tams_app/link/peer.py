@@ -26,7 +26,7 @@ OVERLAP_NS = 5 * NS_PER_S  # media that old keys sealed is taken for so long
 Address = tuple[str, int] | tuple[str, int, int, int]  # of IPv4, of IPv6
 
 
-class Session:
+class LinkSession:
     """The keys of one handshake, in use."""
 
     def __init__(self, keys: SessionKeys, began_ns: int) -> None:
@@ -40,15 +40,15 @@ class Session:
 class Peer:
     """The other side. `address`: where it is; `heard_ns`: when something of it came last."""
 
-    def __init__(self, session: Session, address: Address, now_ns: int, asks: bool) -> None:
+    def __init__(self, session: LinkSession, address: Address, now_ns: int, asks: bool) -> None:
         """`asks`: whether new keys are this side's to ask for."""
         self.address, self.heard_ns = address, now_ns
         self.late = 0  # messages that were repeated or overtaken
         self.sessions = 1  # how often there were new keys
         self._asks = asks
         self._session = session
-        self._next: Session | None = None
-        self._before: Session | None = None
+        self._next: LinkSession | None = None
+        self._before: LinkSession | None = None
         self._before_until_ns = 0
 
     @property
@@ -61,7 +61,7 @@ class Peer:
         """Whether there are new keys that the other side has not used yet."""
         return self._next is not None
 
-    def agree(self, session: Session) -> None:
+    def agree(self, session: LinkSession) -> None:
         """There are new keys, which are in use as soon as the other side uses them."""
         self._next = session
 
@@ -104,7 +104,7 @@ class Peer:
             self._before = None
         return opened
 
-    def _opened(self, session: Session, datagram: bytes) -> bytes | None:
+    def _opened(self, session: LinkSession, datagram: bytes) -> bytes | None:
         late = session.opener.late
         message = session.opener.open(datagram)
         self.late += session.opener.late - late

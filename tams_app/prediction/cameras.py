@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tams_app.prediction.outline import ArmOutline, Link
+from tams_app.prediction.outline import ArmLink, ArmOutline
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import FixedView, MountTrail, WristView
 from tams_app.records import Lens, Solid, Vector
@@ -27,7 +27,7 @@ class PredictedCamera(msgspec.Struct, frozen=True):
     grip: tuple[Solid, ...] = ()
     on_arm: bool = True
     tip: Floats3 = ZERO
-    links: tuple[Link, ...] = ()
+    links: tuple[ArmLink, ...] = ()
 
     def view(self, trail: MountTrail) -> WristView | FixedView:
         """What corrects its frames; `trail`: of the mount."""

@@ -29,7 +29,7 @@ _STRAIGHT_PX = 0.5  # from this line
 
 
 @dataclass(frozen=True, slots=True)
-class Link:
+class ArmLink:
     """What moves with a joint about the z axis of its frame.
 
     place: of that frame on the link before (the first: on the base) at joint angle 0.
@@ -50,13 +50,13 @@ class PlacedArm:
     joints: Vector | None = None
 
 
-def links_of(figure: ArmFigure) -> tuple[Link, ...]:
+def links_of(figure: ArmFigure) -> tuple[ArmLink, ...]:
     """The links between base and flange; none of an arm that is no chain of such joints."""
     at_zero = figure.place(np.zeros(6))
     names, before, links = list(at_zero), _BASE, []
     for name in names:
         place = mounted(inverse(before), at_zero[name])
-        links.append(Link(place, tuple(figure.solids.get(name, ()))))
+        links.append(ArmLink(place, tuple(figure.solids.get(name, ()))))
         before = at_zero[name]
     bent = np.linspace(0.3, 0.8, 6)
     follows = len(links) == len(bent) and all(
@@ -73,7 +73,7 @@ class ArmOutline:
     """
 
     def __init__(
-        self, lens: Lens, tool: Iterable[Solid], tip: Floats3 = ZERO, links: Iterable[Link] = ()
+        self, lens: Lens, tool: Iterable[Solid], tip: Floats3 = ZERO, links: Iterable[ArmLink] = ()
     ) -> None:
         """What moves with the flange, in whose frame `tip` is, its TCP [m]; `links` before it."""
         self._lens, self._tip, self._links = lens, np.array(tip), tuple(links)
@@ -141,7 +141,7 @@ def _mounted(frame: Pose, points: Points) -> Points:
     return np.asarray(frame.position + points @ frame.rotation.as_matrix().T)
 
 
-def _frames(links: Sequence[Link], joints: Vector) -> Iterator[Pose]:
+def _frames(links: Sequence[ArmLink], joints: Vector) -> Iterator[Pose]:
     """In the base frame, with the first of `joints` [rad]."""
     pose = _BASE
     for link, angle in zip(links, joints.tolist(), strict=False):

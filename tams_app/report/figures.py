@@ -34,11 +34,11 @@ def all_since_start_s(log: SessionLog, t_ns: Integers) -> Floats:
     return seconds
 
 
-def phase_stretches(log: SessionLog) -> list[plots.Stretch]:
+def phase_stretches(log: SessionLog) -> list[plots.NamedStretch]:
     """Each phase with its end, in order."""
     times_s = [since_start_s(log, t_ns) for t_ns in (*(c.t_ns for c in log.phases), log.ended_ns)]
     names = (change.phase.value.replace("_", "-").title() for change in log.phases)
-    return [plots.Stretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
+    return [plots.NamedStretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def frame_interval_ns(log: SessionLog, view: str) -> int:
 
 
 @dataclass(frozen=True, slots=True)
-class Rates:
+class SentRates:
     """What was asked of each view and what was sent of it, while video was asked for."""
 
     span: Span
@@ -94,7 +94,7 @@ class Rates:
     curves: dict[str, RateCurve]  # of the views that packets are known of
 
     @staticmethod
-    def of(log: SessionLog) -> Rates | None:
+    def of(log: SessionLog) -> SentRates | None:
         """None for a log without video."""
         packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
         origin_ns = log.header.started_ns
@@ -107,7 +107,7 @@ class Rates:
         }
         curves = {view: curve for view, curve in found.items() if len(curve.t_s)}
         t_s = all_since_start_s(log, np.append(targets.t_ns, span.end_ns))
-        return Rates(span, targets, t_s, curves)
+        return SentRates(span, targets, t_s, curves)
 
     def draw(self, axis: Axes, place: int, view: str) -> None:
         """Target and measured rate of `view`, number `place` of all."""
@@ -127,7 +127,7 @@ def bitrates_figure(log: SessionLog) -> Figure:
 
     Phases are dashed lines with their names. Also drawn for a log without any video.
     """
-    views, rates = log.header.views, Rates.of(log)
+    views, rates = log.header.views, SentRates.of(log)
     figure = plots.new_figure(plots.PAPER_IN, ROW_IN * len(views) + 0.75)
     axes = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for place, (view, axis) in enumerate(zip(views, axes, strict=True)):

@@ -77,7 +77,7 @@ def new_figure(width_in: float, height_in: float) -> Figure:
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class NamedStretch:
     """A part of a session with a name, in seconds since its start."""
 
     name: str
@@ -85,7 +85,7 @@ class Stretch:
     end_s: float
 
 
-def draw_phase_strip(axis: Axes, phases: Sequence[Stretch], whole_s: float) -> None:
+def draw_phase_strip(axis: Axes, phases: Sequence[NamedStretch], whole_s: float) -> None:
     """A band for each phase with its name; those of short phases stand on other levels."""
     levels, last = 3, 0.94  # `last` part of the session: there a name ends where the figure does
     axis.set_ylim(0, 1)

@@ -18,7 +18,7 @@ from tams_app.recording import SessionLog
 from tams_app.recording.pictures import ShownPicture
 from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
-from tams_app.report.plots import Stretch, to_svg
+from tams_app.report.plots import NamedStretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
 from tams_app.summary.tables import primary_at
 from tams_app.teleop.advice import what_to_do
@@ -41,7 +41,7 @@ class Stop:
 
 
 @dataclass(frozen=True, slots=True)
-class Still:
+class StillPicture:
     """A picture of a view, `t_s` after the session's start; `source`: of an image in a page."""
 
     view: str
@@ -53,9 +53,9 @@ class Still:
 class PhaseStills:
     """What the operator saw as a phase began, and the views that the log has no picture of."""
 
-    phase: Stretch
+    phase: NamedStretch
     primary: str
-    pictures: tuple[Still, ...]
+    pictures: tuple[StillPicture, ...]
     missing: tuple[str, ...]
 
 
@@ -134,7 +134,7 @@ def stop_rows(log: SessionLog) -> list[Stop]:
 def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseStills]:
     """For each phase the first picture of each view that was shown in it and is not blank."""
     phases = phase_stretches(log)
-    found: list[dict[str, Still]] = [{} for _ in phases]
+    found: list[dict[str, StillPicture]] = [{} for _ in phases]
     for picture in pictures:
         t_s = since_start_s(log, picture.shown_ns - log.header.wall_offset_ns)
         for phase, of_phase in zip(phases, found, strict=True):
@@ -142,7 +142,7 @@ def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseSt
             if is_new and not _is_blank(picture):
                 coded = base64.b64encode(picture.data).decode("ascii")
                 source = f"data:image/jpeg;base64,{coded}"
-                of_phase[picture.view] = Still(picture.view, t_s, source)
+                of_phase[picture.view] = StillPicture(picture.view, t_s, source)
     began_ns = np.array([change.t_ns for change in log.phases], dtype=np.int64)
     names = (*log.header.views, "")  # the last one: none
     return [

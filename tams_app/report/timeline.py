@@ -17,7 +17,7 @@ from tams_app.recording import SessionLog
 from tams_app.records import StopRecord
 from tams_app.report import plots
 from tams_app.report.figures import (
-    Rates,
+    SentRates,
     all_since_start_s,
     dress_rate,
     phase_stretches,
@@ -35,15 +35,15 @@ _HELD: dict[str, tuple[str, str]] = {  # the word, and the strokes behind the cu
 _QUALITY_WINDOW_S = 1.0
 
 
-def held_stretches(log: SessionLog) -> list[plots.Stretch]:
+def held_stretches(log: SessionLog) -> list[plots.NamedStretch]:
     """While the arm was held or stopped by a fault, with the word for it."""
-    found: list[plots.Stretch] = []
+    found: list[plots.NamedStretch] = []
     state, since_ns = "", 0
     for arming, t_ns in (*((one.arming, one.started_ns) for one in log.ticks), ("", log.ended_ns)):
         if arming != state:
             if state in _HELD:
                 ends_s = (since_start_s(log, end_ns) for end_ns in (since_ns, t_ns))
-                found.append(plots.Stretch(_HELD[state][0], *ends_s))
+                found.append(plots.NamedStretch(_HELD[state][0], *ends_s))
             state, since_ns = arming, t_ns
     return found
 
@@ -65,7 +65,7 @@ def timeline_figure(log: SessionLog) -> Figure:
     )[:, 0]
     band, *of_views, link, delay, quality = rows
     plots.draw_phase_strip(band, phase_stretches(log), ended_s)
-    rates = Rates.of(log)
+    rates = SentRates.of(log)
     for place, (view, axis) in enumerate(zip(views, of_views, strict=True)):
         dress_rate(axis, view.upper())
         if rates is not None:
@@ -96,7 +96,7 @@ def timeline_figure(log: SessionLog) -> Figure:
     return figure
 
 
-def _draw_uplink(link: Axes, log: SessionLog, rates: Rates) -> None:
+def _draw_uplink(link: Axes, log: SessionLog, rates: SentRates) -> None:
     """Rate, budget and capacities of the uplink."""
     if curves := list(rates.curves.values()):  # at the times of the first
         t_s = curves[0].t_s

@@ -58,7 +58,7 @@ _GRIPPER = {None: "unknown", False: "open", True: "closed"}
 class Sent:
     """A message, its topic and its time in nanoseconds since 1970."""
 
-    topic: topics.Topic
+    topic: topics.RosTopic
     message: IdlStruct
     wall_ns: int
 
@@ -113,7 +113,7 @@ class Conversion:
         linear, angular = (
             messages.Vector3(*map(float, part)) for part in (tick.twist.linear, tick.twist.angular)
         )
-        twist = messages.Twist(linear, angular)
+        twist = messages.TwistMsg(linear, angular)
         yield Sent(topics.TWIST, messages.TwistStamped(_header(wall_ns), twist), wall_ns)
         if tick.arm is not None and tick.arm.received_ns != self._reported_ns:
             self._reported_ns = tick.arm.received_ns
@@ -127,7 +127,7 @@ class Conversion:
     def _on_arm(self, arm: ArmState) -> Iterator[Sent]:
         wall_ns = arm.received_ns + self._offset_ns
         header = _header(wall_ns)
-        place = messages.Pose(messages.Point(*_xyz(arm.tcp)), _quaternion(arm.tcp))
+        place = messages.PoseMsg(messages.Point(*_xyz(arm.tcp)), _quaternion(arm.tcp))
         yield Sent(topics.TCP_POSE, messages.PoseStamped(header, place), wall_ns)
         angles = joint_angles(arm)
         joints = messages.JointState(header, list(angles), list(angles.values()), [], [])
@@ -182,7 +182,7 @@ class Conversion:
         return Sent(topics.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
 
     def _transforms(
-        self, topic: topics.Topic, wall_ns: int, frames: Iterable[tuple[str, str, Pose]]
+        self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[tuple[str, str, Pose]]
     ) -> Sent:
         moved = [
             messages.TransformStamped(
@@ -206,8 +206,8 @@ def optical(view: str) -> str:
     return f"{view}_optical"
 
 
-def _header(wall_ns: int, frame: str = BASE_LINK) -> messages.Header:
-    return messages.Header(messages.Time.of(wall_ns), frame)
+def _header(wall_ns: int, frame: str = BASE_LINK) -> messages.HeaderMsg:
+    return messages.HeaderMsg(messages.Time.of(wall_ns), frame)
 
 
 def _xyz(pose: Pose) -> tuple[float, float, float]:

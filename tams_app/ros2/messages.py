@@ -39,7 +39,7 @@ class Time(IdlStruct, typename="builtin_interfaces::msg::dds_::Time_"):
 
 
 @_message
-class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+class HeaderMsg(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
     stamp: Time
     frame_id: str
 
@@ -96,27 +96,27 @@ class Quaternion(IdlStruct, typename="geometry_msgs::msg::dds_::Quaternion_"):
 
 
 @_message
-class Pose(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
+class PoseMsg(IdlStruct, typename="geometry_msgs::msg::dds_::Pose_"):
     position: Point
     orientation: Quaternion
 
 
 @_message
 class PoseStamped(IdlStruct, typename="geometry_msgs::msg::dds_::PoseStamped_"):
-    header: Header
-    pose: Pose
+    header: HeaderMsg
+    pose: PoseMsg
 
 
 @_message
-class Twist(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
+class TwistMsg(IdlStruct, typename="geometry_msgs::msg::dds_::Twist_"):
     linear: Vector3
     angular: Vector3
 
 
 @_message
 class TwistStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TwistStamped_"):
-    header: Header
-    twist: Twist
+    header: HeaderMsg
+    twist: TwistMsg
 
 
 @_message
@@ -127,7 +127,7 @@ class Transform(IdlStruct, typename="geometry_msgs::msg::dds_::Transform_"):
 
 @_message
 class TransformStamped(IdlStruct, typename="geometry_msgs::msg::dds_::TransformStamped_"):
-    header: Header
+    header: HeaderMsg
     child_frame_id: str
     transform: Transform
 
@@ -139,7 +139,7 @@ class TFMessage(IdlStruct, typename="tf2_msgs::msg::dds_::TFMessage_"):
 
 @_message
 class JointState(IdlStruct, typename="sensor_msgs::msg::dds_::JointState_"):
-    header: Header
+    header: HeaderMsg
     name: Strings
     position: Numbers
     velocity: Numbers
@@ -163,7 +163,7 @@ class DiagnosticStatus(IdlStruct, typename="diagnostic_msgs::msg::dds_::Diagnost
 
 @_message
 class DiagnosticArray(IdlStruct, typename="diagnostic_msgs::msg::dds_::DiagnosticArray_"):
-    header: Header
+    header: HeaderMsg
     status: Annotated[Sequence[DiagnosticStatus], sequence(DiagnosticStatus)]
 
 

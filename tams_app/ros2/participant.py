@@ -21,11 +21,11 @@ from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import BasePolicy, Policy, Qos
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic as DdsTopic
+from cyclonedds.topic import RosTopic as DdsTopic
 
 from tams_app.errors import SetupError
 from tams_app.ros2.messages import Empty, ros_name
-from tams_app.ros2.topics import STOP, Topic, published
+from tams_app.ros2.topics import STOP, RosTopic, published
 from tams_app.ros2.types import type_hash
 from tams_app.units import NS_PER_MS
 
@@ -34,7 +34,7 @@ _ANY = SampleState.Any | ViewState.Any | InstanceState.Any
 _TAKEN_AT_ONCE = 16
 
 
-class Participant:
+class DdsParticipant:
     """One participant of a DDS domain, with a writer for each topic."""
 
     def __init__(self, domain: int, views: Iterable[str]) -> None:
@@ -58,7 +58,7 @@ class Participant:
                 "the environment variable CYCLONEDDS_URI"
             ) from error
 
-    def publish(self, topic: Topic, message: IdlStruct, wall_ns: int) -> None:
+    def publish(self, topic: RosTopic, message: IdlStruct, wall_ns: int) -> None:
         """Send a message with its time; waits for a slow reader, but not for long."""
         try:
             if topic not in self._writers:  # of another dialect than ours
@@ -75,7 +75,7 @@ class Participant:
         taken = [one for reader in self._stops for one in reader.take(_TAKEN_AT_ONCE)]
         return any(isinstance(one, Empty) for one in taken)  # others report a writer that left
 
-    def _writer(self, topic: Topic) -> DataWriter[IdlStruct]:
+    def _writer(self, topic: RosTopic) -> DataWriter[IdlStruct]:
         dds_topic = DdsTopic(self._participant, topic.dds_name, topic.type)
         return DataWriter(self._participant, dds_topic, qos=_qos(topic, _RELIABLE))
 
@@ -83,7 +83,7 @@ class Participant:
 _RELIABLE = Policy.Reliability.Reliable(BLOCKED_NS)
 
 
-def _qos(topic: Topic, reliability: BasePolicy) -> Qos:
+def _qos(topic: RosTopic, reliability: BasePolicy) -> Qos:
     durability = Policy.Durability.TransientLocal if topic.latched else Policy.Durability.Volatile
     return Qos(
         reliability,

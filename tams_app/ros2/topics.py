@@ -18,7 +18,7 @@ from tams_app.ros2.wire import EMERGENCY_STOP
 
 
 @dataclass(frozen=True, slots=True)
-class Topic:
+class RosTopic:
     """Reliable; the last `depth` messages are kept for a slow reader.
 
     `latched`: readers that come later get the last message too (transient local).
@@ -35,32 +35,32 @@ class Topic:
         return f"rt{self.name}"
 
 
-TCP_POSE = Topic("/tams/tcp_pose", messages.PoseStamped)
-TWIST = Topic("/tams/twist_cmd", messages.TwistStamped)
-JOINTS = Topic("/joint_states", messages.JointState)
-PHASE = Topic("/tams/task_phase", messages.String, depth=1, latched=True)
-RATES = Topic("/tams/rates", messages.Float64MultiArray)
-DIAGNOSTICS = Topic("/diagnostics", messages.DiagnosticArray)
-TF = Topic("/tf", messages.TFMessage, depth=100)  # as tf2's own broadcasters
-TF_STATIC = Topic("/tf_static", messages.TFMessage, depth=1, latched=True)
+TCP_POSE = RosTopic("/tams/tcp_pose", messages.PoseStamped)
+TWIST = RosTopic("/tams/twist_cmd", messages.TwistStamped)
+JOINTS = RosTopic("/joint_states", messages.JointState)
+PHASE = RosTopic("/tams/task_phase", messages.String, depth=1, latched=True)
+RATES = RosTopic("/tams/rates", messages.Float64MultiArray)
+DIAGNOSTICS = RosTopic("/diagnostics", messages.DiagnosticArray)
+TF = RosTopic("/tf", messages.TFMessage, depth=100)  # as tf2's own broadcasters
+TF_STATIC = RosTopic("/tf_static", messages.TFMessage, depth=1, latched=True)
 VIDEO_DEPTH = 30  # a second
 # with `ros2.dialect: reference`: what the authors' nodes give, by their names
 AUTHORS = (
-    Topic("/tams/phase", messages.String),
-    Topic("/tams/bitrate_targets", messages.String),
+    RosTopic("/tams/phase", messages.String),
+    RosTopic("/tams/bitrate_targets", messages.String),
 )
 
-STOP = Topic(EMERGENCY_STOP, messages.Empty)
+STOP = RosTopic(EMERGENCY_STOP, messages.Empty)
 
 _FIXED = (TCP_POSE, TWIST, JOINTS, PHASE, RATES, DIAGNOSTICS, TF, TF_STATIC)
 
 
-def video_topic(view: str) -> Topic:
+def video_topic(view: str) -> RosTopic:
     """Of the bitstream of a view."""
-    return Topic(f"/tams/{_token(view)}/compressed", messages.CompressedVideo, VIDEO_DEPTH)
+    return RosTopic(f"/tams/{_token(view)}/compressed", messages.CompressedVideo, VIDEO_DEPTH)
 
 
-def published(views: Iterable[str]) -> tuple[Topic, ...]:
+def published(views: Iterable[str]) -> tuple[RosTopic, ...]:
     """All that we send."""
     return (*_FIXED, *map(video_topic, views))
 

@@ -16,7 +16,7 @@ import threading
 
 from tams_app.recording import Header
 from tams_app.ros2.conversion import Conversion
-from tams_app.ros2.participant import Participant
+from tams_app.ros2.participant import DdsParticipant
 from tams_app.ros2.wire import LONGEST_BYTES, STOP, decode
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import ROS2_NICE
@@ -33,7 +33,7 @@ def main() -> None:
     os.nice(ROS2_NICE)
     specification = side.specification
     with side.failing():
-        participant = Participant(int(specification["domain"]), specification["views"])
+        participant = DdsParticipant(int(specification["domain"]), specification["views"])
     with socket.socket(fileno=int(specification["socket"])) as application:
         application.setblocking(False)
         stops = Worker(
@@ -52,7 +52,7 @@ def main() -> None:
 
 
 def _receive_stops(
-    participant: Participant, application: socket.socket, stop: threading.Event
+    participant: DdsParticipant, application: socket.socket, stop: threading.Event
 ) -> None:
     while not stop.is_set():
         if participant.stop_asked(_STOP_WAIT_NS):
@@ -62,7 +62,7 @@ def _receive_stops(
 
 
 def _publish(
-    participant: Participant, application: socket.socket, stop_requested: threading.Event
+    participant: DdsParticipant, application: socket.socket, stop_requested: threading.Event
 ) -> None:
     """Every record that comes, until none will come any more."""
     conversion: Conversion | None = None

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.phases.labels import Geometry
-from calibration.phases.trials import Motion, StepInput
+from calibration.phases.trials import StepInput, TrialMotion
 from tams_app.recording import Recorder
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.rotation import Rotation
@@ -139,7 +139,7 @@ def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth], rig: bool =
     return folder
 
 
-def motion(seed: int, noise_mm_s: float = 0.0) -> Motion:
+def motion(seed: int, noise_mm_s: float = 0.0) -> TrialMotion:
     """About six seconds of speeds with ramps, pauses, descents and two edges of the gripper.
 
     30 ticks a second: the search takes its time.
@@ -174,4 +174,4 @@ def motion(seed: int, noise_mm_s: float = 0.0) -> Motion:
             inputs.append((v / 1000, vz / 1000, closed, period_s))
         speed, vertical = speed_to * scale, vertical_to * scale
     t_s = np.arange(len(inputs)) * period_s
-    return Motion(f"made {seed}", t_s, tuple(inputs))
+    return TrialMotion(f"made {seed}", t_s, tuple(inputs))

@@ -9,9 +9,9 @@ from calibration.phases.trials import (
     CODE,
     NOT_COUNTED,
     Codes,
-    Motion,
     Switches,
     Trial,
+    TrialMotion,
     score,
     switches_into,
 )
@@ -38,7 +38,7 @@ def trial(labels: str) -> Trial:
     """One tick a second."""
     t_s = np.arange(len(labels), dtype=np.float64)
     inputs = tuple((0.0, 0.0, False, 1.0) for _ in labels)
-    return Trial(Motion("by hand", t_s, inputs), codes(labels))
+    return Trial(TrialMotion("by hand", t_s, inputs), codes(labels))
 
 
 def test_every_counted_tick_is_in_the_confusion_once() -> None:

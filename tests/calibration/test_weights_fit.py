@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from calibration.weights.fit import assess, fit_weights
 from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
-from calibration.weights.ratings import LEAST, MOST, Answer, Sheet
+from calibration.weights.ratings import LEAST, MOST, RatedPhase, Sheet
 from tams_app.config import load_config
 from tams_app.records import Phase
 
@@ -25,7 +25,7 @@ def panels(draw, views=VIEWS, may_be_silent=True):
     """Any sheets on REACH at all, also with things unsaid."""
     silence = st.none() if may_be_silent else st.nothing()
     answer = st.builds(
-        Answer,
+        RatedPhase,
         phase=st.just(Phase.REACH),
         necessity=st.fixed_dictionaries(dict.fromkeys(views, POINTS | silence)),
         most_critical=st.sampled_from(views) | silence,
@@ -39,7 +39,7 @@ def panels(draw, views=VIEWS, may_be_silent=True):
 
 def answer(points, named):
     necessity = dict(zip(VIEWS, points, strict=True))
-    return Answer(phase=Phase.REACH, necessity=necessity, most_critical=named)
+    return RatedPhase(phase=Phase.REACH, necessity=necessity, most_critical=named)
 
 
 def ballot(*answers):
@@ -105,7 +105,7 @@ def test_the_order_of_the_raters_does_not_matter(sheets, random):
 def test_one_more_vote_for_the_dominant_view_never_lowers_its_share(sheets):
     row = reach(sheets)
     voted = dict.fromkeys(VIEWS)  # the vote only, so that the necessities stay
-    vote = Answer(phase=Phase.REACH, necessity=voted, most_critical=row.dominant)
+    vote = RatedPhase(phase=Phase.REACH, necessity=voted, most_critical=row.dominant)
     more = [*sheets, Sheet(rater="more", simulated=False, answers=(vote,))]
     assert reach(more).shares[row.dominant] >= row.shares[row.dominant]
 

@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.weights.clips import Clip
-from calibration.weights.ratings import Answer, RatingFolder, rate, viewing_order
+from calibration.weights.ratings import RatedPhase, RatingFolder, rate, viewing_order
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.scripted_ui import ScriptedUI
@@ -11,10 +11,10 @@ from tests.scripted_ui import ScriptedUI
 pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
-REACH_ANSWER = Answer(
+REACH_ANSWER = RatedPhase(
     phase=Phase.REACH, necessity={"eih": 2, "gt": 5, "gs": None}, most_critical="gt"
 )
-SILENT = Answer(phase=Phase.GRASP, necessity=dict.fromkeys(VIEWS), most_critical=None)
+SILENT = RatedPhase(phase=Phase.GRASP, necessity=dict.fromkeys(VIEWS), most_critical=None)
 
 
 @pytest.fixture

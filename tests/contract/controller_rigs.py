@@ -18,7 +18,7 @@ import openvr
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
-from hw.sim.operator.hand import Button, Hand, HandCommand
+from hw.sim.operator.hand import Hand, HandCommand, ThumbButton
 from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
 from tams_app.config import (
     ControllerConfig,
@@ -72,7 +72,7 @@ class _Holding:
 
     def __init__(self) -> None:
         self.hand = Hand(np.random.default_rng(0), 0.5)
-        self.button: Button | None = None
+        self.button: ThumbButton | None = None
         self.pulses = self.steps = 0
         self._last_ns: int | None = None
 
@@ -110,7 +110,7 @@ class VirtualControllerRig(HeldRig):
         self.controller = self._hand
 
     def tap(self) -> None:
-        self._holding.button = Button.A
+        self._holding.button = ThumbButton.A
         self.controller.sample(self._clock.now_ns())  # as the thread that reads the device
         self._holding.button = None
 
@@ -136,7 +136,7 @@ class RemoteRig(HeldRig):
         cleaning.callback(stop.set)
 
     def tap(self) -> None:
-        self._holding.button = Button.A
+        self._holding.button = ThumbButton.A
         read = self._holding.steps + 5
         while self._holding.steps < read:  # the other process reads it; no sample is taken
             time.sleep(TICK_NS / NS_PER_S)
@@ -164,7 +164,7 @@ class LinkRig(HeldRig):
         self.controller = self._link = LinkController(LinkConfig(), self._receive, self._hand.pulse)
 
     def tap(self) -> None:
-        self._holding.button = Button.A
+        self._holding.button = ThumbButton.A
         self._hand.sample(self._clock.now_ns() + self._OFFSET_NS)  # its message is lost
         self._holding.button = None
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.faces.pacing import EARLY_NS, FOLLOWS_NS, LEAST_NS, MOST_NS, SHARE, Pacer
+from tams_app.faces.pacing import EARLY_NS, FOLLOWS_NS, LEAST_NS, MOST_NS, SHARE, DrawPacer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -17,7 +17,7 @@ def run(cost_ns: int, seconds: float, idle_cost: float) -> tuple[float, float]:
 
     `idle_cost`: share of a core that the process needs besides.
     """
-    pacer = Pacer(0, 0)
+    pacer = DrawPacer(0, 0)
     used_ns, drawings, settled_used_ns = 0.0, 0, 0.0
     half = round(seconds * NS_PER_S / 2)
     for now_ns in range(0, 2 * half, _LOOK_NS):
@@ -49,14 +49,14 @@ def test_it_draws_as_often_as_its_cost_allows(
 
 
 def test_nothing_is_drawn_before_it_is_time() -> None:
-    pacer = Pacer(0, 0)
+    pacer = DrawPacer(0, 0)
     pacer.drawn(0, 0)
     assert not pacer.may_draw(LEAST_NS - EARLY_NS - 1, 1)
     assert pacer.may_draw(LEAST_NS - EARLY_NS, 2)
 
 
 def test_what_is_no_new_frame_of_the_large_picture_waits_for_one() -> None:
-    pacer = Pacer(0, 0)
+    pacer = DrawPacer(0, 0)
     pacer.drawn(0, 0)
     due_ns = LEAST_NS
     assert pacer.may_draw(due_ns, 1), "it has come just now"
@@ -67,7 +67,7 @@ def test_what_is_no_new_frame_of_the_large_picture_waits_for_one() -> None:
 
 def test_a_frame_of_the_large_picture_is_drawn_when_it_comes_or_not_at_all() -> None:
     """Drawing takes 10 ms of a core: 40 ms apart in the mean, at frames 33 ms apart."""
-    period_ns, pacer, used_ns, drawn = NS_PER_S // 30, Pacer(0, 0), 0, []
+    period_ns, pacer, used_ns, drawn = NS_PER_S // 30, DrawPacer(0, 0), 0, []
     for now_ns in range(0, 20 * NS_PER_S, NS_PER_MS):
         if pacer.may_draw(now_ns, now_ns // period_ns):
             used_ns += 10 * NS_PER_MS

@@ -15,7 +15,7 @@ from tams_app.faces.figures import hand_rows, view_row, view_title
 from tams_app.faces.headset.layout import PANEL_WIDTH_PX
 from tams_app.faces.headset.painting import SENTENCE_LINES, wrapped
 from tams_app.faces.headset.wording import panel_words
-from tams_app.faces.messages import Facts, ReplayFacts
+from tams_app.faces.messages import FaceFacts, ReplayFacts
 from tams_app.faces.silence import LIVE_NS, NOT_LIVE, as_known, silent_s
 from tams_app.faces.terminal.line import StatusLine
 from tams_app.printing import Console
@@ -29,7 +29,7 @@ pytestmark = pytest.mark.untimed
 PUT = changed(FACTS, reported_ns=NS_PER_S, heard_ns=NS_PER_S)
 
 
-def after(facts: Facts, silence_s: float) -> Facts:
+def after(facts: FaceFacts, silence_s: float) -> FaceFacts:
     return as_known(facts, facts.reported_ns + round(silence_s * NS_PER_S))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hw.guard.link import GuardMessage, Heartbeat
-from hw.guard.process import HeartbeatWatch, Watch
+from hw.guard.process import GuardWatch, HeartbeatWatch
 from hw.lite6.codes import Register, State
 from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
 from tams_app.runtime.clock import FixedRate, VirtualClock
@@ -82,7 +82,7 @@ def test_the_guard_stops_the_arm_while_the_loop_is_held_up_and_the_loop_finds_it
         if watch.lost(bench.clock.now_ns()):
             stopped_ns = bench.clock.now_ns()
             bench.model.handle(Register.SET_STATE, bytes([State.STOPPED]), stopped_ns)
-    assert watch.watch is Watch.LATCHED
+    assert watch.watch is GuardWatch.LATCHED
     assert stopped_ns is not None
     assert stopped_ns - began_ns <= 110 * NS_PER_MS
     late = bench.next

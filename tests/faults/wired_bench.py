@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 from hw.lite6.arm import Lite6
-from hw.lite6.uxbus import Frame
+from hw.lite6.uxbus import UxbusFrame
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import load_config
 from tams_app.records import ArmState
@@ -66,10 +66,10 @@ class FaultyServer(ControllerServer):
 
     def __init__(self, model: TappedModel) -> None:
         super().__init__(model)
-        self.is_mute: Callable[[Frame], bool] = lambda frame: False
-        self.is_cut: Callable[[Frame], bool] = lambda frame: False
+        self.is_mute: Callable[[UxbusFrame], bool] = lambda frame: False
+        self.is_cut: Callable[[UxbusFrame], bool] = lambda frame: False
 
-    def _answer(self, request: Frame, stop: threading.Event) -> bytes:
+    def _answer(self, request: UxbusFrame, stop: threading.Event) -> bytes:
         if self.is_cut(request):
             raise ConnectionResetError("cut by the test")
         reply = super()._answer(request, stop)

@@ -13,10 +13,10 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic as DdsTopic
+from cyclonedds.topic import RosTopic as DdsTopic
 
 from tams_app.ros2.messages import Empty
-from tams_app.ros2.topics import STOP, Topic
+from tams_app.ros2.topics import STOP, RosTopic
 from tams_app.units import NS_PER_S
 
 DEADLINE_S = 60.0
@@ -51,7 +51,7 @@ class Node:
         self._participant = DomainParticipant(domain)
         self._publications = BuiltinDataReader(self._participant, BuiltinTopicDcpsPublication)
 
-    def reader(self, topic: Topic) -> DataReader[Any]:
+    def reader(self, topic: RosTopic) -> DataReader[Any]:
         qos = Qos(
             RELIABLE,
             Policy.Durability.TransientLocal if topic.latched else Policy.Durability.Volatile,

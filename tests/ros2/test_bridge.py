@@ -23,7 +23,7 @@ from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.robot.control import Signals
 from tams_app.ros2.messages import Empty, ros_name
-from tams_app.ros2.participant import Participant
+from tams_app.ros2.participant import DdsParticipant
 from tams_app.ros2.topics import (
     JOINTS,
     PHASE,
@@ -151,7 +151,7 @@ def test_the_emergency_stop_of_any_publisher_stops(
 
 
 def test_a_publisher_that_leaves_does_not_stop_a_second_time(domain: int) -> None:
-    participant, node = Participant(domain, ()), Node(domain)
+    participant, node = DdsParticipant(domain, ()), Node(domain)
     witness, writer = node.reader(STOP), node.stop_writer(RELIABLE)
     until(lambda: participant.stop_asked(0), meanwhile=partial(writer.write, Empty()))
     until(lambda: not participant.stop_asked(NS_PER_S) and not witness.take(1000))

@@ -32,7 +32,7 @@ def conversion() -> Conversion:
     return Conversion(made, scene_of_header(made))
 
 
-def only(sent: Any, topic: topics.Topic) -> Any:
+def only(sent: Any, topic: topics.RosTopic) -> Any:
     (found,) = [one.message for one in sent if one.topic == topic]
     return found
 

@@ -19,7 +19,7 @@ from rosbags.typesys import Stores, get_typestore
 from tams_app.ros2 import messages
 from tams_app.ros2.conversion import RATES
 from tams_app.ros2.messages import cdr, ros_name
-from tams_app.ros2.topics import STOP, Topic, published, video_topic
+from tams_app.ros2.topics import STOP, RosTopic, published, video_topic
 from tams_app.ros2.types import type_hash, typestore
 
 pytestmark = pytest.mark.untimed
@@ -115,7 +115,7 @@ def test_the_types_are_the_same_in_the_releases_of_ros(release: Stores) -> None:
     ("view", "name"), [("eih", "eih"), ("left-top", "left_top"), ("2nd", "view_2nd"), ("ü", "_")]
 )
 def test_a_view_s_topic_has_a_name_that_ros_takes(view: str, name: str) -> None:
-    assert video_topic(view) == Topic(
+    assert video_topic(view) == RosTopic(
         f"/tams/{name}/compressed", messages.CompressedVideo, depth=30
     )
 

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hw.lite6.uxbus import Frame, FrameReader
+from hw.lite6.uxbus import UxbusFrame, UxbusReader
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import Clock, MonotonicClock
@@ -171,7 +171,7 @@ class ControllerServer:
                 del self._connections[connection]
 
     def _serve_control(self, connection: socket.socket, stop: threading.Event) -> None:
-        reader = FrameReader()
+        reader = UxbusReader()
         while not stop.is_set():
             try:
                 received = connection.recv(_RECEIVE_BYTES)
@@ -184,7 +184,7 @@ class ControllerServer:
                     continue
                 connection.sendall(self._answer(frame, stop))
 
-    def _answer(self, request: Frame, stop: threading.Event) -> bytes:
+    def _answer(self, request: UxbusFrame, stop: threading.Event) -> bytes:
         with self.lock:
             reply = self._model.handle(request.register, request.payload, self._clock.now_ns())
         if self.reply_delay_s > 0:

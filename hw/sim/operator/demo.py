@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Estimate, Percept
+from hw.sim.operator.perception import Percept, PoseEstimate
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config
@@ -31,9 +31,9 @@ class TruePerception:
             return None
         return Percept(
             truth.t_ns,
-            Estimate(truth.tcp),
-            Estimate(truth.block),
-            Estimate(truth.container),
+            PoseEstimate(truth.tcp),
+            PoseEstimate(truth.block),
+            PoseEstimate(truth.container),
             truth.fingers_opening,
         )
 
@@ -54,7 +54,7 @@ def demo_controller(
     seed, profile = config.seed, None
     if participant is not None:
         seed, profile = participant, ParticipantProfile.draw(participant)
-    operator = Operator(operator_hand(config), settings, eyes, seed, confirms, profile)
+    operator = SimulatedOperator(operator_hand(config), settings, eyes, seed, confirms, profile)
     return VirtualController(operator, settings, config.seed, rig_wiring(config))
 
 

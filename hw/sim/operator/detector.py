@@ -30,7 +30,7 @@ from hw.sim.operator.vision.solids import (
     GREEN,
     ORANGE,
     Box,
-    Outline,
+    VisiblePart,
     block_box,
     block_corners,
     container_box,
@@ -249,7 +249,7 @@ class Detector:
         return []
 
 
-def _block_patch(window: Window, expected: Outline) -> Blob | None:
+def _block_patch(window: Window, expected: VisiblePart) -> Blob | None:
     """The patch that is the block, if there is one and none of it is cut off."""
     blobs = find_blobs(window, ORANGE, max(12.0, expected.area))
     if not blobs:
@@ -258,7 +258,7 @@ def _block_patch(window: Window, expected: Outline) -> Blob | None:
     return blob if window.holds(blob) else None
 
 
-def _in_plain_sight(expected: Outline, image: Image, middle: Vector) -> bool:
+def _in_plain_sight(expected: VisiblePart, image: Image, middle: Vector) -> bool:
     """True if a thing at `middle` [px] is in the image and hardly hidden."""
     inside = (middle >= 0.0).all() and (middle < image.shape[1::-1]).all()
     return bool(inside and expected.visible > _WHOLE[0])
@@ -276,7 +276,7 @@ def _radius(camera: Pinhole, place: Vector, thing: Thing) -> float:
     return min(_EVERYWHERE_PX, camera.focal_px * _THING_RADIUS_M[thing] / depth)
 
 
-def _judged(blob: Blob, area: float, expected: Outline) -> tuple[float, float] | None:
+def _judged(blob: Blob, area: float, expected: VisiblePart) -> tuple[float, float] | None:
     """Standard deviations of a patch's middle [px], of one glance and lasting.
 
     Its own, and those from what is hidden, missing of it or too much. Where one thing cuts off

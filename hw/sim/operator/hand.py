@@ -39,7 +39,7 @@ _MAX_STEP_S = 0.01
 _NOISE_CORRELATION_S = 0.15
 
 
-class Button(Enum):
+class ThumbButton(Enum):
     """A button under the thumb, which presses one at a time."""
 
     A = "a"
@@ -55,11 +55,11 @@ class HandCommand:
     angular: Vector
     trigger: bool = False
     grip: bool = False
-    button: Button | None = None
+    button: ThumbButton | None = None
 
     @staticmethod
     def still(
-        trigger: bool = False, grip: bool = False, button: Button | None = None
+        trigger: bool = False, grip: bool = False, button: ThumbButton | None = None
     ) -> HandCommand:
         return HandCommand(np.zeros(3), np.zeros(3), trigger, grip, button)
 
@@ -158,7 +158,7 @@ class Hand:
         self.wrist = VelocityFollower(WRIST_REACH_RAD, _MAX_SPEED_RAD_S, _MAX_ACCELERATION_RAD_S2)
         self.trigger = 0.0
         self.grip = 0.0
-        self.button: Button | None = None
+        self.button: ThumbButton | None = None
         self._rest = np.array(REST_POSITION_M)
         self._time_s = 0.0
         shape = (_TREMOR_TONES, 6)

@@ -12,10 +12,10 @@ from enum import StrEnum
 import numpy as np
 
 from hw.sim.operator.efference import EfferenceCopy, FollowCheck
-from hw.sim.operator.hand import Button, Hand, HandCommand, VelocityFollower
+from hw.sim.operator.hand import Hand, HandCommand, ThumbButton, VelocityFollower
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import Percept, Perception
-from hw.sim.operator.servoing import HandMap, Sight, norm
+from hw.sim.operator.servoing import HandMap, ViewSight, norm
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import Haptic, Vector
@@ -44,7 +44,7 @@ _ENGAGED = 0.5  # of the trigger's travel: from here the arm is believed to foll
 _NOTHING: Vector = np.zeros(3)
 
 
-class Activity(StrEnum):
+class HandActivity(StrEnum):
     """The operator's present activity with the hand."""
 
     WATCH = "watch"  # waits for an image
@@ -59,7 +59,7 @@ class Activity(StrEnum):
     FINISHED = "finished"
 
 
-class Operator:
+class SimulatedOperator:
     """Decides what the hand does, step by step; deterministic from seed, times and percepts."""
 
     def __init__(
@@ -80,7 +80,7 @@ class Operator:
         traits = profile or ParticipantProfile.scripted(operator)
         random = np.random.default_rng([seed, 0x09E7A])
         self.hand = Hand(random, operator.arm_reach_m, traits.tremor, traits.motor_noise)
-        self.activity = Activity.WATCH
+        self.activity = HandActivity.WATCH
         self._map = HandMap(hand, traits, random)
         self._task = PickAndPlace(traits, hand.translation_scale, random)
         self._reaction_ns = round(traits.reaction_s * NS_PER_S)
@@ -91,7 +91,7 @@ class Operator:
         self._tool_seen: Vector | None = None
         self._last_ns: int | None = None
         self._since_ns = 0
-        self._after_letting_go = Activity.WATCH
+        self._after_letting_go = HandActivity.WATCH
         self._return_to: tuple[Vector, Vector] = (np.zeros(3), np.zeros(3))
         self._turning = False  # the mode the operator believes to be in
         self._confirms = confirms
@@ -106,16 +106,16 @@ class Operator:
         self._link_was_away = False  # and the arm is locked since
         self._failures = 0
         self._steps = {
-            Activity.WATCH: self._watch,
-            Activity.CONFIRM: self._confirm,
-            Activity.SQUEEZE: self._squeeze,
-            Activity.MOVE: self._move,
-            Activity.TOGGLE: self._toggle,
-            Activity.LET_GO: self._let_go,
-            Activity.RETURN: self._return,
-            Activity.PUZZLED: self._puzzled,
-            Activity.WARY: self._wary,
-            Activity.FINISHED: lambda *_: HandCommand.still(),
+            HandActivity.WATCH: self._watch,
+            HandActivity.CONFIRM: self._confirm,
+            HandActivity.SQUEEZE: self._squeeze,
+            HandActivity.MOVE: self._move,
+            HandActivity.TOGGLE: self._toggle,
+            HandActivity.LET_GO: self._let_go,
+            HandActivity.RETURN: self._return,
+            HandActivity.PUZZLED: self._puzzled,
+            HandActivity.WARY: self._wary,
+            HandActivity.FINISHED: lambda *_: HandCommand.still(),
         }
 
     @property
@@ -126,7 +126,11 @@ class Operator:
     def feel(self, haptic: Haptic) -> None:
         """A pulse in the hand."""
         if haptic is Haptic.ENGAGE:
-            squeezed = self.activity in (Activity.SQUEEZE, Activity.MOVE, Activity.TOGGLE)
+            squeezed = self.activity in (
+                HandActivity.SQUEEZE,
+                HandActivity.MOVE,
+                HandActivity.TOGGLE,
+            )
             self._felt_late = not squeezed
             self._felt_engage = squeezed
             self._ever_engaged = True
@@ -154,7 +158,7 @@ class Operator:
 
     # --- eyes and hand --------------------------------------------------------------------------
 
-    def _see(self, now_ns: int) -> Sight | None:
+    def _see(self, now_ns: int) -> ViewSight | None:
         """The sight to act on: None when there is no image, or only an old one."""
         percept = self._perception.look(now_ns)
         if percept is None or now_ns - percept.t_ns > BLIND_AFTER_NS:
@@ -162,14 +166,14 @@ class Operator:
         shown = self._asked.shown_at(percept.t_ns)
         under_way = self._asked.total - shown
         self._watch_whether_it_follows(percept, shown)
-        return Sight(percept, under_way[:3], under_way[3:])
+        return ViewSight(percept, under_way[:3], under_way[3:])
 
     def _act(self, now_ns: int, command: HandCommand, dt_s: float) -> None:
         """Move the hand, and note what that asks of the tool."""
         hand = self.hand
         arm, wrist = hand.arm.offset, hand.wrist.offset
         hand.step(command, dt_s)
-        if hand.trigger < _ENGAGED or self.activity is Activity.LET_GO:
+        if hand.trigger < _ENGAGED or self.activity is HandActivity.LET_GO:
             self._asked.idle(now_ns)
         elif self._turning:
             turn = self._map.tool_angular @ (hand.wrist.offset - wrist)
@@ -178,7 +182,7 @@ class Operator:
             self._asked.add(now_ns, self._map.tool_linear @ (hand.arm.offset - arm), _NOTHING)
 
     def _watch_whether_it_follows(self, percept: Percept, shown: Vector) -> None:
-        if self.activity is not Activity.MOVE:
+        if self.activity is not HandActivity.MOVE:
             self._follows.reset()
         followed = self._follows.step(percept.t_ns, shown, percept.tcp.pose)
         self._stuck = followed is False
@@ -187,13 +191,13 @@ class Operator:
 
     # --- activities -----------------------------------------------------------------------------
 
-    def _watch(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _watch(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         if self._felt_fault and not self._link_was_away:
-            self._begin(Activity.WARY, now_ns)
+            self._begin(HandActivity.WARY, now_ns)
         elif sight is None or self._moves_by_itself(sight.percept):
             self._since_ns = now_ns
         elif now_ns - self._since_ns > self._reaction_ns:
-            self._begin(Activity.SQUEEZE if self._confirmed else Activity.CONFIRM, now_ns)
+            self._begin(HandActivity.SQUEEZE if self._confirmed else HandActivity.CONFIRM, now_ns)
         return HandCommand.still()
 
     def _moves_by_itself(self, percept: Percept) -> bool:
@@ -205,70 +209,70 @@ class Operator:
             self._tool_seen = position
         return moved
 
-    def _confirm(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _confirm(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         held_ns = now_ns - self._since_ns
         if held_ns < CONFIRM_HOLD_NS:
-            return HandCommand.still(button=Button.MENU)
+            return HandCommand.still(button=ThumbButton.MENU)
         if held_ns > CONFIRM_HOLD_NS + self._reaction_ns:
             self._confirmed = True
-            self._begin(Activity.WATCH, now_ns)
+            self._begin(HandActivity.WATCH, now_ns)
         return HandCommand.still()
 
-    def _squeeze(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _squeeze(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         elapsed_ns = now_ns - self._since_ns
         if self._felt_engage and elapsed_ns >= _SQUEEZE_NS:
-            self._begin(Activity.MOVE, now_ns)
+            self._begin(HandActivity.MOVE, now_ns)
         elif elapsed_ns >= self._patience_ns:
             return self._release_then(self._after_no_response(), now_ns)
         return HandCommand.still(trigger=True)
 
-    def _after_no_response(self) -> Activity:
+    def _after_no_response(self) -> HandActivity:
         """Confirm, once for each squeeze that the arm did not answer, where the link was away."""
         if self._link_was_away and self._confirms:
-            return Activity.CONFIRM
-        return Activity.WARY if self._felt_fault else Activity.PUZZLED
+            return HandActivity.CONFIRM
+        return HandActivity.WARY if self._felt_fault else HandActivity.PUZZLED
 
-    def _move(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _move(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         if self._felt_fault:
-            return self._release_then(Activity.WARY, now_ns)
+            return self._release_then(HandActivity.WARY, now_ns)
         if sight is None:
-            return self._release_then(Activity.WATCH, now_ns)
+            return self._release_then(HandActivity.WATCH, now_ns)
         if self._stuck or self._felt_hold:
-            return self._release_then(Activity.PUZZLED, now_ns)
+            return self._release_then(HandActivity.PUZZLED, now_ns)
         intent = self._task.step(now_ns, sight)
         if intent.done:
-            return self._release_then(Activity.FINISHED, now_ns)
+            return self._release_then(HandActivity.FINISHED, now_ns)
         if intent.turning is not None and intent.turning != self._turning:
-            self._begin(Activity.TOGGLE, now_ns)
+            self._begin(HandActivity.TOGGLE, now_ns)
             return HandCommand.still(trigger=True)
         return self._follow(intent, now_ns, sight)
 
-    def _toggle(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _toggle(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         """Still the hand, click the grip once, go on."""
         if not self._is_still() and self.hand.grip == 0.0:
             self._since_ns = now_ns
         elapsed_ns = now_ns - self._since_ns
         if elapsed_ns >= 2 * _GRIP_NS:
             self._turning = not self._turning
-            self._begin(Activity.MOVE, now_ns)
+            self._begin(HandActivity.MOVE, now_ns)
         return HandCommand.still(trigger=True, grip=elapsed_ns < _GRIP_NS)
 
-    def _let_go(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _let_go(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         if now_ns - self._since_ns >= _LET_GO_NS and self._is_still():
             self._begin(self._after_letting_go, now_ns)
         return HandCommand.still()
 
-    def _return(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _return(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         arm = self._return_to[0] - self.hand.arm.offset
         wrist = self._return_to[1] - self.hand.wrist.offset
         if norm(arm) < 0.01 and norm(wrist) < 0.05 and self._is_still():
-            self._begin(Activity.WATCH if sight is None else Activity.SQUEEZE, now_ns)
+            self._begin(HandActivity.WATCH if sight is None else HandActivity.SQUEEZE, now_ns)
         return HandCommand(
             _towards(arm, _RETURN_SPEED_M_S),
             _towards(wrist, _RETURN_SPEED_RAD_S),
         )
 
-    def _puzzled(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _puzzled(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         """Nothing followed: not yet armed, held for a moment, or in the wrong mode?
 
         Confirms again only while the arm has never answered: once it is armed, the menu button is
@@ -278,7 +282,7 @@ class Operator:
             return HandCommand.still()
         if not self._felt_hold:
             self._reconsider()
-        self._begin(Activity.WATCH, now_ns)
+        self._begin(HandActivity.WATCH, now_ns)
         return HandCommand.still()
 
     def _reconsider(self) -> None:
@@ -288,28 +292,28 @@ class Operator:
         elif not self._ever_engaged and self._failures % _SQUEEZES_BEFORE_CONFIRMING == 0:
             self._confirmed = not self._confirms
 
-    def _wary(self, now_ns: int, sight: Sight | None) -> HandCommand:
+    def _wary(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         """After a fault: hands off, and now and then try whether it has been confirmed."""
         if now_ns - self._since_ns >= _FAULT_REST_NS and sight is not None:
-            self._begin(Activity.SQUEEZE, now_ns)
+            self._begin(HandActivity.SQUEEZE, now_ns)
         return HandCommand.still()
 
     # --- what the activities share --------------------------------------------------------------
 
-    def _begin(self, activity: Activity, now_ns: int) -> None:
+    def _begin(self, activity: HandActivity, now_ns: int) -> None:
         self.activity = activity
         self._since_ns = now_ns
         self._stuck = False
-        if activity is Activity.SQUEEZE:
+        if activity is HandActivity.SQUEEZE:
             self._felt_engage = False
             self._squeezed_ns = now_ns
 
-    def _release_then(self, activity: Activity, now_ns: int) -> HandCommand:
+    def _release_then(self, activity: HandActivity, now_ns: int) -> HandCommand:
         self._after_letting_go = activity
-        self._begin(Activity.LET_GO, now_ns)
+        self._begin(HandActivity.LET_GO, now_ns)
         return HandCommand.still()
 
-    def _follow(self, intent: Intent, now_ns: int, sight: Sight) -> HandCommand:
+    def _follow(self, intent: Intent, now_ns: int, sight: ViewSight) -> HandCommand:
         age_ns = now_ns - sight.percept.t_ns
         fresh = (BLIND_AFTER_NS - age_ns) / (BLIND_AFTER_NS - _CAREFUL_AFTER_NS)
         fresh = min(1.0, max(0.0, fresh))
@@ -320,7 +324,7 @@ class Operator:
                 _opposite(linear, self.hand.arm.reach),
                 _opposite(angular, self.hand.wrist.reach),
             )
-            return self._release_then(Activity.RETURN, now_ns)
+            return self._release_then(HandActivity.RETURN, now_ns)
         return HandCommand(linear, angular, trigger=True, button=intent.button)
 
     def _is_still(self) -> bool:

@@ -14,7 +14,7 @@ from tams_app.records import Pose
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class PoseEstimate:
     """A pose in the arm's base frame and its standard deviations; infinite when out of sight."""
 
     pose: Pose
@@ -43,9 +43,9 @@ class Percept:
     """
 
     t_ns: int
-    tcp: Estimate
-    block: Estimate
-    container: Estimate
+    tcp: PoseEstimate
+    block: PoseEstimate
+    container: PoseEstimate
     fingers_opening: float | None
     seen_gaps: GapSigmas | None = None
 

@@ -18,12 +18,12 @@ from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TO_BLOCK, TO_CONTAINER, TOOL_YAW
 from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
-from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Estimate, GapSigmas, Percept
+from hw.sim.operator.perception import GapSigmas, Percept, PoseEstimate
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.task import Stage
-from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
+from hw.sim.operator.video_judgement import FrozenViewWatch, LagEstimator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
@@ -74,7 +74,7 @@ class SeeingPerception:
         self._wrist_views = frozenset(wrist)
         self._lag = LagEstimator()
         self._predicted_lag = LagEstimator(FOLLOW_LAG_NS)
-        self._freezes: dict[str, FreezeWatch] = {}
+        self._freezes: dict[str, FrozenViewWatch] = {}
         self._shown: Vector = np.zeros(6)
         self._last_ns: int | None = None
         self._view_ns = 0
@@ -99,7 +99,7 @@ class SeeingPerception:
         frozen = tuple(
             view
             for view, image in images.items()
-            if self._freezes.setdefault(view, FreezeWatch()).is_frozen(now_ns, image, moved)
+            if self._freezes.setdefault(view, FrozenViewWatch()).is_frozen(now_ns, image, moved)
         )
         for view in frozen:
             del images[view]
@@ -184,17 +184,19 @@ class SeeingPerception:
         block = Rotation.from_matrix(belief.block_axes)
         return Percept(
             self._view_ns,
-            Estimate(
+            PoseEstimate(
                 Pose(belief.tcp.copy(), tool),
                 belief.sigma_of(Thing.TOOL),
                 belief.yaw_sigma(TOOL_YAW),
             ),
-            Estimate(
+            PoseEstimate(
                 Pose(belief.block.copy(), block),
                 belief.sigma_of(Thing.BLOCK),
                 belief.yaw_sigma(BLOCK_YAW),
             ),
-            Estimate(Pose(belief.container, Rotation.identity()), belief.sigma_of(Thing.CONTAINER)),
+            PoseEstimate(
+                Pose(belief.container, Rotation.identity()), belief.sigma_of(Thing.CONTAINER)
+            ),
             glance.fingers_opening,
             GapSigmas(
                 belief.gap_sigma(TO_BLOCK),
@@ -224,7 +226,7 @@ class SeeingParticipant:
         settings, hand = config.rig.operator, operator_hand(config)
         self._record = record
         self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
-        self.operator = Operator(hand, settings, self.eyes, seed, confirms, profile, asked)
+        self.operator = SimulatedOperator(hand, settings, self.eyes, seed, confirms, profile, asked)
         self.controller = VirtualController(
             self.operator, settings, config.seed, rig_wiring(config)
         )

@@ -47,7 +47,7 @@ def operator_hand(config: Config) -> HandConfig:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class ViewSight:
     """A view, and the tool's motion since, as far as the hand knows of it."""
 
     percept: Percept

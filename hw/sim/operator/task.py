@@ -13,9 +13,9 @@ from enum import StrEnum
 import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, CONTAINER_INNER_M
-from hw.sim.operator.hand import Button
+from hw.sim.operator.hand import ThumbButton
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.servoing import Sight, approach, grasp_turn, norm, speed_factor
+from hw.sim.operator.servoing import ViewSight, approach, grasp_turn, norm, speed_factor
 from tams_app.records import Vector
 from tams_app.units import NS_PER_S
 
@@ -78,7 +78,7 @@ class Intent:
     linear: Vector = field(default_factory=lambda: np.zeros(3))
     angular: Vector = field(default_factory=lambda: np.zeros(3))
     turning: bool | None = None
-    button: Button | None = None
+    button: ThumbButton | None = None
     done: bool = False
 
 
@@ -118,7 +118,7 @@ class PickAndPlace:
             Stage.DONE: lambda *_: Intent(done=True),
         }
 
-    def step(self, now_ns: int, sight: Sight) -> Intent:
+    def step(self, now_ns: int, sight: ViewSight) -> Intent:
         """The intent at `now_ns`, given what is seen."""
         if now_ns < self._begins_ns:
             return _HOLD
@@ -126,7 +126,7 @@ class PickAndPlace:
 
     # --- the stages -----------------------------------------------------------------------------
 
-    def _reach(self, now_ns: int, sight: Sight) -> Intent:
+    def _reach(self, now_ns: int, sight: ViewSight) -> Intent:
         opening = sight.percept.fingers_opening
         if opening is not None and opening < _FINGERS_READY_M:
             return self._enter(Stage.OPEN, now_ns)
@@ -139,14 +139,14 @@ class PickAndPlace:
         factor = self._speed_factor(now_ns, sight.percept.gaps.block, _REACH_SURE_M)
         return Intent(linear=self._approach(error, self._reach_speed * factor), turning=False)
 
-    def _turn(self, now_ns: int, sight: Sight) -> Intent:
+    def _turn(self, now_ns: int, sight: ViewSight) -> Intent:
         turn = self._turn_left(sight)
         if self._settled(now_ns, turn, _TURN_TOLERANCE_RAD):
             return self._enter(Stage.DESCEND, now_ns)
         factor = self._speed_factor(now_ns, sight.percept.gaps.heading, _TURN_SURE_RAD)
         return Intent(angular=self._approach(turn, TURN_SPEED_RAD_S * factor), turning=True)
 
-    def _descend(self, now_ns: int, sight: Sight) -> Intent:
+    def _descend(self, now_ns: int, sight: ViewSight) -> Intent:
         goal = sight.block.copy()
         goal[2] = max(goal[2] + GRASP_ABOVE_CENTRE_M, GRASP_FLOOR_M)
         error = goal - sight.tcp
@@ -161,10 +161,10 @@ class PickAndPlace:
         sure = self._speed_factor(now_ns, sight.percept.gaps.block, needed)
         return self._lower_to(error, sure, funnel_m=0.003 + 0.15 * max(0.0, height))
 
-    def _close(self, now_ns: int, sight: Sight) -> Intent:
-        return self._press(Button.A, Stage.LIFT, now_ns, sight)
+    def _close(self, now_ns: int, sight: ViewSight) -> Intent:
+        return self._press(ThumbButton.A, Stage.LIFT, now_ns, sight)
 
-    def _lift(self, now_ns: int, sight: Sight) -> Intent:
+    def _lift(self, now_ns: int, sight: ViewSight) -> Intent:
         if self._came_away_empty(sight):
             return self._enter(Stage.OPEN, now_ns)
         height = TRAVEL_HEIGHT_M[0] - sight.tcp[2]
@@ -173,7 +173,7 @@ class PickAndPlace:
         error = np.array([0.0, 0.0, height])
         return Intent(linear=self._approach(error, 2.0 * self._fine_speed), turning=False)
 
-    def _carry(self, now_ns: int, sight: Sight) -> Intent:
+    def _carry(self, now_ns: int, sight: ViewSight) -> Intent:
         if self._dropped(now_ns, sight):
             return self._enter(Stage.OPEN, now_ns)
         error = self._travel_error(sight, sight.percept.container.pose.position)
@@ -182,7 +182,7 @@ class PickAndPlace:
         factor = self._speed_factor(now_ns, sight.percept.gaps.container, _REACH_SURE_M)
         return Intent(linear=self._approach(error, self._reach_speed * factor), turning=False)
 
-    def _lower(self, now_ns: int, sight: Sight) -> Intent:
+    def _lower(self, now_ns: int, sight: ViewSight) -> Intent:
         if self._dropped(now_ns, sight):
             return self._enter(Stage.OPEN, now_ns)
         goal = sight.percept.container.pose.position.copy()
@@ -193,10 +193,10 @@ class PickAndPlace:
         sure = self._speed_factor(now_ns, sight.percept.gaps.container, _PLACE_SURE_M)
         return self._lower_to(error, sure, funnel_m=0.02)
 
-    def _open(self, now_ns: int, sight: Sight) -> Intent:
-        return self._press(Button.B, Stage.RETREAT, now_ns, sight)
+    def _open(self, now_ns: int, sight: ViewSight) -> Intent:
+        return self._press(ThumbButton.B, Stage.RETREAT, now_ns, sight)
 
-    def _retreat(self, now_ns: int, sight: Sight) -> Intent:
+    def _retreat(self, now_ns: int, sight: ViewSight) -> Intent:
         height = TRAVEL_HEIGHT_M[0] - sight.tcp[2]
         if height > 0.02:
             error = np.array([0.0, 0.0, height])
@@ -224,7 +224,7 @@ class PickAndPlace:
             self._arrived_ns = now_ns
         return now_ns - self._arrived_ns >= _SETTLE_NS
 
-    def _travel_error(self, sight: Sight, target: Vector) -> Vector:
+    def _travel_error(self, sight: ViewSight, target: Vector) -> Vector:
         """The displacement to above `target`, at travelling height; when too low, first up."""
         tcp = sight.tcp
         error: Vector = target - tcp
@@ -244,7 +244,7 @@ class PickAndPlace:
         velocity = velocity + self._approach(down, speed * centred)
         return Intent(linear=velocity, turning=False)
 
-    def _press(self, button: Button, then: Stage, now_ns: int, sight: Sight) -> Intent:
+    def _press(self, button: ThumbButton, then: Stage, now_ns: int, sight: ViewSight) -> Intent:
         """Press for a moment, then wait until the fingers have come to rest."""
         elapsed_ns = now_ns - self._begins_ns
         if elapsed_ns < _PRESS_NS:
@@ -253,7 +253,7 @@ class PickAndPlace:
             return self._enter(then, now_ns)
         return _HOLD
 
-    def _fingers_at_rest(self, now_ns: int, elapsed_ns: int, sight: Sight) -> bool:
+    def _fingers_at_rest(self, now_ns: int, elapsed_ns: int, sight: ViewSight) -> bool:
         opening = sight.percept.fingers_opening
         if opening is None:
             return elapsed_ns >= _FINGERS_UNSEEN_NS
@@ -261,13 +261,13 @@ class PickAndPlace:
             self._fingers = (now_ns, opening)
         return now_ns - self._fingers[0] >= _FINGERS_REST_NS
 
-    def _came_away_empty(self, sight: Sight) -> bool:
+    def _came_away_empty(self, sight: ViewSight) -> bool:
         if not _sees_block(sight):
             return False
         risen = sight.percept.tcp.pose.position[2] - self._grasp_tcp_z
         return bool(risen > LIFTED_M and sight.block[2] - self._grasp_block_z < 0.5 * risen)
 
-    def _dropped(self, now_ns: int, sight: Sight) -> bool:
+    def _dropped(self, now_ns: int, sight: ViewSight) -> bool:
         """True if the block has been away from the fingers for longer than a glance."""
         percept = sight.percept
         gap = percept.tcp.pose.position - percept.block.pose.position
@@ -279,7 +279,7 @@ class PickAndPlace:
         return now_ns - self._lost_ns >= _LOST_NS
 
     @staticmethod
-    def _turn_left(sight: Sight) -> Vector:
+    def _turn_left(sight: ViewSight) -> Vector:
         percept = sight.percept
         turn = grasp_turn(percept.tcp.pose.rotation, percept.block.pose.rotation)
         return turn - sight.turned
@@ -299,11 +299,11 @@ class PickAndPlace:
         return _OVERDUE_PART if now_ns - self._waits_since_ns >= limit_ns else factor
 
 
-def _sees_block(sight: Sight) -> bool:
+def _sees_block(sight: ViewSight) -> bool:
     return sight.percept.block.position_sigma < HELD_WITHIN_M / 3.0
 
 
-def _is_placed(sight: Sight) -> bool:
+def _is_placed(sight: ViewSight) -> bool:
     """True if the block lies in the container, as far as can be seen."""
     container = sight.percept.container.pose
     offset = container.rotation.inv().apply(sight.block - container.position)

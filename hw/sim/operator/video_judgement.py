@@ -79,7 +79,7 @@ class LagEstimator:
         self._costs = _FORGETS * self._costs + (costs - costs.min())
 
 
-class FreezeWatch:
+class FrozenViewWatch:
     """Detects whether one view is frozen: the hand moves, and nothing in the image does."""
 
     def __init__(self) -> None:

@@ -22,7 +22,7 @@ from hw.openvr.components import (
     configured_role_map,
     role_map,
 )
-from hw.sim.operator.hand import Button, Hand
+from hw.sim.operator.hand import Hand, ThumbButton
 from tams_app.config import Config, OperatorConfig
 from tams_app.errors import ConfigError
 from tams_app.presses import PressCounter
@@ -129,7 +129,7 @@ class VirtualController(Controller):
     def _pressed(self) -> dict[str, float]:
         """The pull of each button, 0..1."""
         hand = self.operator.hand
-        buttons = {button.value: float(hand.button is button) for button in Button}
+        buttons = {button.value: float(hand.button is button) for button in ThumbButton}
         return {"trigger": hand.trigger, "grip": hand.grip, **buttons}
 
     def _wander(self, now_ns: int) -> NDArray[np.float64]:

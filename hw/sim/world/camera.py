@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hw.camera import Camera
 from hw.sim.viewpoints import VIEWS
-from hw.sim.world.rig_memory import FrameReader
+from hw.sim.world.rig_memory import RigFrameReader
 from tams_app.errors import DeviceError
 from tams_app.records import Frame
 from tams_app.runtime.clock import Clock
@@ -21,7 +21,7 @@ class SimCamera(Camera):
         self.view = view
         self._memory_name = memory_name
         self._clock = clock
-        self._reader: FrameReader | None = None
+        self._reader: RigFrameReader | None = None
         self._looked_at = 0  # so many frames had been written at the last look
         self._last_index = -1
 
@@ -31,7 +31,7 @@ class SimCamera(Camera):
             raise DeviceError(
                 f"the simulated rig has no camera {self.view!r}; use one of {', '.join(VIEWS)}"
             )
-        self._reader = FrameReader(self._memory_name, self.view)
+        self._reader = RigFrameReader(self._memory_name, self.view)
 
     def next_frame(self, timeout_s: float) -> Frame | None:
         reader = self._reader

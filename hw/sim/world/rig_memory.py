@@ -147,7 +147,7 @@ class FrameWriter:
         self._block.close()
 
 
-class FrameReader:
+class RigFrameReader:
     """Reads one view's frames under `memory_name`; DeviceError when no renderer ever started."""
 
     def __init__(self, memory_name: str, view: str) -> None:

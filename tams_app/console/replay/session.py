@@ -34,7 +34,7 @@ _FINE_NS = NS_PER_S // 10
 _LONG_NS = 1 << 62
 
 
-class Requests:
+class PlaybackRequests:
     """Requests to a playback, by any thread or signal; `carry_out` does it, in one thread."""
 
     def __init__(self, playback: Playback) -> None:
@@ -96,7 +96,7 @@ class ReplaySession:
         if self.blind:  # who marks does not know what was inferred
             self.outline = msgspec.structs.replace(self.outline, phases=())
         self.playback = Playback(log.header.started_ns, log.ended_ns, speed)
-        self.signals = Requests(self.playback)
+        self.signals = PlaybackRequests(self.playback)
         self._actions = self._actions_by_key()
         if marking is not None:
             self.playback.pause()

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Protocol
 
 from tams_app.errors import ConfigError, LogError, UnreadableLogError, require_extra
-from tams_app.export.lerobot.episode import Episode, read_episodes
+from tams_app.export.lerobot.episode import EpisodeSource, read_episodes
 from tams_app.export.options import ExportOptions
 from tams_app.outputs import refuse_existing
 
 
-class Watcher(Protocol):
+class ExportWatcher(Protocol):
     """Gets sentences for the user, how many frames of all views there are, and each as written."""
 
     def notify(self, text: str) -> None: ...
@@ -22,8 +22,8 @@ class Watcher(Protocol):
 
 
 def export_lerobot(
-    logs: Sequence[Path], out: Path, options: ExportOptions, watcher: Watcher
-) -> Sequence[Episode]:
+    logs: Sequence[Path], out: Path, options: ExportOptions, watcher: ExportWatcher
+) -> Sequence[EpisodeSource]:
     """Write the logs as a LeRobotDataset v3.0 into the new folder `out`.
 
     Each is an episode; a session with episodes gives the kept ones. Of several logs, those that
@@ -35,7 +35,7 @@ def export_lerobot(
     from tams_app.export.lerobot.dataset import write_dataset
 
     refuse_existing(out)
-    episodes: list[Episode] = []
+    episodes: list[EpisodeSource] = []
     for path in logs:
         try:
             episodes += read_episodes(path, options, watcher.notify)
@@ -64,7 +64,7 @@ def export_lerobot(
     return episodes
 
 
-def _check_alike(episodes: Sequence[Episode]) -> None:
+def _check_alike(episodes: Sequence[EpisodeSource]) -> None:
     first = episodes[0]
     for other in episodes[1:]:
         if other.shape != first.shape:

@@ -15,7 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from tams_app.export.lerobot.episode import Episode, Shape
+from tams_app.export.lerobot.episode import EpisodeSource, Shape
 from tams_app.export.lerobot.samples import ACTION_NAMES, PHASES, STATE_NAMES
 from tams_app.export.lerobot.statistics import PixelStatistics, Statistics, statistics_of
 from tams_app.export.lerobot.video import write_video
@@ -31,7 +31,7 @@ _NAMES = {"observation.state": list(STATE_NAMES), "action": list(ACTION_NAMES)}
 
 
 def write_dataset(
-    root: Path, episodes: Sequence[Episode], task: str, on_frame: Callable[[], None]
+    root: Path, episodes: Sequence[EpisodeSource], task: str, on_frame: Callable[[], None]
 ) -> None:
     """A dataset in the folder `root`, of episodes that have one shape, by one `task`.
 
@@ -89,7 +89,7 @@ def write_dataset(
         write_file(root / f"meta/{name}.json", json.dumps(content, indent=4) + "\n")
 
 
-def _columns(episode: Episode, number: int, rows_before: int) -> dict[str, NDArray[Any]]:
+def _columns(episode: EpisodeSource, number: int, rows_before: int) -> dict[str, NDArray[Any]]:
     count = np.arange(episode.rows)
     return episode.columns | {
         "timestamp": (count / episode.shape.fps).astype(np.float32),
@@ -100,7 +100,7 @@ def _columns(episode: Episode, number: int, rows_before: int) -> dict[str, NDArr
     }
 
 
-def _described(episode: Episode, number: int, rows_before: int) -> dict[str, Any]:
+def _described(episode: EpisodeSource, number: int, rows_before: int) -> dict[str, Any]:
     """What holds for the whole episode; what may be null in every one has its type."""
     header, outcome = episode.header, episode.outcome
     return {

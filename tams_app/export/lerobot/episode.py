@@ -16,7 +16,7 @@ from tams_app.export.options import ExportOptions
 from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
-from tams_app.records import Episode as EndedEpisode
+from tams_app.records import EpisodeSource as EndedEpisode
 from tams_app.records import Outcome, ServoMode
 from tams_app.units import NS_PER_S
 
@@ -45,7 +45,7 @@ class Shape(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Episode:
+class EpisodeSource:
     """An episode before its frames are read.
 
     name: of the session's folder. number: of those of its session, None if without episodes.
@@ -79,7 +79,7 @@ class _Part(NamedTuple):
 
 def read_episodes(
     path: Path, options: ExportOptions, notify: Callable[[str], None]
-) -> list[Episode]:
+) -> list[EpisodeSource]:
     """The episodes in the log at `path`: one, or those kept of a session that is a row of them.
 
     `notify` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
@@ -106,7 +106,7 @@ def read_episodes(
         when_ns = _ALWAYS if options.keep_idle else _busy(path, table, outcome)
         wanted = [(None, when_ns, outcome)]
     name = path.resolve().parent.name
-    found: dict[int | None, Episode] = {}
+    found: dict[int | None, EpisodeSource] = {}
     for number, when_ns, outcome in wanted:
         undamaged = _part(_ALWAYS, when_ns, table.times_ns, captures)
         parts = [_part(span, when_ns, table.times_ns, captures) for span in _whole(log.gaps)]
@@ -117,7 +117,7 @@ def read_episodes(
         rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
         grid_ns = part.start_ns + np.arange(rows, dtype=np.int64) * NS_PER_S // shape.fps
         from_s, to_s = ((t_ns - log.header.started_ns) / NS_PER_S for t_ns in part[:2])
-        found[number] = Episode(
+        found[number] = EpisodeSource(
             path,
             name,
             number,

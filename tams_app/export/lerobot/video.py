@@ -10,7 +10,7 @@ from pathlib import Path
 import av
 
 from tams_app.errors import LogError
-from tams_app.export.lerobot.episode import Episode, unusable
+from tams_app.export.lerobot.episode import EpisodeSource, unusable
 from tams_app.export.lerobot.statistics import PixelStatistics
 from tams_app.recording import read_video
 from tams_app.video.core.colour import Planes
@@ -30,7 +30,7 @@ _FRAMES_LOOKED_AT = 100  # for the statistics of pixels
 
 
 def write_video(
-    path: Path, episode: Episode, view: str, on_frame: Callable[[], None]
+    path: Path, episode: EpisodeSource, view: str, on_frame: Callable[[], None]
 ) -> PixelStatistics:
     """Write the file at `path`, of which frame n is shown at n / fps; what its pixels are like.
 
@@ -60,7 +60,7 @@ def write_video(
     return pixels
 
 
-def _frames_on_grid(episode: Episode, view: str) -> Generator[Planes]:
+def _frames_on_grid(episode: EpisodeSource, view: str) -> Generator[Planes]:
     """The newest frame captured at each instant of the episode's grid, as I420 planes."""
     width, height = episode.shape.width, episode.shape.height
     first_ns, last_ns = episode.keyframes_ns[view], episode.grid_ns[-1]

@@ -14,8 +14,8 @@ from tams_app.faces.headset.layout import Atlas, Crop, panel_place, view_places
 from tams_app.faces.headset.painting import ViewCell, paint_panel
 from tams_app.faces.headset.texture import AtlasTexture
 from tams_app.faces.headset.wording import PanelWords, panel_words
-from tams_app.faces.messages import Facts
-from tams_app.faces.pacing import Pacer
+from tams_app.faces.messages import FaceFacts
+from tams_app.faces.pacing import DrawPacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import LiveFacts
 from tams_app.runtime.clock import Clock
@@ -58,7 +58,7 @@ class HeadsetDisplay:
         self._places = Places(views)
         self._words: PanelWords | None = None
         self._dirty = set(views)
-        self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
+        self._pacer = DrawPacer(clock.now_ns(), time.process_time_ns())
         self.drawings = 0
         self.seen_ns: dict[str, int] = {}  # of those that SteamVR has
         for view in views:
@@ -94,7 +94,7 @@ class HeadsetDisplay:
             (part.top + part.height) / height,
         )
 
-    def _take_in(self, facts: Facts, now_ns: int) -> None:
+    def _take_in(self, facts: FaceFacts, now_ns: int) -> None:
         opening = self._opening
         for view, cell in self._cells.items():
             title = view_title(view, facts.state, opening) + self._corrected.words(view)

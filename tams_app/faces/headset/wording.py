@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from tams_app.faces import episodes
 from tams_app.faces.banner import Look, banner_of
 from tams_app.faces.figures import trial_texts
-from tams_app.faces.messages import Facts
+from tams_app.faces.messages import FaceFacts
 from tams_app.teleop.hands import words_of_hand
 
 # A headset hides the keyboard, so the button that confirms comes first.
@@ -32,7 +32,7 @@ class PanelWords:
     note: str  # a trial's time, the episodes, or the notices last
 
 
-def panel_words(facts: Facts, hand: str) -> PanelWords:
+def panel_words(facts: FaceFacts, hand: str) -> PanelWords:
     """State, phase, why the arm does not move, and what helps; `hand`: of `HANDS`."""
     banner, words = banner_of(facts, hand), words_of_hand(hand)
     confirms = words.confirm and facts.state.arming in _KEYS

@@ -137,7 +137,7 @@ class TerminalKeys:
         return run
 
 
-class Presses:
+class KeyPresses:
     """Distinguishes presses of one key from its auto-repeats: two confirmations are two presses."""
 
     def __init__(self) -> None:

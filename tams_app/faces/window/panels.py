@@ -11,7 +11,7 @@ from tams_app.faces import canvas, episodes
 from tams_app.faces.banner import Banner
 from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
 from tams_app.faces.history import History
-from tams_app.faces.messages import Ended, Facts, Outline, Workspace
+from tams_app.faces.messages import Ended, FaceFacts, Outline, ShownWorkspace
 from tams_app.faces.window import strips
 from tams_app.faces.window.style import EDGES
 from tams_app.faces.window.toolkit import load
@@ -71,7 +71,7 @@ class BannerPanel:
 class NumbersPanel:
     """Rates over time, the table, the workspace from above, and what the hand does."""
 
-    def __init__(self, views: tuple[str, ...], workspace: Workspace, history: History) -> None:
+    def __init__(self, views: tuple[str, ...], workspace: ShownWorkspace, history: History) -> None:
         Gtk = load().Gtk
         self._state: SessionState | None = None
         rates = _area(
@@ -100,7 +100,7 @@ class NumbersPanel:
         self.widget.attach(above, 0, 13, 1, 7)
         self.widget.attach(hand, 1, 13, 1, 7)
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         self._state = facts.state
         for area in self._areas:
             area.queue_draw()
@@ -116,7 +116,7 @@ class NumbersPanel:
 class TrialPanel:
     """In place of the numbers where they reveal too much: in a trial, and to who marks one."""
 
-    def __init__(self, workspace: Workspace) -> None:
+    def __init__(self, workspace: ShownWorkspace) -> None:
         Gtk = load().Gtk
         self._state: SessionState | None = None
         self.widget = Gtk.Box(
@@ -138,7 +138,7 @@ class TrialPanel:
         self._area = _area(draw)
         self.widget.append(self._area)
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         self._state = facts.state
         if facts.trial is not None:
             self._write(trial_texts(facts.trial))
@@ -163,7 +163,7 @@ class Timeline:
     def set_height(self, height_px: int) -> None:
         self.widget.set_content_height(height_px)
 
-    def show(self, _facts: Facts) -> None:
+    def show(self, _facts: FaceFacts) -> None:
         self.widget.queue_draw()
 
 
@@ -197,7 +197,7 @@ class LogBar:
     def set_height(self, height_px: int) -> None:
         self._area.set_content_height(height_px)
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         self._t_s = facts.state.t_s
         if facts.replay is not None:
             if (marks := facts.replay.marks) is not None:
@@ -227,7 +227,7 @@ class EpisodeStrip:
         for label in self._labels:
             self.widget.append(label)
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         state = facts.state.episodes
         self.widget.set_visible(state is not None)
         if state is None:

@@ -14,8 +14,8 @@ from tams_app.faces.commands import Command
 from tams_app.faces.corrected import Corrected
 from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
-from tams_app.faces.messages import BEAT_S, CommandRequest, Event, Facts, Keys, Pin, Seek
-from tams_app.faces.pacing import Pacer
+from tams_app.faces.messages import BEAT_S, CommandRequest, Event, FaceFacts, Keys, Pin, Seek
+from tams_app.faces.pacing import DrawPacer
 from tams_app.faces.places import Places
 from tams_app.faces.silence import LiveFacts
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
@@ -69,14 +69,14 @@ class OperatorWindow:
         self._textures: dict[str, Any] = {}
         self._corrected = Corrected(opened.present, opened.frames, clock)
         self._facts = LiveFacts(opened.facts)
-        self._shown: Facts | None = None  # as they may be shown
+        self._shown: FaceFacts | None = None  # as they may be shown
         self._report = report
         self._clock = clock
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
         self._places = Places(opening.views)
         self.arrivals = Arrivals(opened.frames, self._places.large, self._on_arrival)
-        self._pacer = Pacer(clock.now_ns(), time.process_time_ns())
+        self._pacer = DrawPacer(clock.now_ns(), time.process_time_ns())
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
         self._history = History()
@@ -335,7 +335,7 @@ class OperatorWindow:
         self._looked_ns = self._clock.now_ns()
         return True
 
-    def _take_in(self, facts: Facts, now_ns: int) -> None:
+    def _take_in(self, facts: FaceFacts, now_ns: int) -> None:
         self._shown = facts
         self._history.add(facts)
         if facts.silent_s is None:
@@ -365,7 +365,7 @@ class OperatorWindow:
             self._notice.set_text(notice_text(facts))
             self._status.set_text(status_text(facts, self._opening))
 
-    def _with_display(self, facts: Facts) -> Facts:
+    def _with_display(self, facts: FaceFacts) -> FaceFacts:
         """The facts with the time that drawing takes in the primary view's latency."""
         views, primary = facts.state.views, facts.state.primary_view
         own = together(views[primary].own, self._display.latency) if primary in views else None

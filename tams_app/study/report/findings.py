@@ -36,7 +36,7 @@ class Claim:
     sentences: tuple[str, ...]
 
 
-class Finding(StrEnum):
+class TestedClaim(StrEnum):
     """What the test says of a claim."""
 
     HOLDS = "holds"
@@ -45,14 +45,14 @@ class Finding(StrEnum):
     UNKNOWN = "not known"
 
 
-def judge(found: PairedDifference, *, more_is_better: bool) -> Finding:
+def judge(found: PairedDifference, *, more_is_better: bool) -> TestedClaim:
     """Whether the proposed strategy wins, decided by the paired t test alone."""
     if found.estimate is None or found.estimate.low is None:
-        return Finding.UNKNOWN
+        return TestedClaim.UNKNOWN
     if not found.is_shown:
-        return Finding.NOT_SHOWN
+        return TestedClaim.NOT_SHOWN
     wins = (found.estimate.value > 0) == more_is_better
-    return Finding.HOLDS if wins else Finding.OPPOSITE
+    return TestedClaim.HOLDS if wins else TestedClaim.OPPOSITE
 
 
 def claims(measures: Measures) -> list[Claim]:
@@ -98,7 +98,7 @@ def _claim(measures: Measures, text: str, quantity: Quantity) -> Claim:
         for other in measures.others
     ]
     findings = Counter(judge(one, more_is_better=quantity.more_is_better) for *_, one in found)
-    counts = ", ".join(f"{one.value}: {findings[one]}" for one in Finding if findings[one])
+    counts = ", ".join(f"{one.value}: {findings[one]}" for one in TestedClaim if findings[one])
     return Claim(
         text,
         f"{counted(len(found), 'comparison')}: {counts}",
@@ -115,7 +115,7 @@ def difference_sentence(found: PairedDifference, quantity: Quantity) -> str:
     finding = judge(found, more_is_better=quantity.more_is_better)
     if found.estimate is None:
         return f"{finding.value} (there is no pair of trials)."
-    if finding is Finding.UNKNOWN:
+    if finding is TestedClaim.UNKNOWN:
         why = f"{counted(found.estimate.n, 'participant')}: too few to test"
     else:
         why = f"paired t test, {p_value(found.p or 0.0)}"

@@ -95,13 +95,13 @@ def encoder_chain(
     `paced`: they wait in the queue of that name, as lists: what sets the numbers' caps takes a list
     apart, and Python would be called for each packet.
     """
-    config = stream.config
+    config, ssrc = stream.config, media_ssrc(stream.config, stream.view)
     extension = f"! application/x-rtp,{_TRANSPORT_SEQUENCE} " if feedback else ""
     # the payloader does not count what an extension takes
     mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
     return (
         f"{stream.encoder.launch(config, encoder_kbps)} ! h264parse "
-        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={media_ssrc(config, stream.view)} "
+        f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={ssrc} "
         f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
         f"timestamp-offset=0 seqnum-offset=0 {_PACED if paced else ''}{extension}"
     )

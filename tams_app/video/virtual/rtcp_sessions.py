@@ -21,7 +21,7 @@ from tams_app.video.core.pipelines import (
     SESSION_BANDWIDTH_BPS,
 )
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, ReportBlock
-from tams_app.video.virtual.rtcp_timing import Report, RtcpTiming
+from tams_app.video.virtual.rtcp_timing import RtcpReport, RtcpTiming
 
 # Sizes [bytes] of IP datagrams as rtpsession fills them: UDP and IP, a report, SDES with a name
 # of 28 characters (all of it, or in an early report the name alone), then what is asked.
@@ -164,7 +164,7 @@ class ReceiverSession:
         report = self.timing.step(now_ns)
         if report is None:
             return None
-        regular = report is Report.REGULAR
+        regular = report is RtcpReport.REGULAR
         nacks, pli = self._take_nacks(now_ns, regular), self._pli
         self._pli = False
         size_bytes = _HEADERS + _RECEIVER_REPORT + (_SDES if regular else _SHORT_SDES)

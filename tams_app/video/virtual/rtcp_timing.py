@@ -18,7 +18,7 @@ _COMPENSATION = 2.71828 - 1.5  # RFC 3550, 6.3.1: reconsideration converges to l
 _FIRST_AVERAGE_BYTES = 100
 
 
-class Report(Enum):
+class RtcpReport(Enum):
     """The kind of report: an early one carries no reception statistics."""
 
     REGULAR = "regular"
@@ -73,13 +73,13 @@ class RtcpTiming:
         elif self._last_ns + self._interval_ns <= now_ns + time_left_ns:
             self._next_early_ns = max(now_ns, self._last_ns + self._interval_ns)
 
-    def step(self, now_ns: int) -> Report | None:
+    def step(self, now_ns: int) -> RtcpReport | None:
         """The timer has run out: which report leaves now, None if it was reconsidered."""
-        report: Report | None
+        report: RtcpReport | None
         if self._next_early_ns is not None:
             self._next_early_ns = None
             self._last_ns = now_ns
-            report = Report.EARLY
+            report = RtcpReport.EARLY
         else:
             report = self._regular(now_ns)
         if self._next_regular_ns is not None and self._next_regular_ns < now_ns:
@@ -87,7 +87,7 @@ class RtcpTiming:
             self._next_regular_ns = now_ns + max(self._interval_ns, self._spread_ns())
         return report
 
-    def _regular(self, now_ns: int) -> Report | None:
+    def _regular(self, now_ns: int) -> RtcpReport | None:
         interval_ns = self._jittered_interval_ns()
         is_first = self._last_ns is None
         if self._last_ns is not None and now_ns < self._last_ns + interval_ns:
@@ -98,7 +98,7 @@ class RtcpTiming:
         wait_ns = interval_ns if is_first else max(interval_ns, self._spread_ns())
         self._next_regular_ns = now_ns + wait_ns
         self._last_ns = self._last_regular_ns = now_ns
-        return Report.REGULAR
+        return RtcpReport.REGULAR
 
     def _jittered_interval_ns(self) -> int:
         seconds = 8 * self._average_bytes * self.members / self._rtcp_bps

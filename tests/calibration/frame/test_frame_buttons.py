@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.buttons import TIMEOUT_NS, PressWatch, settle
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from hw.openvr.components import ComponentReading
 
 pytestmark = pytest.mark.untimed
@@ -46,8 +46,13 @@ def test_what_is_held_at_the_beginning_does_not_count():
 
 def test_two_at_once_and_one_that_plays_another_part_already_are_refused_by_name():
     for taken, pressed, reason, words in (
-        ({}, {"a": 1.0, "b": 1.0}, Reason.TWO_BUTTONS, "a/click and b/click were .* the b alone"),
-        ({"a/click": "a"}, {"a": 1.0}, Reason.WRONG_BUTTON, "a/click is the a already"),
+        (
+            {},
+            {"a": 1.0, "b": 1.0},
+            StrokeFault.TWO_BUTTONS,
+            "a/click and b/click were .* the b alone",
+        ),
+        ({"a/click": "a"}, {"a": 1.0}, StrokeFault.WRONG_BUTTON, "a/click is the a already"),
     ):
         with pytest.raises(RefusedError, match=words) as caught:
             play(PressWatch("b", taken), reading(), reading(**pressed), reading())
@@ -68,7 +73,7 @@ def test_a_missing_press_is_told_with_why(steady, words):
     assert watch.take(steady, TIMEOUT_NS) is None
     with pytest.raises(RefusedError, match=words) as caught:
         watch.take(steady, TIMEOUT_NS + 1)
-    assert caught.value.reason is Reason.NO_BUTTON
+    assert caught.value.reason is StrokeFault.NO_BUTTON
     assert "menu" in str(caught.value)
 
 
@@ -84,4 +89,4 @@ def test_a_button_cannot_be_the_deadman():
     found["b"] = "trigger/pull"
     with pytest.raises(RefusedError, match=r"the deadman must be analog|is analog") as caught:
         settle(FOCUS, "right", found, USUAL)
-    assert caught.value.reason is Reason.WRONG_BUTTON
+    assert caught.value.reason is StrokeFault.WRONG_BUTTON

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calibration.frame.capture import Capture, Held, touch_of
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.capture import Held, StrokeCapture, touch_of
+from calibration.frame.stroke import RefusedError, StrokeFault
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
@@ -19,7 +19,7 @@ class Player:
     """Feeds samples, one control period apart."""
 
     def __init__(self):
-        self.capture = Capture(load_config())
+        self.capture = StrokeCapture(load_config())
         self.now_ns = NS_PER_S
 
     def give(self, trigger, x=0.0, status=ControllerStatus.OK, new_pose=True):
@@ -50,7 +50,7 @@ def test_a_recentred_headset_ends_everything_even_between_strokes():
     player.give(0.0)
     with pytest.raises(RefusedError) as caught:
         player.give(0.0, status=ControllerStatus.TRACKING_FRAME_CHANGED)
-    assert caught.value.reason is Reason.FRAME_CHANGED
+    assert caught.value.reason is StrokeFault.FRAME_CHANGED
 
 
 def held_at(places):
@@ -65,9 +65,9 @@ def test_a_touch_is_where_the_hand_mostly_was():
 @pytest.mark.parametrize(
     ("places", "reason"),
     [
-        ([0.1] * 5, Reason.TOO_FEW_SAMPLES),
-        ([], Reason.TOO_FEW_SAMPLES),
-        (np.linspace(0, 0.1, 40), Reason.NOISY),
+        ([0.1] * 5, StrokeFault.TOO_FEW_SAMPLES),
+        ([], StrokeFault.TOO_FEW_SAMPLES),
+        (np.linspace(0, 0.1, 40), StrokeFault.NOISY),
     ],
 )
 def test_a_touch_that_was_short_or_moved_is_refused(places, reason):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import fit_strokes, turn_deg
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from tests.calibration.frame.synthetic import stroke, strokes
 
 pytestmark = pytest.mark.untimed
@@ -116,7 +116,7 @@ def test_a_reversed_axis_is_named_by_the_rotation_in_force_else_by_what_stands_u
     random = np.random.default_rng(5)
     made = [stroke(truth, n % 3, random, sign=-1 if n % 3 == axis else 1) for n in range(6)]
     error = refusal(made, present)
-    assert error.reason is Reason.MIRRORED
+    assert error.reason is StrokeFault.MIRRORED
     assert f"most likely the +{'xyz'[axis]} stroke was reversed" in str(error)
 
 
@@ -128,7 +128,7 @@ def test_swapped_axes_are_named_by_the_rotation_in_force(first, second):
     made = [type(s)(n, s.positions) for n, s in enumerate(stroke(BEHIND, a, random) for a in went)]
     error = refusal(made, BEHIND)
     names = "xyz"[first], "xyz"[second]
-    assert error.reason is Reason.MIRRORED
+    assert error.reason is StrokeFault.MIRRORED
     assert f"most likely +{names[0]} and +{names[1]} were taken for one another" in str(error)
 
 
@@ -137,7 +137,7 @@ def test_a_mirrored_frame_that_nothing_explains_names_all_that_is_possible():
     random = np.random.default_rng(5)
     made = [stroke(leaning, axis, random, sign=-1 if axis == 1 else 1) for axis in range(3)]
     error = refusal(made, BEHIND)
-    assert error.reason is Reason.MIRRORED
+    assert error.reason is StrokeFault.MIRRORED
     assert "most likely" not in str(error)
     for name in "xyz":
         assert f"the +{name} stroke was reversed" in str(error)
@@ -152,7 +152,7 @@ def test_strokes_that_are_not_independent_are_named(sign, words):
     made = strokes(BEHIND, random)
     made[1] = type(made[1])(1, stroke(BEHIND, 0, random, sign=sign).positions)
     error = refusal(made)
-    assert error.reason is Reason.NOT_INDEPENDENT
+    assert error.reason is StrokeFault.NOT_INDEPENDENT
     assert f"The +x and +y strokes went {words}" in str(error)
 
 
@@ -162,18 +162,18 @@ def test_strokes_that_are_far_from_square_are_named():
     lean = Rotation.from_rotvec(np.radians(35) * BEHIND[0]).as_matrix()
     made[1] = stroke(BEHIND @ lean, 1, random)
     error = refusal(made)
-    assert error.reason is Reason.SKEWED
+    assert error.reason is StrokeFault.SKEWED
     assert "The +y and +z strokes are 35° from a right angle" in str(error)
 
 
 @pytest.mark.parametrize(
     ("how", "reason", "words"),
     [
-        ({"length_m": 0.12}, Reason.TOO_SHORT, "was 120 mm long: make it at least 200 mm"),
-        ({"samples": 30}, Reason.TOO_FEW_SAMPLES, "has 30 samples of the 50 it takes"),
-        ({"samples": 2}, Reason.TOO_FEW_SAMPLES, "has 2 samples"),
-        ({"bow": 0.15}, Reason.CURVED, "is bent by 30 mm over 200 mm"),
-        ({"noise_m": 0.02, "samples": 200, "length_m": 0.4}, Reason.NOISY, "scatters by 2"),
+        ({"length_m": 0.12}, StrokeFault.TOO_SHORT, "was 120 mm long: make it at least 200 mm"),
+        ({"samples": 30}, StrokeFault.TOO_FEW_SAMPLES, "has 30 samples of the 50 it takes"),
+        ({"samples": 2}, StrokeFault.TOO_FEW_SAMPLES, "has 2 samples"),
+        ({"bow": 0.15}, StrokeFault.CURVED, "is bent by 30 mm over 200 mm"),
+        ({"noise_m": 0.02, "samples": 200, "length_m": 0.4}, StrokeFault.NOISY, "scatters by 2"),
     ],
 )
 def test_a_bad_stroke_is_refused_with_what_to_do(how, reason, words):
@@ -186,13 +186,13 @@ def test_a_stroke_there_and_back_is_refused():
     made = strokes(BEHIND, np.random.default_rng(10))
     one = made[2].positions
     made[2] = type(made[2])(2, np.concatenate((one, one[::-1][:40])))
-    assert refusal(made).reason is Reason.WENT_BACK
+    assert refusal(made).reason is StrokeFault.WENT_BACK
 
 
 def test_a_missing_axis_and_more_strokes_than_can_be_weighed_are_refused_in_a_sentence():
     assert "There is no +z stroke" in str(refusal(strokes(BEHIND, np.random.default_rng(0))[:2]))
     error = refusal(strokes(BEHIND, np.random.default_rng(0), rounds=7))
-    assert error.reason is Reason.TOO_MANY
+    assert error.reason is StrokeFault.TOO_MANY
     assert "There are 7 +x strokes, and 6 along each axis are the most" in str(error)
 
 

@@ -8,7 +8,7 @@ from scipy.spatial import transform
 
 from calibration.frame.capture import find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes, turn_deg
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from tams_app.config import load_config
 from tams_app.errors import LogError
 from tams_app.recording.mcap_log import McapLog
@@ -79,7 +79,7 @@ def test_a_session_that_drove_the_arm_is_refused_with_the_reason():
     made = rounds(1, np.random.default_rng(2))
     with pytest.raises(RefusedError, match="shows the mapping in force and not the true") as caught:
         find_strokes(session(*made, arming="engaged"), load_config())
-    assert caught.value.reason is Reason.DRIVEN
+    assert caught.value.reason is StrokeFault.DRIVEN
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 4])
@@ -87,7 +87,7 @@ def test_a_number_of_strokes_that_is_no_round_is_refused(count):
     made = rounds(2, np.random.default_rng(3))[:count] or [np.zeros((30, 3))]
     with pytest.raises(RefusedError, match=f"has {count} strokes") as caught:
         find_strokes(session(*made), load_config())
-    assert caught.value.reason is Reason.MISSING
+    assert caught.value.reason is StrokeFault.MISSING
 
 
 def test_which_of_several_sessions_is_no_use_is_told(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial import transform
 
 from calibration.frame.fit import turn_deg
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.frame.touches import Touch, fit_touches
 from tams_app.rotation import Rotation
 from tests.calibration.frame.synthetic import POINTS, touches
@@ -69,9 +69,9 @@ def test_a_touch_of_the_wrong_place_is_left_out(wrong):
 @pytest.mark.parametrize(
     ("points", "scale", "reason"),
     [
-        (POINTS[:3], 1.0, Reason.MISSING),
-        (np.linspace((0.2, 0.0, 0.1), (0.4, 0.1, 0.14), 5), 1.0, Reason.NOT_INDEPENDENT),
-        (POINTS, 0.001, Reason.IMPOSSIBLE_SCALE),  # a list in metres
+        (POINTS[:3], 1.0, StrokeFault.MISSING),
+        (np.linspace((0.2, 0.0, 0.1), (0.4, 0.1, 0.14), 5), 1.0, StrokeFault.NOT_INDEPENDENT),
+        (POINTS, 0.001, StrokeFault.IMPOSSIBLE_SCALE),  # a list in metres
     ],
 )
 def test_points_that_cannot_give_a_frame_are_refused(points, scale, reason):
@@ -100,7 +100,7 @@ def test_a_mirrored_list_is_refused_as_such_and_no_touch_blamed(count, noise_m):
         TRUTH, np.random.default_rng(0), POINTS[[0, 1, 2, 3, 4][-count:]], noise_m=noise_m
     )
     mirrored = [Touch(one.robot * [1, -1, 1], one.hand, one.hand_rotation) for one in made]
-    assert refusal(mirrored).reason is Reason.MIRRORED
+    assert refusal(mirrored).reason is StrokeFault.MIRRORED
 
 
 def test_a_hand_that_turned_between_touches_is_refused():
@@ -108,5 +108,5 @@ def test_a_hand_that_turned_between_touches_is_refused():
     turned = Rotation.from_rotvec((np.radians(40), 0, 0))
     made[2] = Touch(made[2].robot, made[2].hand, turned)
     error = refusal(made)
-    assert error.reason is Reason.TURNED_HAND
+    assert error.reason is StrokeFault.TURNED_HAND
     assert "At touch 3" in str(error)

@@ -17,7 +17,7 @@ from calibration.frame.buttons import ask_buttons
 from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
 from calibration.frame.sources import SIX_DIRECTIONS, Press, SimulatedSetup
-from calibration.frame.stroke import Reason, RefusedError
+from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
@@ -263,7 +263,7 @@ def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeyp
     path = rig()
     with pytest.raises(RefusedError, match=r"Another direction lit up for \+x") as caught:
         calibrate(path)
-    assert caught.value.reason is Reason.WRONG_DIRECTION
+    assert caught.value.reason is StrokeFault.WRONG_DIRECTION
     assert files(path) == []
 
 
@@ -326,7 +326,7 @@ def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
         source = Watched(buttons, dead)
         with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves") as caught:
             ask_buttons(ScriptedUI(), source, config)
-    assert caught.value.reason is Reason.NO_BUTTON
+    assert caught.value.reason is StrokeFault.NO_BUTTON
     assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
 
 

@@ -14,7 +14,7 @@ from tams_app import palette
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.banner import LOOKS
 from tams_app.faces.headset.layout import BORDER_PX, HEADER_PX
-from tams_app.faces.messages import Facts
+from tams_app.faces.messages import FaceFacts
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Image, Phase
 from tests.faces.headset.conftest import WornHeadset
@@ -48,11 +48,11 @@ def all_are_shown(headset: WornHeadset, frames: dict[str, Image]) -> bool:
     return all(sum(np.array_equal(one, frame) for one in seen) == 1 for frame in frames.values())
 
 
-def tell(headset: WornHeadset, facts: Facts) -> None:
+def tell(headset: WornHeadset, facts: FaceFacts) -> None:
     headset.show(changed(facts, t_s=time.monotonic()))
 
 
-def has_in_front(headset: WornHeadset, facts: Facts, frame: Image) -> bool:
+def has_in_front(headset: WornHeadset, facts: FaceFacts, frame: Image) -> bool:
     """Whether this frame is in front; the facts are told again as a session would.
 
     Views that have just exchanged their places stay for a moment, whatever is told.

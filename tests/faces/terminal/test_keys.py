@@ -17,7 +17,7 @@ import pytest
 
 from tams_app.errors import DeviceError
 from tams_app.faces.commands import Command
-from tams_app.faces.terminal.keys import Presses, TerminalKeys, decode_keys
+from tams_app.faces.terminal.keys import KeyPresses, TerminalKeys, decode_keys
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
 
@@ -223,5 +223,5 @@ def test_in_the_background_the_terminal_is_left_alone() -> None:
 def test_presses_apart_count_each_and_repeats_of_a_held_key_do_not(
     times_ms: list[int], counted: list[int]
 ) -> None:
-    presses = Presses()
+    presses = KeyPresses()
     assert [at for at in times_ms if presses.counts(at * NS_PER_MS)] == counted

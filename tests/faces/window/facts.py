@@ -4,7 +4,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from tams_app.faces.messages import Facts, Opening, Workspace
+from tams_app.faces.messages import FaceFacts, Opening, ShownWorkspace
 from tams_app.records import SessionState, ViewState
 
 STATE = SessionState(
@@ -30,20 +30,20 @@ STATE = SessionState(
     loss=0.003,
     asked_fps=30,
 )
-FACTS = Facts(STATE)
+FACTS = FaceFacts(STATE)
 
 OPENING = Opening(
     views=("eih", "gt", "gs"),
     width=640,
     height=480,
-    workspace=Workspace((220, -250, 5), (410, 250, 350), 220, 420),
+    workspace=ShownWorkspace((220, -250, 5), (410, 250, 350), 220, 420),
     blind=False,
     hand="openvr",
     old_ms=500.0,
 )
 
 
-def changed(facts: Facts, **changes: Any) -> Facts:
+def changed(facts: FaceFacts, **changes: Any) -> FaceFacts:
     """The facts with other values, also of their state."""
-    of_facts = {name: changes.pop(name) for name in Facts.__struct_fields__ if name in changes}
+    of_facts = {name: changes.pop(name) for name in FaceFacts.__struct_fields__ if name in changes}
     return replace(facts, **{"state": replace(facts.state, **changes), **of_facts})

@@ -13,7 +13,7 @@ import numpy as np
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.client import Face, FaceClient
-from tams_app.faces.messages import Event, Facts
+from tams_app.faces.messages import Event, FaceFacts
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.station.mount_memory import MountMemory
@@ -51,7 +51,7 @@ class FedFace:
         self._mount = None if arm is None else arm.mount
         self.events: list[Event] = []
         self._index = 0
-        self._facts: Facts | None = None
+        self._facts: FaceFacts | None = None
         self._lock = threading.Lock()
 
     @contextmanager
@@ -75,7 +75,7 @@ class FedFace:
     def hear(self, event: Event) -> None:
         self.events.append(event)
 
-    def show(self, facts: Facts) -> None:
+    def show(self, facts: FaceFacts) -> None:
         """These at once, and from now on, as by a session that works."""
         with self._lock:
             self._facts = facts

@@ -35,7 +35,7 @@ from tams_app.faces.figures import (
 from tams_app.faces.history import SPAN_S, History
 from tams_app.faces.messages import (
     Ended,
-    Facts,
+    FaceFacts,
     Notice,
     Opening,
     Outline,
@@ -645,7 +645,7 @@ def test_in_a_replay_the_keys_that_stop_an_arm_pause_or_go_on_once_for_each_pres
 # --- the last minute ------------------------------------------------------------------------------
 
 
-def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> Facts:
+def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> FaceFacts:
     return changed(FACTS, t_s=t_s, phase=phase, arming=arming)
 
 

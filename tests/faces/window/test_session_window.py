@@ -14,7 +14,7 @@ from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended, Pin, TrialFacts
-from tams_app.faces.registry import Shown, ShowsEnd
+from tams_app.faces.registry import SessionDisplay, ShowsEnd
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.window.session_window import SessionWindow
 from tams_app.printing import Console
@@ -84,7 +84,7 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
     session.do = lambda: session.end("the trial is over")
     found = []
 
-    def conclude(faces: Sequence[Shown]) -> None:
+    def conclude(faces: Sequence[SessionDisplay]) -> None:
         (face,) = faces
         assert isinstance(face, ShowsEnd)
         assert face.is_there
@@ -112,7 +112,7 @@ def test_closing_the_window_ends_the_session_whose_end_it_does_not_show(
     session.do = lambda: screen.ask_to_close("TAMS")
     found = []
 
-    def conclude(faces: Sequence[Shown]) -> None:
+    def conclude(faces: Sequence[SessionDisplay]) -> None:
         (face,) = faces
         assert isinstance(face, ShowsEnd)
         found.append((face.is_there, window_processes()))

@@ -34,7 +34,7 @@ from hw.guard.link import (
     motion_limits,
 )
 from hw.guard.motion import Cause, Motion, MotionWatch
-from hw.guard.process import Guard, HeartbeatWatch, Watch
+from hw.guard.process import Guard, GuardWatch, HeartbeatWatch
 from hw.lite6.codes import Mode
 from hw.lite6.report_frames import REAL_PORT_OFFSET
 from tams_app.config import ArmConfig, LimitsConfig
@@ -69,7 +69,7 @@ def query(arming: int, sequence: int) -> Heartbeat:
 def test_silence_before_the_first_beat_stops_nothing() -> None:
     watch = HeartbeatWatch(TIMEOUT_NS)
     assert not watch.lost(10 * NS_PER_S)
-    assert watch.watch is Watch.IDLE
+    assert watch.watch is GuardWatch.IDLE
     assert (watch.arming, watch.sequence) == (0, 0)
 
 
@@ -81,7 +81,7 @@ def test_beats_within_the_timeout_never_stop_the_arm(gaps_ns: list[int]) -> None
         now_ns += gap_ns
         assert not watch.lost(now_ns)
         watch.hear(now_ns, beat(1, sequence))
-        assert watch.watch is Watch.ARMED
+        assert watch.watch is GuardWatch.ARMED
 
 
 def test_a_lost_heartbeat_stops_the_arm_once_and_latches() -> None:
@@ -91,7 +91,7 @@ def test_a_lost_heartbeat_stops_the_arm_once_and_latches() -> None:
     assert watch.lost(TIMEOUT_NS + 1)
     assert not watch.lost(TIMEOUT_NS + 2)
     watch.hear(TIMEOUT_NS + 3, beat(1, 2))
-    assert watch.watch is Watch.LATCHED
+    assert watch.watch is GuardWatch.LATCHED
 
 
 def test_a_new_arming_ends_the_latch() -> None:
@@ -99,28 +99,28 @@ def test_a_new_arming_ends_the_latch() -> None:
     watch.hear(0, beat(1, 1))
     assert watch.lost(2 * TIMEOUT_NS)
     watch.hear(3 * TIMEOUT_NS, beat(2, 2))
-    assert watch.watch is Watch.ARMED
+    assert watch.watch is GuardWatch.ARMED
     assert watch.lost(5 * TIMEOUT_NS)
 
 
 @pytest.mark.parametrize(
     ("heard", "watch"),
     [
-        ([beat(1, 1), disarm(1, 3), beat(1, 2)], Watch.IDLE),
-        ([beat(1, 1), beat(2, 3), disarm(1, 4)], Watch.ARMED),
-        ([query(0, 3), query(1, 4)], Watch.IDLE),  # the arming itself was not heard
-        ([beat(1, 1), disarm(1, 2), query(1, 3), query(2, 4)], Watch.IDLE),
+        ([beat(1, 1), disarm(1, 3), beat(1, 2)], GuardWatch.IDLE),
+        ([beat(1, 1), beat(2, 3), disarm(1, 4)], GuardWatch.ARMED),
+        ([query(0, 3), query(1, 4)], GuardWatch.IDLE),  # the arming itself was not heard
+        ([beat(1, 1), disarm(1, 2), query(1, 3), query(2, 4)], GuardWatch.IDLE),
     ],
     ids=["a late beat", "a late disarm of an older arming", "asked", "asked after an arming"],
 )
 def test_nothing_that_comes_late_or_only_asks_arms_or_disarms(
-    heard: list[Heartbeat], watch: Watch
+    heard: list[Heartbeat], watch: GuardWatch
 ) -> None:
     watched = HeartbeatWatch(TIMEOUT_NS)
     for now_ns, heartbeat in enumerate(heard):
         watched.hear(now_ns, heartbeat)
     assert watched.watch is watch
-    assert watched.lost(NS_PER_S) == (watch is Watch.ARMED)
+    assert watched.lost(NS_PER_S) == (watch is GuardWatch.ARMED)
 
 
 def test_a_repeated_or_reordered_beat_does_not_count_as_life() -> None:
@@ -406,8 +406,8 @@ def test_the_guards_specification_holds_all_that_it_needs_and_can_be_written_as_
     config = ArmConfig.model_validate(told | {"guard": {"heartbeat_timeout_ms": 80.0}})
     specification = guard_specification(config, LIMITS)
     assert json.loads(json.dumps(specification)) == told | {
-        "stop_channel": "hw.lite6.stop_channel:StopChannel",
-        "report_watch": "hw.lite6.report_watch:ReportWatch",
+        "stop_channel": "hw.lite6.stop_channel:Lite6StopChannel",
+        "report_watch": "hw.lite6.report_watch:Lite6ReportWatch",
         "heartbeat_timeout_ms": 80.0,
         "motion": motion_limits(config, LIMITS)._asdict(),
     }
@@ -623,12 +623,12 @@ def test_a_guard_that_was_held_up_hears_that_it_was_disarmed(
     for now_ns in range(beats):
         virtual_guard.link.beat(now_ns)
     virtual_guard.guard.step()
-    assert virtual_guard.watch.watch is Watch.ARMED
+    assert virtual_guard.watch.watch is GuardWatch.ARMED
     virtual_guard.link.disarm()
     for now_ns in range(beats, beats + 200):
         virtual_guard.link.beat(now_ns)
     virtual_guard.guard.step()
-    assert virtual_guard.watch.watch is Watch.IDLE
+    assert virtual_guard.watch.watch is GuardWatch.IDLE
     assert virtual_guard.stop.stops == 0
 
 
@@ -637,7 +637,7 @@ def test_what_was_said_last_is_heard_at_the_end(virtual_guard: VirtualGuard) -> 
     virtual_guard.tick()
     virtual_guard.link.close()
     virtual_guard.guard.farewell()
-    assert virtual_guard.watch.watch is Watch.IDLE
+    assert virtual_guard.watch.watch is GuardWatch.IDLE
     assert virtual_guard.stop.stops == 0
 
 

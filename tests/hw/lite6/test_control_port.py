@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from hw.lite6.control_port import ControlPort
 from hw.lite6.sdk import _own_port
-from hw.lite6.uxbus import Frame
+from hw.lite6.uxbus import UxbusFrame
 
 pytestmark = pytest.mark.waiting
 
@@ -43,7 +43,7 @@ def controller() -> Iterator[Controller]:
 
 
 def reply(transaction: int, register: int = 13) -> bytes:
-    return Frame(transaction, 2, register, b"\x00\x02").encode()
+    return UxbusFrame(transaction, 2, register, b"\x00\x02").encode()
 
 
 def test_a_request_arrives_as_it_is(controller: Controller) -> None:

@@ -9,7 +9,7 @@ from typing import Any, NoReturn
 import pytest
 
 from hw.lite6.report_frames import REAL_PORT_OFFSET
-from hw.lite6.report_watch import ReportWatch
+from hw.lite6.report_watch import Lite6ReportWatch
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
@@ -21,7 +21,7 @@ def test_a_connection_that_cannot_be_made_anew_is_tried_again(
     """Also where the computer has no socket left: the guard goes on, and is blind meanwhile."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(5.0)
-        watch = ReportWatch("127.0.0.1", server.getsockname()[1] - REAL_PORT_OFFSET)
+        watch = Lite6ReportWatch("127.0.0.1", server.getsockname()[1] - REAL_PORT_OFFSET)
         watch.start()
         assert watch.newest(0) is None
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from hw.lite6.codes import Register
-from hw.lite6.stop_channel import StopChannel
+from hw.lite6.stop_channel import Lite6StopChannel
 from hw.lite6.uxbus import UxbusClient
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 from tests.tcp_relay import TcpRelay
@@ -27,16 +27,16 @@ def rig() -> Iterator[ControllerRig]:
 
 
 @pytest.fixture
-def channel(rig: ControllerRig) -> Iterator[StopChannel]:
+def channel(rig: ControllerRig) -> Iterator[Lite6StopChannel]:
     rig.make_ready()
-    made = StopChannel("127.0.0.1", rig.config().control_port, 0.5, "arm-stop")
+    made = Lite6StopChannel("127.0.0.1", rig.config().control_port, 0.5, "arm-stop")
     made.start()
     yield made
     made.close()
     made.close()
 
 
-def test_each_stop_is_a_new_one(rig: ControllerRig, channel: StopChannel) -> None:
+def test_each_stop_is_a_new_one(rig: ControllerRig, channel: Lite6StopChannel) -> None:
     for _ in range(3):
         rig.make_ready()
         assert not rig.stopped
@@ -46,7 +46,7 @@ def test_each_stop_is_a_new_one(rig: ControllerRig, channel: StopChannel) -> Non
 
 
 def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
-    rig: ControllerRig, channel: StopChannel
+    rig: ControllerRig, channel: Lite6StopChannel
 ) -> None:
     stops: list[int] = []
 
@@ -63,7 +63,7 @@ def test_a_stop_asked_for_during_a_stop_is_sent_after_it(
 
 
 def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
-    rig: ControllerRig, channel: StopChannel
+    rig: ControllerRig, channel: Lite6StopChannel
 ) -> None:
     rig.server.refuse_connections = True
     rig.server.drop_connections()
@@ -77,7 +77,7 @@ def test_a_stop_over_a_broken_connection_is_repeated_over_a_new_one(
 
 
 def test_an_idle_channel_that_would_not_work_says_so(
-    rig: ControllerRig, channel: StopChannel
+    rig: ControllerRig, channel: Lite6StopChannel
 ) -> None:
     rig.server.refuse_connections = True
     rig.server.drop_connections()
@@ -98,7 +98,7 @@ def test_a_stop_gives_up_a_connection_that_is_open_but_silent(
     rig: ControllerRig, relay: TcpRelay
 ) -> None:
     rig.make_ready()
-    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
+    channel = Lite6StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
     channel.start()
     relay.hold_present()
     channel.request_stop()
@@ -111,7 +111,7 @@ def test_a_stop_gives_up_a_connection_that_is_open_but_silent(
 def test_an_idle_channel_gives_up_a_connection_that_is_open_but_silent(
     rig: ControllerRig, relay: TcpRelay
 ) -> None:
-    channel = StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
+    channel = Lite6StopChannel("127.0.0.1", relay.port, 0.1, "arm-stop")
     channel.start()
     relay.hold_present()
     assert until(lambda: "does not answer" in channel.failure)
@@ -121,7 +121,7 @@ def test_an_idle_channel_gives_up_a_connection_that_is_open_but_silent(
 
 def test_a_slow_arm_is_given_time_to_acknowledge(rig: ControllerRig) -> None:
     rig.make_ready()
-    channel = StopChannel("127.0.0.1", rig.config().control_port, 0.02, "arm-stop")
+    channel = Lite6StopChannel("127.0.0.1", rig.config().control_port, 0.02, "arm-stop")
     channel.start()
     rig.server.reply_delay_s = 0.2
     channel.request_stop()

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.lite6.uxbus import Frame, FrameReader, MalformedFrameError
+from hw.lite6.uxbus import MalformedFrameError, UxbusFrame, UxbusReader
 
 pytestmark = pytest.mark.untimed
 
 frames = st.builds(
-    Frame,
+    UxbusFrame,
     st.integers(0, 0xFFFF),
     st.sampled_from([2, 3]),
     st.integers(0, 255),
@@ -21,16 +21,16 @@ frames = st.builds(
 )
 
 
-def packed(frame: Frame) -> bytes:
+def packed(frame: UxbusFrame) -> bytes:
     length = len(frame.payload) + 1
     header = struct.pack(">HHHB", frame.transaction, frame.protocol, length, frame.register)
     return header + frame.payload
 
 
 @given(st.lists(frames, max_size=5), st.integers(1, 20))
-def test_frames_survive_any_cutting_of_the_stream(sent: list[Frame], piece: int) -> None:
+def test_frames_survive_any_cutting_of_the_stream(sent: list[UxbusFrame], piece: int) -> None:
     stream = b"".join(packed(frame) for frame in sent)
-    reader = FrameReader()
+    reader = UxbusReader()
     received = [
         frame
         for start in range(0, len(stream), piece)
@@ -40,7 +40,7 @@ def test_frames_survive_any_cutting_of_the_stream(sent: list[Frame], piece: int)
 
 
 def test_a_reply_repeats_the_header_and_counts_its_length() -> None:
-    reply = Frame(7, 3, 13, b"").reply(b"\x00\x02")
+    reply = UxbusFrame(7, 3, 13, b"").reply(b"\x00\x02")
     assert reply == struct.pack(">HHHBBB", 7, 3, 3, 13, 0, 2)
 
 
@@ -55,10 +55,10 @@ def test_a_reply_repeats_the_header_and_counts_its_length() -> None:
 )
 def test_nonsense_ends_the_stream(nonsense: bytes) -> None:
     with pytest.raises(MalformedFrameError):
-        list(FrameReader().feed(nonsense))
+        list(UxbusReader().feed(nonsense))
 
 
 def test_the_sdk_s_heartbeat_is_recognised() -> None:
-    (frame,) = FrameReader().feed(bytes([0, 0, 0, 1, 0, 2, 0, 0]))
+    (frame,) = UxbusReader().feed(bytes([0, 0, 0, 1, 0, 2, 0, 0]))
     assert frame.is_heartbeat
-    assert not Frame(1, 3, 13, b"").is_heartbeat
+    assert not UxbusFrame(1, 3, 13, b"").is_heartbeat

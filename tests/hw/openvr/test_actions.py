@@ -2,7 +2,7 @@ import pytest
 
 from hw.openvr.actions import ActionButtons
 from hw.openvr.bindings import COMMITTED_DIRECTORY, MANIFEST_NAME
-from hw.openvr.components import ROLES, Buttons
+from hw.openvr.components import ROLES, ButtonReading
 from hw.openvr.haptics import Vibration
 from hw.openvr.runtime import OpenVrRuntime
 
@@ -20,9 +20,9 @@ def buttons(fake):
 
 def test_a_grip_without_a_scale_is_read_from_its_click(fake, buttons):
     fake.bound = (fake.bound - {"grip"}) | {"grip_click"}
-    assert buttons.read() == Buttons(grip=0.0)
+    assert buttons.read() == ButtonReading(grip=0.0)
     fake.press("grip_click")
-    assert buttons.read() == Buttons(grip=1.0)
+    assert buttons.read() == ButtonReading(grip=1.0)
 
 
 def test_the_analog_grip_goes_before_its_click(fake, buttons):

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.virtual.rtcp_timing import Report, RtcpTiming
+from tams_app.video.virtual.rtcp_timing import RtcpReport, RtcpTiming
 
 pytestmark = pytest.mark.untimed
 
@@ -24,7 +24,7 @@ def timing(seed: int = 1) -> RtcpTiming:
     return made
 
 
-def run_until(session: RtcpTiming, end_ns: int) -> list[tuple[int, Report]]:
+def run_until(session: RtcpTiming, end_ns: int) -> list[tuple[int, RtcpReport]]:
     reports = []
     while session.next_ns is not None and session.next_ns <= end_ns:
         now_ns = session.next_ns
@@ -49,7 +49,7 @@ def test_a_session_is_silent_before_its_first_packet() -> None:
 @given(st.integers(0, 1000))
 def test_regular_reports_keep_half_to_one_and_a_half_intervals_apart(seed: int) -> None:
     reports = run_until(timing(seed), NS_PER_S)
-    assert {kind for _, kind in reports} == {Report.REGULAR}
+    assert {kind for _, kind in reports} == {RtcpReport.REGULAR}
     gaps = [after - before for (before, _), (after, _) in pairwise(reports[1:])]
     assert all(0.5 * T_RR_NS <= gap <= 1.5 * T_RR_NS + 5 * NS_PER_MS for gap in gaps)
     assert 15 * NS_PER_MS < sum(gaps) / len(gaps) < 25 * NS_PER_MS
@@ -61,7 +61,7 @@ def test_a_request_after_a_regular_report_leaves_at_once_and_a_second_after_the_
     last_ns = run_to_first_regular(session)
     session.request(last_ns + 1000, LONG_NS)
     assert session.next_ns == last_ns + 1000
-    assert session.step(last_ns + 1000) is Report.EARLY
+    assert session.step(last_ns + 1000) is RtcpReport.EARLY
     regular_ns = session.next_ns
     session.request(last_ns + 2000, LONG_NS)
     assert last_ns + 500_000 < session.next_ns < regular_ns
@@ -76,7 +76,7 @@ def test_an_urgent_second_request_goes_with_the_next_regular_report() -> None:
     regular_ns = session.next_ns
     session.request(last_ns + 2000, time_left_ns=0)
     assert session.next_ns == regular_ns
-    assert run_until(session, NS_PER_S)[0][1] is Report.REGULAR
+    assert run_until(session, NS_PER_S)[0][1] is RtcpReport.REGULAR
 
 
 def test_a_request_before_the_first_report_waits_for_it() -> None:
@@ -94,12 +94,14 @@ def test_a_request_before_the_first_report_waits_for_it() -> None:
 def test_never_two_early_reports_without_an_interval_between(
     seed: int, times: list[int], patience_ns: int
 ) -> None:
-    session, reports = timing(seed), list[tuple[int, Report]]()
+    session, reports = timing(seed), list[tuple[int, RtcpReport]]()
     for now_ns in sorted(times):
         reports += run_until(session, now_ns)
         session.request(now_ns, patience_ns)
     reports += run_until(session, NS_PER_S)
-    early = [(one, other) for one, other in pairwise(reports) if one[1] is other[1] is Report.EARLY]
+    early = [
+        (one, other) for one, other in pairwise(reports) if one[1] is other[1] is RtcpReport.EARLY
+    ]
     # 8 · 100 bytes · 2 members / 500 kbit/s, times 0.5 / 1.21828
     assert all(after[0] - before[0] >= 1_000_000 for before, after in early)
     assert [time for time, _ in reports] == sorted(time for time, _ in reports)

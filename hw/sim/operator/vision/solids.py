@@ -116,7 +116,7 @@ def _tool_box(
 
 
 @dataclass(frozen=True, slots=True)
-class Outline:
+class VisiblePart:
     """The visible part of a colour in a sketch: middle [px], area and full area [px²]."""
 
     middle: Vector
@@ -131,7 +131,7 @@ class Outline:
 
 def sketch(
     camera: Pinhole, boxes: Sequence[Box], colour: int, middle: Vector, radius_px: float
-) -> Outline:
+) -> VisiblePart:
     """The visible part of `colour` within `radius_px` of `middle` [px]."""
     corner = middle - radius_px
     scale = max(1, min(_FINEST, int(_SKETCH_EDGE / (2 * radius_px))))
@@ -152,4 +152,4 @@ def sketch(
     found = middle
     if area > 0.0:
         found = corner + np.array((moments["m10"], moments["m01"])) / area / scale
-    return Outline(found, area / scale**2, cv2.countNonZero(alone) / scale**2)
+    return VisiblePart(found, area / scale**2, cv2.countNonZero(alone) / scale**2)

@@ -6,7 +6,7 @@ import pytest
 
 from hw.sim.layout import draw_layout
 from hw.sim.operator.hand import REST_POSITION_M
-from hw.sim.operator.operator import Activity
+from hw.sim.operator.operator import HandActivity
 from hw.sim.operator.perception import Percept
 from hw.sim.operator.task import Stage
 from tams_app.config import OperatorConfig
@@ -32,7 +32,7 @@ class Result:
 def _work(trial: Trial, seconds: float = 100.0) -> Result:
     samples: list[ControllerSample] = []
     armed_s = 0.0
-    while trial.operator.activity is not Activity.FINISHED:
+    while trial.operator.activity is not HandActivity.FINISHED:
         samples.append(trial.tick())
         assert len(samples) * TICK_NS < seconds * NS_PER_S, trial.operator.stage
         if not trial.robot.engagements:
@@ -181,7 +181,7 @@ def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_afte
     operator, coming = trial.operator, []
     feel = operator.feel
     operator.feel = lambda haptic: coming.append((trial.now_ns, haptic))
-    while operator.activity is not Activity.FINISHED:
+    while operator.activity is not HandActivity.FINISHED:
         trial.tick()
         while coming and trial.now_ns - coming[0][0] >= answers_after_s * NS_PER_S:
             feel(coming.pop(0)[1])
@@ -192,7 +192,7 @@ def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_afte
 def test_an_armed_robot_that_does_not_answer_is_never_confirmed_again():
     """The menu button of an armed robot is an emergency stop."""
     trial = _trial(0)
-    while trial.operator.activity is not Activity.RETURN:
+    while trial.operator.activity is not HandActivity.RETURN:
         trial.tick()
     trial.robot.held = True
     assert not any(sample.menu for sample in trial.run(20.0))

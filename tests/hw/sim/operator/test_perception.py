@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.demo import TruePerception
-from hw.sim.operator.perception import Estimate, GapSigmas
+from hw.sim.operator.perception import GapSigmas, PoseEstimate
 from tams_app.records import Pose, SceneTruth
 from tams_app.rotation import Rotation
 
@@ -36,8 +36,8 @@ def test_gaps_are_as_uncertain_as_both_places_unless_they_were_seen_together():
     percept = TruePerception(_truth).look(1)
     vague = replace(
         percept,
-        tcp=Estimate(percept.tcp.pose, 0.003, 0.1),
-        block=Estimate(percept.block.pose, 0.004, 0.2),
+        tcp=PoseEstimate(percept.tcp.pose, 0.003, 0.1),
+        block=PoseEstimate(percept.block.pose, 0.004, 0.2),
     )
     assert vague.gaps.block == pytest.approx(0.005)
     assert vague.gaps.container == pytest.approx(0.003)

@@ -4,10 +4,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hw.sim.operator.hand import Button
+from hw.sim.operator.hand import ThumbButton
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Estimate, GapSigmas, Percept
-from hw.sim.operator.servoing import Sight
+from hw.sim.operator.perception import GapSigmas, Percept, PoseEstimate
+from hw.sim.operator.servoing import ViewSight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import OperatorConfig
 from tams_app.records import Pose
@@ -32,15 +32,15 @@ def _task(**traits: float) -> PickAndPlace:
 def _percept(tcp=(0.35, 0.0, 0.18), block=(0.33, -0.1, 0.01), opening=0.016) -> Percept:
     return Percept(
         0,
-        Estimate(Pose(np.array(tcp), DOWN)),
-        Estimate(Pose(np.array(block), Rotation.identity())),
-        Estimate(Pose(np.array([0.33, 0.15, 0.0]), Rotation.identity())),
+        PoseEstimate(Pose(np.array(tcp), DOWN)),
+        PoseEstimate(Pose(np.array(block), Rotation.identity())),
+        PoseEstimate(Pose(np.array([0.33, 0.15, 0.0]), Rotation.identity())),
         opening,
     )
 
 
 def _step(task: PickAndPlace, percept: Percept, now_ns: int = 0) -> Intent:
-    return task.step(now_ns, Sight(percept, np.zeros(3), np.zeros(3)))
+    return task.step(now_ns, ViewSight(percept, np.zeros(3), np.zeros(3)))
 
 
 def _run(task: PickAndPlace, percept: Percept, start_ns: int, seconds: float) -> list[Intent]:
@@ -73,7 +73,7 @@ def test_closed_fingers_are_opened_before_anything_else():
     task = _task()
     intents = _run(task, _percept(opening=0.0), 0, 0.2)
     assert task.stage is Stage.OPEN
-    assert intents[-1].button is Button.B
+    assert intents[-1].button is ThumbButton.B
 
 
 def test_a_descent_stops_while_the_gripper_is_beside_the_block():
@@ -96,7 +96,7 @@ def test_a_descent_is_twice_as_fast_while_it_is_far_from_its_end():
 def test_motion_under_way_is_not_asked_for_again():
     task = _task()
     percept = _percept(tcp=(0.30, -0.1, 0.18))
-    intent = task.step(0, Sight(percept, np.array([0.03, 0.0, 0.0]), np.zeros(3)))
+    intent = task.step(0, ViewSight(percept, np.array([0.03, 0.0, 0.0]), np.zeros(3)))
     assert intent.linear == pytest.approx([0.0, 0.0, 0.0])
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.video_judgement import FreezeWatch, LagEstimator
+from hw.sim.operator.video_judgement import FrozenViewWatch, LagEstimator
 from tams_app.units import NS_PER_MS
 
 pytestmark = pytest.mark.untimed
@@ -67,24 +67,24 @@ def _look(watch, count, asked_m, shift_px=0, start=0):
 
 
 def test_an_image_that_moves_with_the_hand_is_not_frozen():
-    assert not any(_look(FreezeWatch(), 10, 0.005, shift_px=5))
+    assert not any(_look(FrozenViewWatch(), 10, 0.005, shift_px=5))
 
 
 def test_an_image_that_stands_while_the_hand_moves_is_frozen():
-    frozen = _look(FreezeWatch(), 10, 0.005)
+    frozen = _look(FrozenViewWatch(), 10, 0.005)
     assert not any(frozen[:3])
     assert all(frozen[4:])
 
 
 def test_a_still_hand_says_nothing_about_the_image():
-    assert not any(_look(FreezeWatch(), 30, 0.0))
+    assert not any(_look(FrozenViewWatch(), 30, 0.0))
 
 
 def test_a_frozen_image_is_trusted_again_once_it_moves_or_after_a_while():
-    watch = FreezeWatch()
+    watch = FrozenViewWatch()
     assert _look(watch, 6, 0.005)[-1]
     assert not watch.is_frozen(6 * LOOK_NS, _image(30, seed=9), 0.0)
-    watch = FreezeWatch()
+    watch = FrozenViewWatch()
     _look(watch, 6, 0.005)
     later = _look(watch, 40, 0.0, start=6)
     assert later[0]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.demo import TruePerception
-from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import HandConfig, OperatorConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.untimed
 def _controller(config: OperatorConfig | None = None, seed: int = 0) -> VirtualController:
     """In the hand of an operator who sees nothing and so keeps still."""
     config = config or OperatorConfig()
-    operator = Operator(HandConfig(), config, TruePerception(lambda: None), seed)
+    operator = SimulatedOperator(HandConfig(), config, TruePerception(lambda: None), seed)
     controller = VirtualController(operator, config, seed, rig_wiring(load_config()))
     controller.start()
     return controller

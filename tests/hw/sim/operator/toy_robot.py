@@ -16,7 +16,7 @@ from hw.sim.layout import (
     Placement,
 )
 from hw.sim.operator.demo import TruePerception
-from hw.sim.operator.operator import Operator
+from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.task import Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
@@ -206,7 +206,7 @@ class Trial:
         self.seen: SceneTruth | None = None
         self.showing = True  # False: the image stands still
         eyes = TruePerception(lambda: self.seen)
-        operator = Operator(hand, config, eyes, self.seed, self.confirms)
+        operator = SimulatedOperator(hand, config, eyes, self.seed, self.confirms)
         self.controller = FaultyController(operator, config, self.seed)
         self.controller.start()
         self.operator = operator

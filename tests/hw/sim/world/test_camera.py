@@ -10,7 +10,7 @@ import pytest
 
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.camera import SimCamera
-from hw.sim.world.rig_memory import SLOTS, FrameReader, FrameWriter
+from hw.sim.world.rig_memory import SLOTS, FrameWriter, RigFrameReader
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock
 
@@ -55,8 +55,8 @@ def test_a_camera_that_waits_sleeps_until_a_frame_is_published(
     writer: FrameWriter, camera: SimCamera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     looks = []
-    written = FrameReader.written
-    monkeypatch.setattr(FrameReader, "written", lambda self: looks.append(None) or written(self))
+    written = RigFrameReader.written
+    monkeypatch.setattr(RigFrameReader, "written", lambda self: looks.append(None) or written(self))
     started_s = time.monotonic()
     with meanwhile(lambda: writer.publish("gt", 0, 1, grey(10))):
         frame = camera.next_frame(PATIENCE_S)
@@ -82,7 +82,7 @@ def test_a_camera_that_waits_is_woken_by_a_renderer_that_has_taken_the_place_of_
 
 
 def test_frame_being_written_is_never_delivered(name: str, writer: FrameWriter) -> None:
-    reader = FrameReader(name, "gt")
+    reader = RigFrameReader(name, "gt")
     for index in range(SLOTS):
         writer.publish("gt", index, 1, grey(10))
     during = []

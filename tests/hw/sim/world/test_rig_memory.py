@@ -4,7 +4,7 @@ import pytest
 
 from hw.sim.world.rig_memory import (
     QPOS_SIZE,
-    FrameReader,
+    RigFrameReader,
     WorldReader,
     WorldState,
     WorldWriter,
@@ -52,7 +52,7 @@ def test_missing_or_foreign_memory_is_one_sentence(name: str) -> None:
     with pytest.raises(DeviceError, match="start its processes"):
         WorldReader(name)
     with pytest.raises(DeviceError, match="start its processes"):
-        FrameReader(name, "gt")
+        RigFrameReader(name, "gt")
     create_block(f"{name}-world", 4096).close()
     with pytest.raises(DeviceError, match="restart the session"):
         WorldReader(name)
