@@ -51,7 +51,7 @@ _OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 
 _ENDED = replace(_OTHER, word="ENDED", sign="■")
 
-_QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.told` takes them
+_QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.fill` takes them
     "disarmed": ("The arm does not move.", "{release}, then press Enter to arm"),
     "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
     "engaged": (
@@ -126,7 +126,7 @@ def banner_of(facts: FaceFacts, hand: str = "openvr", shift_is_dead: bool = Fals
     if state.arming == "disarmed" and state.deadman is False:
         return replace(banner, key="Press Enter to arm")
     if state.arming == "ready" and state.deadman:  # pressed while something was in the way
-        return replace(banner, key=words.told(_PRESS_AGAIN))
+        return replace(banner, key=words.fill(_PRESS_AGAIN))
     moves = words.moves if state.arming == "ready" else ""
     return replace(banner, key=banner.key + moves)
 
@@ -135,11 +135,11 @@ def _banner_of(facts: FaceFacts, quiet: Mapping[str, tuple[str, str]], words: Ha
     state = facts.state
     look = look_of(state.arming)
     if state.arming == "holding":
-        return Banner(look, _sentence(facts), words.told("{release} · Space: emergency stop"))
+        return Banner(look, _sentence(facts), words.fill("{release} · Space: emergency stop"))
     if state.arming == "fault":
-        key = words.told("Enter, with {deadman} released: first clears, then arms")
+        key = words.fill("Enter, with {deadman} released: first clears, then arms")
         return Banner(look, _sentence(facts), key)
-    sentence, key = map(words.told, quiet.get(state.arming, _STARTING))
+    sentence, key = map(words.fill, quiet.get(state.arming, _STARTING))
     if state.arming in ("ready", "engaged", "disarmed"):
         if state.reason:  # nothing has stopped: it is in the way of going on
             sentence = f"{sentence} {_sentence(facts)}"

@@ -129,7 +129,7 @@ class ShownVideo(Protocol):
 class Teleoperation(Protocol):
     """From received input to a command: `teleop.loop.Teleop`."""
 
-    def step(self, told: TeleopInput) -> TeleopOutput: ...
+    def step(self, inputs: TeleopInput) -> TeleopOutput: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,8 +205,8 @@ class ControlLoop:
             for listener in self._listeners:
                 listener.on_pinned(PinnedView(now_ns, self._pinned))
         ready, arm, link = self._gate.ready, self._arm.state(), self._arm.link()
-        told = self._input(now_ns, sample, ready, arm, link)
-        output = self._teleop.step(told)
+        inputs = self._input(now_ns, sample, ready, arm, link)
+        output = self._teleop.step(inputs)
         self._act(output)
         change = self._phases.step(now_ns, arm)
         if change is not None:
@@ -214,7 +214,7 @@ class ControlLoop:
                 listener.on_phase(change)
         for listener in self._listeners:
             listener.on_output(now_ns, output, arm)
-        tick = tick_of(told, output, self._phases, due_ns, self._clock.now_ns(), skipped)
+        tick = tick_of(inputs, output, self._phases, due_ns, self._clock.now_ns(), skipped)
         for listener in self._listeners:
             listener.on_tick(tick)
         return output
@@ -263,7 +263,7 @@ class ControlLoop:
 
 
 def tick_of(
-    told: TeleopInput,
+    inputs: TeleopInput,
     output: TeleopOutput,
     phases: Inference,
     due_ns: int,
@@ -273,7 +273,7 @@ def tick_of(
     """The tick as it is logged."""
     return Tick(
         due_ns=due_ns,
-        started_ns=told.now_ns,
+        started_ns=inputs.now_ns,
         finished_ns=finished_ns,
         skipped=skipped,
         arming=output.arming.value,
@@ -285,18 +285,18 @@ def tick_of(
         vertical_speed=phases.vertical_speed,
         speed_scale=output.speed_scale,
         twist=output.twist or Twist.zero(),
-        controller=told.sample,
-        arm=told.arm,
-        link=told.link,
+        controller=inputs.sample,
+        arm=inputs.arm,
+        link=inputs.link,
         gripper=output.gripper,
         stop=output.stop,
         inputs=TickInputs(
-            told.arm_ready,
-            told.video_age_ns,
-            told.confirm,
-            told.estop,
-            tuple(fault.label for fault in told.faults),
-            told.video_damaged,
+            inputs.arm_ready,
+            inputs.video_age_ns,
+            inputs.confirm,
+            inputs.estop,
+            tuple(fault.label for fault in inputs.faults),
+            inputs.video_damaged,
         ),
         lasting=lasting_label(output),
     )

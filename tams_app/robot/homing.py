@@ -183,41 +183,41 @@ class Homing:
     def over(self) -> bool:
         return self.state in _OVER
 
-    def step(self, told: TeleopInput) -> TeleopOutput:
+    def step(self, inputs: TeleopInput) -> TeleopOutput:
         """Take in what happened; DeviceError if the way from where the arm is now is none."""
-        arm, stopped_ns, before = told.arm, self._stopped_ns, self.state
+        arm, stopped_ns, before = inputs.arm, self._stopped_ns, self.state
         if arm is not None and stopped_ns is not None and arm.received_ns > stopped_ns:
             self._stopped_ns = None if arm.activity is Activity.STOPPED else stopped_ns
-        request = Request.NONE if self.over else self._step(told)
+        request = Request.NONE if self.over else self._step(inputs)
         if self.over or (self.state is HomingState.WAITING and before is not HomingState.WAITING):
-            self._stopped_ns = told.now_ns
+            self._stopped_ns = inputs.now_ns
         stop, arming = self._stopped_ns is not None, _ARMING.get(self.state, ArmingState.DISARMED)
         held = arming is ArmingState.ENGAGED
         return TeleopOutput(
             None, None, stop, request, arming, None, "", held, False, 1.0, False, None
         )
 
-    def _step(self, told: TeleopInput) -> Request:
-        if told.sample.trigger > 0.0 and (self.state is not HomingState.WAITING or self._shown()):
-            self._key.press(told.now_ns)
-        if told.estop:
+    def _step(self, inputs: TeleopInput) -> Request:
+        if inputs.sample.trigger > 0.0 and (self.state is not HomingState.WAITING or self._shown()):
+            self._key.press(inputs.now_ns)
+        if inputs.estop:
             self.state = HomingState.ENDED
-        elif (reason := _first(self._watch.faults(told, ArmingState.DISARMED))) is not None:
-            self._fail_for(reason, told)
+        elif (reason := _first(self._watch.faults(inputs, ArmingState.DISARMED))) is not None:
+            self._fail_for(reason, inputs)
         elif self.state is HomingState.WAITING:
-            self._wait(told)
+            self._wait(inputs)
         else:
-            return self._go(told)
+            return self._go(inputs)
         return Request.NONE
 
-    def _wait(self, told: TeleopInput) -> None:
-        if told.arm is not None and self._is_there(told.arm):
+    def _wait(self, inputs: TeleopInput) -> None:
+        if inputs.arm is not None and self._is_there(inputs.arm):
             self.state = HomingState.DONE
-        elif told.arm is not None and self._key.held(told.now_ns) and self._may_start(told):
-            self._arm(told.arm)
+        elif inputs.arm is not None and self._key.held(inputs.now_ns) and self._may_start(inputs):
+            self._arm(inputs.arm)
 
-    def _may_start(self, told: TeleopInput) -> bool:
-        return self._stopped_ns is None and self._hold(told) is None
+    def _may_start(self, inputs: TeleopInput) -> bool:
+        return self._stopped_ns is None and self._hold(inputs) is None
 
     def _arm(self, arm: ArmState) -> None:
         """If the path from here is still the one that was shown.
@@ -230,47 +230,47 @@ class Homing:
         else:
             self.path, self._key = path, HeldKey()
 
-    def _go(self, told: TeleopInput) -> Request:
+    def _go(self, inputs: TeleopInput) -> Request:
         """Between the key's being held and its release."""
-        if (hold := self._hold(told)) is not None:
-            self._fail_for(hold, told)
+        if (hold := self._hold(inputs)) is not None:
+            self._fail_for(hold, inputs)
         elif self.refusal:
             self._fail(self.refusal)
-        elif not self._key.held(told.now_ns):
+        elif not self._key.held(inputs.now_ns):
             self.state = HomingState.WAITING
-        elif self.state is HomingState.ARMING and self._guarded(told.now_ns):
+        elif self.state is HomingState.ARMING and self._guarded(inputs.now_ns):
             self.state = HomingState.STARTING
             return Request.ENABLE
-        elif self.state is HomingState.STARTING and told.arm_ready:
-            self.state, self._began_ns = HomingState.MOVING, told.now_ns
+        elif self.state is HomingState.STARTING and inputs.arm_ready:
+            self.state, self._began_ns = HomingState.MOVING, inputs.now_ns
         elif self.state is HomingState.MOVING:
-            self._follow(told)
+            self._follow(inputs)
         return Request.NONE
 
-    def _follow(self, told: TeleopInput) -> None:
-        arm = told.arm
+    def _follow(self, inputs: TeleopInput) -> None:
+        arm = inputs.arm
         if arm is None or arm.received_ns <= self._began_ns:
             return  # a report from before the start says nothing
         if arm.activity.is_halted:
-            self._fail_for(Reason.ARM_STOPPED, told)
+            self._fail_for(Reason.ARM_STOPPED, inputs)
         elif arm.activity is Activity.IDLE and self._is_there(arm):
             self.state = HomingState.DONE
-        elif arm.activity is Activity.IDLE and told.now_ns - self._began_ns > NO_MOTION_NS:
+        elif arm.activity is Activity.IDLE and inputs.now_ns - self._began_ns > NO_MOTION_NS:
             self._fail(_STANDS_STILL)
 
-    def _hold(self, told: TeleopInput) -> Reason | None:
-        return _first(self._watch.holds(told, ArmingState.DISARMED))
+    def _hold(self, inputs: TeleopInput) -> Reason | None:
+        return _first(self._watch.holds(inputs, ArmingState.DISARMED))
 
     def _is_there(self, arm: ArmState) -> bool:
         return self.path.left_rad(arm.joints) < ARRIVED_RAD
 
-    def _fail_for(self, reason: Reason, told: TeleopInput) -> None:
-        fault = None if told.arm is None else told.arm.fault
+    def _fail_for(self, reason: Reason, inputs: TeleopInput) -> None:
+        fault = None if inputs.arm is None else inputs.arm.fault
         if reason is Reason.ARM_ERROR and fault is not None:
             self._fail(fault.sentence)
         else:
             told_by_the_link = reason in _TOLD_BY_THE_LINK
-            self._fail(told.link.failure if told_by_the_link else advice_at_home(reason))
+            self._fail(inputs.link.failure if told_by_the_link else advice_at_home(reason))
 
     def _fail(self, sentence: str) -> None:
         self.state, self.failure = HomingState.FAILED, sentence

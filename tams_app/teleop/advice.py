@@ -9,19 +9,19 @@ _REASONS = {reason.label: reason for reason in Reason}
 _GO_ON = "{release}, then confirm."
 
 
-def advice(told: str, lasting: str | None, hand: HandWords) -> str:
+def advice(held: str, lasting: str | None, hand: HandWords) -> str:
     """What happened, as it is recorded, and what to do."""
-    return f"{told}{'' if told.endswith('.') else '.'} {what_to_do(told, lasting, hand)}".strip()
+    return f"{held}{'' if held.endswith('.') else '.'} {what_to_do(held, lasting, hand)}".strip()
 
 
-def what_to_do(told: str, lasting: str | None, hand: HandWords) -> str:
+def what_to_do(held: str, lasting: str | None, hand: HandWords) -> str:
     """For a reason's label and its detail (`robot.control.describe`); "" for no reason.
 
     `lasting`: label of the reason whose cause is still there, the same or one that came besides;
     "": it is gone; None: not known, as in a log of an older version. A detail that is a sentence
     says by itself what to do, but perhaps not how to go on.
     """
-    label, _, detail = told.partition(": ")
+    label, _, detail = held.partition(": ")
     reason = _REASONS.get(label)
     if reason is None:
         return ""
@@ -32,7 +32,7 @@ def what_to_do(told: str, lasting: str | None, hand: HandWords) -> str:
         return reason.sentence(hand, lasts=False)
     if not detail.endswith("."):
         return reason.sentence(hand)
-    return "" if "confirm" in told else hand.told(_GO_ON)
+    return "" if "confirm" in held else hand.fill(_GO_ON)
 
 
 def refusal(in_the_way: Reason | None, hand: HandWords) -> str:

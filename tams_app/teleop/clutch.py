@@ -105,7 +105,7 @@ class _Menu:
 
     def __init__(self) -> None:
         self._button = _Button()
-        self._since_ns: int | None = None  # None: this press is void or has been told
+        self._since_ns: int | None = None  # None: this press is void or has been reported
 
     def update(self, down: bool | None, presses: int, now_ns: int) -> tuple[bool, bool, bool]:
         """The edges (down, click, hold); `down` is None when it is not known."""

@@ -134,7 +134,7 @@ class Drive:
     def _advance_target(
         self, measured: Tcp, correction: Twist, scale: float, interval_s: float
     ) -> None:
-        """The target moves as the arm was told to, without what was told to catch up with it."""
+        """The target moves as commanded, without the commands that were to catch up with it."""
         self._target.advance(
             plus_times(self.twist.linear, correction.linear, -scale),
             plus_times(self.twist.angular, correction.angular, -scale),

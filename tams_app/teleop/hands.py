@@ -30,9 +30,9 @@ class HandWords:
     moves: str = ""
     confirm: str = ""
 
-    def told(self, sentence: str) -> str:
+    def fill(self, sentence: str) -> str:
         """A sentence with `{deadman}` and the like in it, in these words."""
-        told = sentence.format(
+        text = sentence.format(
             deadman=self.deadman,
             device=self.device,
             release=self.release,
@@ -41,7 +41,7 @@ class HandWords:
             check=self.check,
             confirm=self.confirm,
         )
-        return told[:1].upper() + told[1:]
+        return text[:1].upper() + text[1:]
 
 
 SIMULATED = "sim"

@@ -200,17 +200,17 @@ class Teleop:
 
     def _detail(self, tick: TeleopInput) -> str:
         reason, blocked_by = self._arming.reason, self._arming.blocked_by
-        told = []
+        sentences = []
         # the state that follows from an error may be reported before the error itself
         told_by_the_arm = reason in (Reason.ARM_ERROR, Reason.ARM_STOPPED)
         if told_by_the_arm and tick.arm is not None and tick.arm.fault is not None:
-            told.append(tick.arm.fault.text)
+            sentences.append(tick.arm.fault.text)
         elif reason in _TOLD_BY_THE_LINK and tick.link.failure:
-            told.append(tick.link.failure)
+            sentences.append(tick.link.failure)
         if blocked_by is not None and blocked_by is not reason:
-            told = [one.removesuffix(".") for one in told]
-            told.append(f"and {blocked_by.label}")
-        return ", ".join(told)
+            sentences = [one.removesuffix(".") for one in sentences]
+            sentences.append(f"and {blocked_by.label}")
+        return ", ".join(sentences)
 
 
 def _ranked(reasons: list[Reason]) -> tuple[Reason, ...]:

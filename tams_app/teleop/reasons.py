@@ -23,7 +23,7 @@ class Reason(Enum):
     That is told in two sentences: `lasting` while its cause is there, `left` once it is gone: what
     the operator still has to do. `left` is "" where the same sentence holds for both: the cause is
     a moment, is not looked for in a stopped arm, or stays until the session ends. Both take the
-    words of the hand in use (`HandWords.told`).
+    words of the hand in use (`HandWords.fill`).
 
     The order is the order of precedence when several hold at once.
     """
@@ -269,4 +269,4 @@ class Reason(Enum):
 
     def sentence(self, hand: HandWords, lasts: bool = True) -> str:
         """What the operator does, in the words of `hand`; `lasts`: its cause is still there."""
-        return hand.told(self.lasting if lasts else self.left)
+        return hand.fill(self.lasting if lasts else self.left)

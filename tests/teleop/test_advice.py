@@ -60,8 +60,8 @@ PARTS = ["deadman", "device", "release", "wake", "connect", "check", "confirm"]
 @pytest.mark.parametrize("hand", HANDS.values(), ids=HANDS)
 def test_a_sentence_is_told_in_the_words_of_the_hand(part, hand):
     words = getattr(hand, part)
-    assert hand.told(f"Then {{{part}}}.") == f"Then {words}."
-    begun = hand.told(f"{{{part}}}, then go on.")
+    assert hand.fill(f"Then {{{part}}}.") == f"Then {words}."
+    begun = hand.fill(f"{{{part}}}, then go on.")
     assert begun == f"{words[:1].upper()}{words[1:]}, then go on."
 
 

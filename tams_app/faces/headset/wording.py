@@ -36,7 +36,7 @@ def panel_words(facts: FaceFacts, hand: str) -> PanelWords:
     """State, phase, why the arm does not move, and what helps; `hand`: of `HANDS`."""
     banner, words = banner_of(facts, hand), words_of_hand(hand)
     confirms = words.confirm and facts.state.arming in _KEYS
-    key = words.told(_KEYS[facts.state.arming]) if confirms else banner.key
+    key = words.fill(_KEYS[facts.state.arming]) if confirms else banner.key
     if facts.trial is not None:
         note = " · ".join(trial_texts(facts.trial)[:3])
     elif facts.state.episodes is not None:

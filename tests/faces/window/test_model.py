@@ -590,9 +590,9 @@ def test_who_pressed_the_deadman_while_something_was_in_the_way_is_told_to_press
 ) -> None:
     words = HANDS[hand]
     held = banner_of(changed(FACTS, arming="ready", deadman=True), hand).key
-    assert held == words.told("{release}, then press and hold {deadman} again")
+    assert held == words.fill("{release}, then press and hold {deadman} again")
     released = banner_of(changed(FACTS, arming="ready", deadman=False), hand).key
-    assert released.startswith(words.told("Press and hold {deadman} to move it"))
+    assert released.startswith(words.fill("Press and hold {deadman} to move it"))
     engaged = banner_of(changed(FACTS, arming="engaged", deadman=True), hand).key
     assert "again" not in engaged
 
