@@ -18,11 +18,12 @@ from hw.controller import Controller
 from hw.lite6.arm import Lite6
 from tams_app.config import Config, load_config
 from tams_app.records import (
-    ArmState,
     ControllerSample,
     ControllerStatus,
     Haptic,
     Pose,
+    Record,
+    Tick,
     Vector,
 )
 from tams_app.robot import build
@@ -36,7 +37,6 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_fifo, use_round_robin
 from tams_app.runtime.worker import Worker
-from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import repair_rule
@@ -163,8 +163,9 @@ class Application(Listener):
     def is_damaged(self, view: str) -> bool:
         return False
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self.arming = output.arming
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick):
+            self.arming = ArmingState(record.arming)
 
 
 def _ignore(*_: object) -> None:

@@ -72,6 +72,6 @@ def test_replay_and_a_running_session_make_the_same_state_of_the_same_records(at
             newest.put(record)
     board = StatusBoard(LOG.header.views, WeightMatrix(LOG.header.weights), 30.0, newest)
     board.packets([one for one in LOG.packets if t_ns - NS_PER_S <= one.entered_ns < t_ns])
-    board.on_allocation(Allocation(t_ns, Phase.REACH, 0.0, 0.0, {}))
+    board.receive(Allocation(t_ns, Phase.REACH, 0.0, 0.0, {}))
     live = board.state(t_ns, at_ms / 1000, NoVideo(), LOG.facts.get(HAND_FACT, ""))
     assert of_the_records(live) == of_the_records(INDEX.at(t_ns))

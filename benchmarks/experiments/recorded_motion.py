@@ -19,7 +19,7 @@ from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
 from tams_app.recording.writer import DirectRecorder
-from tams_app.records import ArmState, Outcome, Pose, SceneTruth
+from tams_app.records import Outcome, Pose, Record, SceneTruth, Tick
 from tams_app.robot import build
 from tams_app.robot.control import Signals, SteadyVideo
 from tams_app.robot.listener import Listener
@@ -28,7 +28,6 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import session_header
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.task.judge import TrialJudge
-from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 
@@ -173,9 +172,9 @@ class _Recording(Listener):
         truth = self._robot.truth()
         return truth if self._to_and_fro is None else self._to_and_fro.see(truth)
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.arming is ArmingState.ENGAGED:
-            self._judge.engaged(now_ns)
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick) and record.arming == ArmingState.ENGAGED.value:
+            self._judge.engaged(record.started_ns)
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,13 +32,14 @@ class Journal:
         self._show = show
 
     def record(self, item: Record) -> None:
-        """Keep one record in the log."""
+        """Keep one record in the log, and show it if it is a sentence."""
+        if isinstance(item, Note):
+            self._show(item.text)
         self._log.record(item)
 
     def note(self, level: str, text: str) -> None:
         """Keep a sentence for people; `level` is info, warning or error."""
-        self._show(text)
-        self._log.record(Note(self._clock.now_ns(), level, text))
+        self.record(Note(self._clock.now_ns(), level, text))
 
     def fact(self, name: str, value: str) -> None:
         """Keep something that was learned after the start; a later value of the name counts."""

@@ -21,7 +21,7 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES, make_inference
 from tams_app.records import Pose
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.control import ControlLoop, ShownVideo, Signals
+from tams_app.robot.control import ControlLoop, Observer, ShownVideo, Signals
 from tams_app.robot.devices import Devices
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
@@ -133,6 +133,7 @@ def control_loop(
     delay_ns: int,
     signals: Signals,
     listeners: Sequence[Listener] = (),
+    observers: Sequence[Observer] = (),
 ) -> ControlLoop:
     """The loop with the configured teleoperation and phase inference.
 
@@ -149,6 +150,7 @@ def control_loop(
         teleop(config, delay_ns),
         make_inference(config.policy.phases),
         listeners,
+        observers,
     )
 
 

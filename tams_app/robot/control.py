@@ -17,7 +17,9 @@ from tams_app.records import (
     CommandLink,
     ControllerSample,
     EpisodeRequest,
+    Note,
     PinnedView,
+    Record,
     Tick,
     TickInputs,
     Twist,
@@ -32,6 +34,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 if TYPE_CHECKING:
     from tams_app.policy.inference import Inference
 
+TOO_LONG_AGO = "not confirmed: the operator did so too long ago"
 CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
 _MOST_ASKED = 16  # between two ticks, or in a session that has no episodes
 ENDLESS_NS = 1 << 62  # the age of video that shows nothing
@@ -126,6 +129,13 @@ class ShownVideo(Protocol):
         """True if a newer frame of `view` is shown that does not count, as it is not whole."""
 
 
+class Observer(Protocol):
+    """Draws conclusions from ticks; no thread, clock or file."""
+
+    def step(self, inputs: TeleopInput, output: TeleopOutput) -> Sequence[Record]:
+        """What follows from this tick, for the log and whoever reads it."""
+
+
 class Teleoperation(Protocol):
     """From received input to a command: `teleop.loop.Teleop`."""
 
@@ -160,6 +170,7 @@ class ControlLoop:
         teleop: Teleoperation,
         inference: Inference,
         listeners: Sequence[Listener] = (),
+        observers: Sequence[Observer] = (),
     ) -> None:
         """`build.control_loop` makes one with the configured teleoperation and inference."""
         self._clock = clock
@@ -170,7 +181,7 @@ class ControlLoop:
         self._gate = gate
         self._video = video
         self._signals = signals
-        self._listeners = tuple(listeners)
+        self._listeners, self._observers = tuple(listeners), tuple(observers)
         signals.stop_with(gate.stop)
         self._teleop, self._phases = teleop, inference
         self._weights = WeightMatrix(config.policy.weights.matrix)
@@ -199,24 +210,27 @@ class ControlLoop:
         # received first: that the guard stopped the arm is the reason, what the arm reports follows
         for listener in self._listeners:
             listener.before_tick(now_ns)
+        records: list[Record] = []
         sample = self._controller.sample(now_ns)
         if self._signals.pinned != self._pinned:
             self._pinned = self._signals.pinned
-            for listener in self._listeners:
-                listener.on_pinned(PinnedView(now_ns, self._pinned))
+            records.append(PinnedView(now_ns, self._pinned))
         ready, arm, link = self._gate.ready, self._arm.state(), self._arm.link()
-        inputs = self._input(now_ns, sample, ready, arm, link)
+        pending = self._signals.take(now_ns)
+        if pending.late_confirm:
+            records.append(Note(now_ns, "warning", TOO_LONG_AGO))
+        inputs = self._input(now_ns, sample, ready, arm, link, pending)
         output = self._teleop.step(inputs)
         self._act(output)
-        change = self._phases.step(now_ns, arm)
-        if change is not None:
+        if (change := self._phases.step(now_ns, arm)) is not None:
+            records.append(change)
+        follows = [one for each in self._observers for one in each.step(inputs, output)]
+        finished_ns = self._clock.now_ns()
+        records.append(tick_of(inputs, output, self._phases, due_ns, finished_ns, skipped))
+        records.extend(follows)
+        for record in records:
             for listener in self._listeners:
-                listener.on_phase(change)
-        for listener in self._listeners:
-            listener.on_output(now_ns, output, arm)
-        tick = tick_of(inputs, output, self._phases, due_ns, self._clock.now_ns(), skipped)
-        for listener in self._listeners:
-            listener.on_tick(tick)
+                listener.receive(record)
         return output
 
     def _input(
@@ -226,12 +240,9 @@ class ControlLoop:
         ready: bool,
         arm: ArmState | None,
         link: CommandLink,
+        pending: Pending,
     ) -> TeleopInput:
-        """`ready`, `arm` and `link` as they were before: who stops the arm signals it first."""
-        pending = self._signals.take(now_ns)
-        if pending.late_confirm:
-            for listener in self._listeners:
-                listener.on_late_confirm()
+        """`ready`, `arm`, `link` from before `pending`: who stops the arm signals it first."""
         view = self._weights.primary_view(self._phases.phase, self._pinned)
         age_ns = self._video.age_ns(view, now_ns)
         if age_ns is not None:

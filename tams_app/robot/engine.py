@@ -6,12 +6,12 @@ from collections.abc import Callable, Sequence
 
 from hw.arms import arm_kind
 from tams_app.config import Config
-from tams_app.records import Phase, PhaseChange, StopRecord
+from tams_app.records import Phase, PhaseChange
 from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import ArmingObserver, HeatWatch, StopWatch, TrialObserver
+from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialObserver
 from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
 from tams_app.robot.session_records import SessionRecords
@@ -52,8 +52,7 @@ class Engine:
         self._clock = clock
         self._log = log
         self._video = video
-        self._recorded = (log, *listeners)
-        self.stops = StopWatch(self._on_stop)
+        self._stops = StopWatch()
         self.trial = TrialObserver(
             config.trial,
             clock,
@@ -65,8 +64,8 @@ class Engine:
             placed,
         )
         self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
-        arming = ArmingObserver(signals, log.note, lambda: operator.hand, arm_at_once)
-        heat = HeatWatch(log.note, arm_kind(config.arm.model).limits.hot_motor_c)
+        arming = ArmingNotes(signals, lambda: operator.hand, arm_at_once)
+        heat = HeatWatch(arm_kind(config.arm.model).limits.hot_motor_c)
         guard = () if devices.guard is None else (devices.guard,)
         self.control = build.control_loop(
             config,
@@ -78,12 +77,9 @@ class Engine:
             video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before any report
-            (*guard, arming, heat, self.trial, self.stops, log, self.policy, *listeners),
+            (*guard, self.trial, log, self.policy, *listeners),
+            (arming, heat, self._stops),
         )
-
-    def _on_stop(self, stop: StopRecord) -> None:
-        for listener in self._recorded:
-            listener.on_stop(stop)
 
     def begin(self, scheduler: str) -> None:
         """Log the start; `scheduler` says what runs the control loop."""
@@ -92,4 +88,9 @@ class Engine:
         self._log.fact("encoder", self._video.codecs.encoder.element)
         self._log.fact("decoder", self._video.codecs.decoder.element)
         self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))
-        self._log.on_phase(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
+        self._log.record(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
+
+    def finish(self) -> None:
+        """The control loop has ended: log a stop whose end was not seen."""
+        for stop in self._stops.finish():
+            self._log.record(stop)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from tams_app.recording.journal import Journal
-from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Tick
+from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Record, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.listener import Listener
 from tams_app.task.episodes import ARMED_NS, Episodes
@@ -69,7 +69,11 @@ class EpisodeKeeper(Listener):
         self.state: EpisodesState = self._episodes.state(0)
         self._state_due_ns = 0
 
-    def on_tick(self, tick: Tick) -> None:
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick):
+            self._step(record)
+
+    def _step(self, tick: Tick) -> None:
         now_ns = tick.started_ns
         begun = self._episodes.step(now_ns)
         requests = [*self._signals.episodes(), *self._held(tick)]

@@ -13,12 +13,11 @@ from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from hw.guard.motion import Cause, Motion
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError, TamsError
-from tams_app.records import ArmState
+from tams_app.records import Record, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import Note
 from tams_app.robot.listener import Listener
 from tams_app.runtime.process import HelperProcess
-from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
 
@@ -82,14 +81,16 @@ class Guarding(Listener):
         memory = GuardMemory(str(ready["memory"]))
         self._link = GuardLink(memory, SILENCE_NS, lambda: self.process.exit_code is None)
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+    def receive(self, record: Record) -> None:
         """Arm and disarm the guard with the arm; it stays armed while the arm is being stopped.
 
         What was commanded is in the next beat.
         """
-        self._commanded = self._command(output)
-        link = self._link
-        wanted = output.arming.is_armed or (output.stop and link is not None and link.armed)
+        if not isinstance(record, Tick):
+            return
+        arming, link = ArmingState(record.arming), self._link
+        self._commanded = self._command(record, arming)
+        wanted = arming.is_armed or (record.stop and link is not None and link.armed)
         if link is None or link.armed == wanted:
             return
         if wanted:
@@ -129,12 +130,12 @@ class Guarding(Listener):
         is_beaten = now_ns - self._beat_ns <= self._timeout_ns
         return link is not None and link.acknowledged and not link.latched and is_beaten
 
-    def _command(self, output: TeleopOutput) -> tuple[Motion, bool, float]:
-        engaged, home_rad_s = output.arming is ArmingState.ENGAGED, self._home_rad_s
+    def _command(self, tick: Tick, arming: ArmingState) -> tuple[Motion, bool, float]:
+        engaged, home_rad_s = arming is ArmingState.ENGAGED, self._home_rad_s
         if engaged and home_rad_s is not None:
-            return Motion.HOME, output.deadman, home_rad_s
-        speed = 0.0 if output.twist is None else float(np.linalg.norm(output.twist.linear))
-        return Motion.FOLLOW if engaged else Motion.REST, output.deadman, speed
+            return Motion.HOME, tick.deadman, home_rad_s
+        speed = float(np.linalg.norm(tick.twist.linear))
+        return Motion.FOLLOW if engaged else Motion.REST, tick.deadman, speed
 
     def close(self) -> None:
         """Disarm and end the guard; the arm must have been stopped before."""

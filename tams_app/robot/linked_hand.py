@@ -11,8 +11,7 @@ from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
 from tams_app.recording.journal import Journal
 from tams_app.records import EpisodeRequest, HandHeard, Haptic, Presses, SteeredBy
-from tams_app.robot.control import Signals
-from tams_app.robot.listener import TOO_LONG_AGO
+from tams_app.robot.control import TOO_LONG_AGO, Signals
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.video.core.frame_identity import SentFrames
 

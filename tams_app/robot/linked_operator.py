@@ -20,14 +20,14 @@ from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
 from tams_app.link.messages import PROTOCOL, Welcome, encode
 from tams_app.recording.journal import Journal
-from tams_app.records import Allocation, ArmState, LinkHealth, SessionState, SteeredBy, Tick
+from tams_app.records import Allocation, LinkHealth, Record, SessionState, SteeredBy, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_hand import LinkedHand
 from tams_app.robot.linked_state import LinkedState, state_interval_ns
 from tams_app.robot.operator import StreamedOperator
 from tams_app.runtime.clock import Clock
 from tams_app.summary.joined import OPERATOR_FOLDER_FACT, SESSION_FACT
-from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.core.packets import receiver_ssrc
@@ -198,14 +198,15 @@ class LinkedOperator(StreamedOperator):
     def on_wake(self, now_ns: int) -> None:
         self._hand.wake(now_ns)
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._hand.is_armed = output.arming.is_armed
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Allocation):
+            self._state_ns = state_interval_ns(record.capacity_kbps)
+        elif isinstance(record, Tick):
+            self._hand.is_armed = ArmingState(record.arming).is_armed
+            self._answer(record.started_ns)
 
-    def on_allocation(self, allocation: Allocation) -> None:
-        self._state_ns = state_interval_ns(allocation.capacity_kbps)
-
-    def on_tick(self, tick: Tick) -> None:
-        now_ns, hand = tick.started_ns, self._hand
+    def _answer(self, now_ns: int) -> None:
+        hand = self._hand
         if now_ns >= self._state_due_ns and self._gateway is not None:
             self._state_due_ns = now_ns + self._state_ns
             first_ns = tuple(sent.first_ns for sent in self._sent.values())

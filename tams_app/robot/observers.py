@@ -7,16 +7,15 @@ from collections.abc import Callable
 
 from hw.arm import Arm
 from tams_app.config import TrialConfig
-from tams_app.records import ArmState, Outcome, SceneTruth, StopRecord
+from tams_app.records import ArmState, Note, Outcome, Record, SceneTruth, StopRecord, Tick
 from tams_app.robot import build
 from tams_app.robot.control import Signals, describe, lasting_label
-from tams_app.robot.devices import Note
-from tams_app.robot.listener import TOO_LONG_AGO, Listener
+from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.advice import advice, refusal
 from tams_app.teleop.hands import words_of_hand
-from tams_app.teleop.records import TeleopOutput
+from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
 from tams_app.vectors import floats, norm
@@ -30,34 +29,30 @@ _MIN_INTERVAL_S = 0.002
 _STOPPING = (ArmingState.HOLDING, ArmingState.FAULT)
 
 
-class ArmingObserver(Listener):
-    """Notifies the operator of the arm's arming, and of confirmations that do not count.
+class ArmingNotes:
+    """Sentences for the operator: the arm's arming, and confirmations that do not count.
 
     `arm_at_once` confirms in the operator's place, once a second until the arm was armed once.
     """
 
-    def __init__(
-        self, signals: Signals, note: Note, hand: Callable[[], str], arm_at_once: bool
-    ) -> None:
+    def __init__(self, signals: Signals, hand: Callable[[], str], arm_at_once: bool) -> None:
         """`hand`: what drives the arm now, of `HANDS`."""
         self._signals = signals
-        self._note = note
         self._hand = hand
         self._confirms = arm_at_once
         self._confirmed_ns: int | None = None
         self._arming = ArmingState.DISARMED
 
-    def on_late_confirm(self) -> None:
-        self._note("warning", TOO_LONG_AGO)
-
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+    def step(self, inputs: TeleopInput, output: TeleopOutput) -> list[Record]:
+        notes: list[Record] = []
         if output.arming is not self._arming:
             self._arming = output.arming
-            self._note_arming(output)
+            notes.append(self._note(inputs.now_ns, output))
         if output.refusal is not None and not self._confirms:
             why = refusal(output.refusal.in_the_way, words_of_hand(self._hand()))
-            self._note("warning", f"not confirmed: {why}")
-        self._confirm(now_ns)
+            notes.append(Note(inputs.now_ns, "warning", f"not confirmed: {why}"))
+        self._confirm(inputs.now_ns)
+        return notes
 
     def _confirm(self, now_ns: int) -> None:
         self._confirms = self._confirms and self._arming is ArmingState.DISARMED
@@ -66,59 +61,64 @@ class ArmingObserver(Listener):
             self._confirmed_ns = now_ns
             self._signals.confirm(now_ns)
 
-    def _note_arming(self, output: TeleopOutput) -> None:
+    def _note(self, now_ns: int, output: TeleopOutput) -> Note:
         if output.reason is None:
-            self._note("info", output.arming.value)
-        else:
-            sentence = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
-            self._note("warning", f"{output.arming.value}, {sentence}")
+            return Note(now_ns, "info", output.arming.value)
+        sentence = advice(describe(output), lasting_label(output), words_of_hand(self._hand()))
+        return Note(now_ns, "warning", f"{output.arming.value}, {sentence}")
 
 
-class HeatWatch(Listener):
+class HeatWatch:
     """Warns the operator of a hot motor of the arm, and again whenever it is 5 °C hotter."""
 
-    def __init__(self, note: Note, hot_c: float) -> None:
+    def __init__(self, hot_c: float) -> None:
         """`hot_c`: `ArmLimits.hot_motor_c`."""
-        self._note, self._hot_c = note, hot_c
+        self._hot_c = hot_c
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        hottest_c = None if arm is None else arm.hottest_motor_c
-        if hottest_c is not None and hottest_c >= self._hot_c:
-            self._hot_c = hottest_c + HOTTER_C
-            self._note("warning", f"a motor of the arm has {hottest_c} °C: {HOT_ADVICE}")
+    def step(self, inputs: TeleopInput, output: TeleopOutput) -> list[Record]:
+        hottest_c = None if inputs.arm is None else inputs.arm.hottest_motor_c
+        if hottest_c is None or hottest_c < self._hot_c:
+            return []
+        self._hot_c = hottest_c + HOTTER_C
+        text = f"a motor of the arm has {hottest_c} °C: {HOT_ADVICE}"
+        return [Note(inputs.now_ns, "warning", text)]
 
 
-class StopWatch(Listener):
+class StopWatch:
     """Measures how long the arm takes to stand still after a stop that was not the operator's own.
 
-    Hands out one `StopRecord` for each.
+    Each gives one `StopRecord`.
     """
 
-    def __init__(self, record: Callable[[StopRecord], None]) -> None:
-        self._record = record
+    def __init__(self) -> None:
         self._before = ArmingState.DISARMED
         self._reason: Reason | None = None
         self._visible_ns = 0
         self._last: ArmState | None = None
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+    def step(self, inputs: TeleopInput, output: TeleopOutput) -> list[Record]:
+        arm = inputs.arm
         speed = self._reported_speed(arm)
         began = output.arming in _STOPPING and self._before not in _STOPPING
         self._before = output.arming
         if began and output.reason is not None:
-            self.finish()
-            self._reason, self._visible_ns = output.reason, now_ns
-            return
+            unfinished = self.finish()
+            self._reason, self._visible_ns = output.reason, inputs.now_ns
+            return unfinished
         standing = speed is not None and speed < STANDING_M_S
         if self._reason is not None and standing and arm and arm.received_ns > self._visible_ns:
-            self._record(StopRecord(self._reason.label, self._visible_ns, arm.received_ns))
-            self._reason = None
+            return self._over(arm.received_ns)
+        return []
 
-    def finish(self) -> None:
-        """Record a stop whose end was not seen."""
-        if self._reason is not None:
-            self._record(StopRecord(self._reason.label, self._visible_ns, None))
-            self._reason = None
+    def finish(self) -> list[Record]:
+        """A stop whose end was not seen, if there is one."""
+        return [] if self._reason is None else self._over(None)
+
+    def _over(self, stopped_ns: int | None) -> list[Record]:
+        assert self._reason is not None, "a stop is measured"
+        stop = StopRecord(self._reason.label, self._visible_ns, stopped_ns)
+        self._reason = None
+        return [stop]
 
     def _reported_speed(self, arm: ArmState | None) -> float | None:
         """TCP speed [m/s] between this report and the last one; None without a new one."""
@@ -169,9 +169,9 @@ class TrialObserver(Listener):
         """The operator has engaged the arm."""
         return self._judge.started
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        if output.arming is ArmingState.ENGAGED:
-            self._judge.engaged(now_ns)
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick) and record.arming == ArmingState.ENGAGED.value:
+            self._judge.engaged(record.started_ns)
 
     def again(self) -> None:
         """Judge anew, as the block is put back; the first trial that was placed stays the verdict.

@@ -9,7 +9,7 @@ from tams_app.config import Config
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs
+from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs, Record
 from tams_app.robot.listener import Listener
 from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.uplink_meter import summary_of
@@ -33,8 +33,8 @@ class PolicyLoop(Listener):
         log: SessionRecords,
         listeners: Sequence[Listener] = (),
     ) -> None:
-        """`listeners` get what is known of the uplink, and of each allocation once the encoders
-        have it.
+        """`listeners` get what is known of the uplink, and each allocation once the encoders have
+        it.
         """
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
@@ -57,15 +57,14 @@ class PolicyLoop(Listener):
         """The time [ns] of the next step or padding, unless a phase begins before."""
         return min(self._step_ns, self._pad_ns)
 
-    def on_pinned(self, pin: PinnedView) -> None:
-        """Step at once by the row of the pinned view."""
-        self._pinned = pin.view
-        self._woken.set()
-
-    def on_phase(self, change: PhaseChange) -> None:
-        """Step at once for the phase that begins."""
-        self._phase = change.phase
-        self._woken.set()
+    def receive(self, record: Record) -> None:
+        """Step at once for the phase that begins, or by the row of the view that is pinned."""
+        if isinstance(record, PhaseChange):
+            self._phase = record.phase
+            self._woken.set()
+        elif isinstance(record, PinnedView):
+            self._pinned = record.view
+            self._woken.set()
 
     def run(self, stop: threading.Event) -> None:
         self._step_ns = self._clock.now_ns()
@@ -91,16 +90,16 @@ class PolicyLoop(Listener):
         self._log.capacity(now_ns, self._video.capacity)
         report = self._video.report(now_ns)
         if report.arrivals or report.receptions:
-            reported = self._reported.step(report.arrivals)
-            summary = summary_of(report, reported)
-            for listener in self._listeners:
-                listener.on_uplink(reported, summary)
+            self._hand_on(summary_of(report, self._reported.step(report.arrivals)))
         if self._keeps_inputs:
-            self._log.record(PolicyInputs.of(report))
+            self._hand_on(PolicyInputs.of(report))
         allocation = self._policy.step(self._weights.row_phase(self._phase, self._pinned), report)
         self._video.protect(report, allocation.target_kbps)
         limit_bytes = self._policy.flight_limit_bytes(now_ns)
         self._video.bound_flight(limit_bytes, allocation.target_kbps, allocation.capacity_kbps)
         self._video.set_targets(allocation.target_kbps)
+        self._hand_on(allocation)
+
+    def _hand_on(self, record: Record) -> None:
         for listener in self._listeners:
-            listener.on_allocation(allocation)
+            listener.receive(record)

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 from tams_app.capacity import Capacity
 from tams_app.recording import ReferenceRecorder
 from tams_app.recording.journal import Journal, Log
 from tams_app.records import (
-    Allocation,
     Frame,
     LinkCapacity,
     Newest,
     PacketRecord,
-    PhaseChange,
-    PinnedView,
     Record,
-    StopRecord,
-    Tick,
-    UplinkSummary,
 )
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
@@ -42,7 +36,7 @@ class SessionRecords(Journal, Listener):
         self._capacity_ns = clock.now_ns()
 
     def record(self, item: Record) -> None:
-        """Keep one record, and have it at hand as the newest of its type."""
+        """Keep one record, have it at hand as the newest of its type, and show a sentence."""
         self.newest.put(item)
         super().record(item)
 
@@ -64,20 +58,5 @@ class SessionRecords(Journal, Listener):
             self._last_capacity_kbps = kbps
             self.record(LinkCapacity(now_ns, kbps))
 
-    def on_pinned(self, pin: PinnedView) -> None:
-        self.record(pin)
-
-    def on_phase(self, change: PhaseChange) -> None:
-        self.record(change)
-
-    def on_tick(self, tick: Tick) -> None:
-        self.record(tick)
-
-    def on_stop(self, stop: StopRecord) -> None:
-        self.record(stop)
-
-    def on_allocation(self, allocation: Allocation) -> None:
-        self.record(allocation)
-
-    def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self.record(summary)
+    def receive(self, record: Record) -> None:
+        self.record(record)

@@ -151,7 +151,7 @@ class RobotSide:
             self._arm_at_once,
             self._on_placed,
         )
-        self._parts.stack.callback(self._engine.stops.finish)
+        self._parts.stack.callback(self._engine.finish)
         self._start_workers(devices)
 
     def begin(self) -> None:

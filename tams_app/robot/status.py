@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from types import MappingProxyType
 
 from msgspec.structs import replace
@@ -14,9 +14,10 @@ from tams_app.records import (
     LatencyState,
     Newest,
     PacketRecord,
+    PolicyInputs,
+    Record,
     SessionState,
     Tick,
-    UplinkSummary,
     ViewState,
 )
 from tams_app.robot.control import ShownVideo
@@ -24,7 +25,7 @@ from tams_app.robot.listener import Listener
 from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter
 from tams_app.state import StateMaker
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.uplink_figures import uplink_figures
+from tams_app.video.core.uplink_figures import ReportedPackets, uplink_figures
 
 
 class StatusBoard(Listener):
@@ -37,19 +38,19 @@ class StatusBoard(Listener):
         self._views, self._newest = views, newest
         self._maker = StateMaker(views, weights, asked_fps)
         self.placed = False  # the block, as the judge saw it
-        self._uplink = UplinkMeter(views)
+        self._uplink, self._reported = UplinkMeter(views), ReportedPackets()
         self._figures = uplink_figures((), views, WINDOW_NS)
 
-    def on_allocation(self, allocation: Allocation) -> None:
-        # in this thread: the control thread, too, asks for the state, and must not count packets
-        self._figures = self._uplink.figures(allocation.t_ns)
+    def receive(self, record: Record) -> None:
+        if isinstance(record, PolicyInputs):
+            self._uplink.report(self._reported.step(record.report().arrivals))
+        elif isinstance(record, Allocation):
+            # in this thread: the control thread, too, asks for the state, and counts no packets
+            self._figures = self._uplink.figures(record.t_ns)
 
     def packets(self, packets: list[PacketRecord]) -> None:
         """Newly decided packet fates."""
         self._uplink.packets(packets)
-
-    def on_uplink(self, reported: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self._uplink.report(reported)
 
     def state(
         self,

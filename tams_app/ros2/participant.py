@@ -21,7 +21,7 @@ from cyclonedds.idl import IdlStruct
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import BasePolicy, Policy, Qos
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import RosTopic as DdsTopic
+from cyclonedds.topic import Topic as DdsTopic
 
 from tams_app.errors import SetupError
 from tams_app.ros2.messages import Empty, ros_name

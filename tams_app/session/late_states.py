@@ -8,7 +8,7 @@ from collections import deque
 from tams_app.config import Network
 from tams_app.prediction.forward_model import ArmHeard
 from tams_app.prediction.present import Present
-from tams_app.records import Tick
+from tams_app.records import Record, Tick
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.teleop.safety import ArmingState
@@ -31,11 +31,12 @@ class LateStates(Listener):
         self._ticks: deque[Tick] = deque()
         self._coming: deque[tuple[int, ArmHeard, bool]] = deque()
 
-    def on_tick(self, tick: Tick) -> None:
+    def receive(self, record: Record) -> None:
         """In the control thread, which `step` must not hold up."""
-        self._ticks.append(tick)
-        if self._at_once:
-            self.step()
+        if isinstance(record, Tick):
+            self._ticks.append(record)
+            if self._at_once:
+                self.step()
 
     def run(self, stop: threading.Event, clock: Clock) -> None:
         """A thread's body: what came since, 120 times a second."""

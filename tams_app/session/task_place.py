@@ -14,10 +14,9 @@ import numpy as np
 
 from tams_app.config import Config
 from tams_app.prediction.plane_warp import projected
-from tams_app.records import ArmState, Frame, Lens, TaskRegion, Vector
+from tams_app.records import Frame, Lens, Record, TaskRegion, Tick, Vector
 from tams_app.robot.listener import Listener
 from tams_app.session.viewing import scene_of, tool_tip
-from tams_app.teleop.records import TeleopOutput
 
 RADIUS_M = 0.06  # of the ball: the fingers, what they hold, and as much before them
 LEAST_RADIUS_PX = 40.0  # a smaller disc would be few of the encoder's blocks of 16 pixels
@@ -37,10 +36,10 @@ class TaskRegions(Listener):
         self._fixed, self._wrist = fixed, wrist
         self._tcp: Vector | None = None
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+    def receive(self, record: Record) -> None:
         """In the control thread; cameras' threads read it."""
-        if arm is not None:
-            self._tcp = arm.tcp.position
+        if isinstance(record, Tick) and record.arm is not None:
+            self._tcp = record.arm.tcp.position
 
     def through(self, consume: Callable[[Frame], None]) -> Callable[[Frame], None]:
         """What gives frames to `consume` with their region; each view from one thread."""

@@ -14,8 +14,7 @@ from msgspec.structs import replace
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import SessionState
-from tams_app.robot.control import Signals
-from tams_app.robot.listener import TOO_LONG_AGO
+from tams_app.robot.control import TOO_LONG_AGO, Signals
 from tams_app.session.sentences import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout

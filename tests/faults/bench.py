@@ -20,7 +20,7 @@ from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, SessionLog, read_log
-from tams_app.records import ArmState, PhaseChange, StopRecord, Tick, Vector
+from tams_app.records import ArmState, Note, Record, StopRecord, Tick, Vector
 from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import Signals
@@ -99,13 +99,22 @@ class Bench(Listener, ABC):
         if folder is not None:
             self._recorders = Recorders(config, clock, folder, _fail)
             self.cleaning.callback(self._recorders.close)
-        self._stop_watch = StopWatch(self._keep_stop)
+        self._stop_watch = StopWatch()
         self._kinematics = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
         self._sight = sight or self.frames
         network = config.networks[NETWORK]
         self.delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
         self.loop = build.control_loop(
-            config, clock, self.hand, arm, self, self, self.delay_ns, self.signals, (self,)
+            config,
+            clock,
+            self.hand,
+            arm,
+            self,
+            self,
+            self.delay_ns,
+            self.signals,
+            (self,),
+            (self._stop_watch,),
         )
         self.cleaning.callback(arm.close)
 
@@ -215,7 +224,8 @@ class Bench(Listener, ABC):
         """Close the log and read it."""
         assert self._recorders is not None
         assert self.folder is not None
-        self._stop_watch.finish()
+        for stop in self._stop_watch.finish():
+            self.receive(stop)
         self._recorders.close()
         return read_log(self.folder / LOG_NAME)
 
@@ -261,21 +271,13 @@ class Bench(Listener, ABC):
     def before_tick(self, now_ns: int) -> None:
         self.beats.append(now_ns)
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
-        self._stop_watch.on_output(now_ns, output, arm)
-
-    def on_phase(self, change: PhaseChange) -> None:
-        self._keep(change)
-
-    def on_tick(self, tick: Tick) -> None:
-        self.ticks.append(tick)
-        self._keep(tick)
-
-    def _keep_stop(self, stop: StopRecord) -> None:
-        self.stops.append(stop)
-        self._keep(stop)
-
-    def _keep(self, record: Tick | StopRecord | PhaseChange) -> None:
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick):
+            self.ticks.append(record)
+        elif isinstance(record, StopRecord):
+            self.stops.append(record)
+        elif isinstance(record, Note):
+            self.notes.append(record.text)
         if self._recorders is not None:
             self._recorders.record(record)
 

@@ -18,7 +18,7 @@ from hw.lite6.arm import Lite6
 from hw.lite6.uxbus import UxbusFrame
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import load_config
-from tams_app.records import ArmState
+from tams_app.records import ArmState, Record
 from tams_app.robot.guarding import Guarding
 from tams_app.runtime.worker import Worker
 from tams_app.teleop.records import TeleopOutput
@@ -200,10 +200,10 @@ class WiredBench(Bench):
         if self.guarding is not None:
             self.guarding.before_tick(now_ns)
 
-    def on_output(self, now_ns: int, output: TeleopOutput, arm: ArmState | None) -> None:
+    def receive(self, record: Record) -> None:
         if self.guarding is not None:  # first, as in a session
-            self.guarding.on_output(now_ns, output, arm)
-        super().on_output(now_ns, output, arm)
+            self.guarding.receive(record)
+        super().receive(record)
 
 
 MakeBench = Callable[..., WiredBench]  # takes what its __init__ does

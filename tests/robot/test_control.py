@@ -9,7 +9,15 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
 from tams_app.config.devices import CameraConfig
-from tams_app.records import Activity, ControllerSample, ControllerStatus, Phase, Pose
+from tams_app.records import (
+    Activity,
+    ControllerSample,
+    ControllerStatus,
+    Phase,
+    PhaseChange,
+    Pose,
+    Tick,
+)
 from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.listener import Listener
@@ -88,11 +96,11 @@ class Bench(Listener):
     def before_tick(self, now_ns):
         self.beat(now_ns)
 
-    def on_phase(self, change):
-        self.phases.append(change)
-
-    def on_tick(self, tick):
-        self.ticks.append(tick)
+    def receive(self, record):
+        if isinstance(record, PhaseChange):
+            self.phases.append(record)
+        elif isinstance(record, Tick):
+            self.ticks.append(record)
 
     def stop(self):
         self.arm.stop()

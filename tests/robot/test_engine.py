@@ -104,8 +104,9 @@ class Guard(Listener):
     def before_tick(self, now_ns):
         self._heard.append("guard beats")
 
-    def on_output(self, now_ns, output, arm):
-        self._heard.append("guard follows")
+    def receive(self, record):
+        if isinstance(record, Tick):
+            self._heard.append("guard follows")
 
 
 class Bench:

@@ -36,7 +36,7 @@ class Kept:
         for _ in range(number):
             base = tick(self.number)
             sample = replace(base.controller, **{**UP, **hand})
-            self.keeper.on_tick(replace(base, controller=sample, deadman=deadman))
+            self.keeper.receive(replace(base, controller=sample, deadman=deadman))
             self.number += 1
 
     def ask(self, *requests: EpisodeRequest) -> None:

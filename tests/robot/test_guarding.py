@@ -15,7 +15,7 @@ from tams_app.robot.control import Signals
 from tams_app.robot.guarding import Guarding
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.teleop.safety import ArmingState, Reason
-from tests.robot.test_parts import output
+from tests.robot.test_parts import after, output
 
 pytestmark = pytest.mark.waiting
 
@@ -95,7 +95,7 @@ def test_the_guard_stays_armed_until_a_fault_has_stopped_the_arm(silent):
         (ArmingState.FAULT, True),
         (ArmingState.FAULT, False),
     ):
-        silent.on_output(0, replace(output(arming), stop=stopping), None)
+        silent.receive(after(replace(output(arming), stop=stopping)))
         armed.append(silent._link.armed)
     assert armed == [False, True, True, False]
 
@@ -108,7 +108,7 @@ def test_a_stop_by_the_guard_is_one_fault_for_each_time_it_latches(faults, notes
 
 
 def test_a_guard_that_does_not_answer_is_a_fault(silent, signals):
-    silent.on_output(0, output(ArmingState.READY), None)
+    silent.receive(after(output(ArmingState.READY)))
     silent.before_tick(0)
     assert signals.take(0).faults == ()
     silent.before_tick(SILENCE_NS + 1)
@@ -158,7 +158,7 @@ def test_each_beat_says_what_the_tick_before_commanded(guard, link):
     moving = Twist((0.03, 0.0, -0.04), (0.0, 0.0, 0.0))
     still, follows = replace(ready, twist=Twist.zero()), replace(engaged, twist=moving)
     for now_ns, each in enumerate((still, replace(follows, deadman=True), ready)):
-        guard.on_output(now_ns * 10_000_000, each, None)
+        guard.receive(after(each))
         guard.before_tick(now_ns)
     motions, deadmen, speeds = zip(*link.beats, strict=True)
     follow, rest = Motion.FOLLOW, Motion.REST
@@ -172,7 +172,7 @@ def test_on_the_way_home_a_beat_says_so_and_how_fast_a_joint_may_turn(tmp_path):
     guard._link = link = ScriptedLink()
     for arming in (ArmingState.READY, ArmingState.ENGAGED, ArmingState.DISARMED):
         held = arming is ArmingState.ENGAGED
-        guard.on_output(0, replace(output(arming), twist=None, stop=True, deadman=held), None)
+        guard.receive(after(replace(output(arming), twist=None, stop=True, deadman=held)))
         guard.before_tick(0)
     assert link.beats == [
         (Motion.REST, False, 0.0),

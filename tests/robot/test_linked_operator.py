@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.link.messages import Welcome, decode
+from tams_app.records import Allocation, Phase
 from tams_app.robot import linked_operator
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
@@ -17,6 +19,7 @@ from tams_app.units import NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
 from tests.session.exchange import MemoryLog
+from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
@@ -36,12 +39,10 @@ def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states
     )
     operator._gateway, operator._sent = gateway, {}
     if capacity_kbps is not None:
-        allocation: Any = SimpleNamespace(capacity_kbps=capacity_kbps)
-        operator.on_allocation(allocation)
+        operator.receive(Allocation(0, Phase.REACH, capacity_kbps, 0.0, {}))
     for _ in range(120):
         clock.advance_ns(TICK_NS)
-        tick: Any = SimpleNamespace(started_ns=clock.now_ns())
-        operator.on_tick(tick)
+        operator.receive(replace(tick(0), arming="ready", started_ns=clock.now_ns()))
     assert len(sent) == pytest.approx(states, abs=1)
 
 

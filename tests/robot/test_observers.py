@@ -10,27 +10,28 @@ from tams_app.config import TrialConfig
 from tams_app.records import Outcome, Pose, SceneTruth
 from tams_app.robot import build
 from tams_app.robot.control import Signals
-from tams_app.robot.observers import HOT_ADVICE, ArmingObserver, HeatWatch, TrialObserver
+from tams_app.robot.observers import HOT_ADVICE, ArmingNotes, HeatWatch, TrialObserver
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.records import Refusal
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S
-from tests.robot.test_parts import output
+from tests.robot.test_parts import after, inputs, output
 
 pytestmark = pytest.mark.untimed
 
 WORDS = HANDS["openvr"]
 
 
-@pytest.fixture
-def notes():
-    return []
+def noting(arm_at_once=False, hand="openvr"):
+    return ArmingNotes(Signals(), lambda: hand, arm_at_once)
 
 
-def observer(notes, arm_at_once=False, hand="openvr"):
-    return ArmingObserver(Signals(), lambda _, text: notes.append(text), lambda: hand, arm_at_once)
+def texts(observer, *outputs, arm=None):
+    """The sentences that follow from these ticks."""
+    steps = [observer.step(inputs(number, arm), each) for number, each in enumerate(outputs)]
+    return [note.text for notes in steps for note in notes]
 
 
 @pytest.mark.parametrize(
@@ -55,44 +56,36 @@ def observer(notes, arm_at_once=False, hand="openvr"):
         ),
     ],
 )
-def test_a_fault_says_once_what_happened_and_what_to_do(notes, reason, detail, told):
+def test_a_fault_says_once_what_happened_and_what_to_do(reason, detail, told):
     fault = replace(output(ArmingState.FAULT, reason), detail=detail, lasting=reason)
-    watching = observer(notes)
-    for tick in range(3):
-        watching.on_output(tick, fault, None)
-    assert notes == [told]
+    assert texts(noting(), fault, fault, fault) == [told]
 
 
-def test_a_confirmation_that_does_not_count_is_answered_every_time(notes):
+def test_a_confirmation_that_does_not_count_is_answered_every_time():
     refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
-    watching = observer(notes)
-    for tick in (refused, replace(refused, refusal=None), refused):
-        watching.on_output(0, tick, None)
+    notes = texts(noting(), refused, replace(refused, refusal=None), refused)
     assert notes == ["not confirmed: release the trigger first."] * 2
 
 
-def test_what_is_noted_has_the_words_of_the_hand_in_use(notes):
+def test_what_is_noted_has_the_words_of_the_hand_in_use():
     held = replace(output(ArmingState.HOLDING, Reason.STALE_VIDEO), lasting=Reason.STALE_VIDEO)
-    watching = observer(notes, hand="keyboard")
-    watching.on_output(0, held, None)
-    watching.on_output(1, replace(held, arming=ArmingState.FAULT, refusal=Refusal(None)), None)
+    refused = replace(held, arming=ArmingState.FAULT, refusal=Refusal(None))
+    notes = texts(noting(hand="keyboard"), held, refused)
     assert notes[0].endswith("wait until it is back, then release Shift.")
     assert notes[2] == "not confirmed: release Shift first."
 
 
-def test_a_confirmation_names_what_is_in_its_way(notes):
+def test_a_confirmation_names_what_is_in_its_way():
     refused = replace(output(ArmingState.DISARMED), refusal=Refusal(Reason.CONTROLLER_STANDBY))
-    observer(notes, hand="keyboard").on_output(0, refused, None)
-    assert notes == [
+    assert texts(noting(hand="keyboard"), refused) == [
         "not confirmed: controller standby. Click into the window that takes the keys, "
         "then release Shift."
     ]
 
 
-def test_a_refusal_without_a_confirmation_is_not_noted(notes):
+def test_a_refusal_without_a_confirmation_is_not_noted():
     refused = replace(output(ArmingState.DISARMED), refusal=Refusal(None))
-    observer(notes, arm_at_once=True).on_output(0, refused, None)
-    assert notes == []
+    assert texts(noting(arm_at_once=True), refused) == []
 
 
 class Tried:
@@ -116,7 +109,7 @@ class Tried:
         )
 
     def begin(self):
-        self.trial.on_output(self.clock.now_ns(), output(ArmingState.ENGAGED), None)
+        self.trial.receive(after(output(ArmingState.ENGAGED), self.clock.now_ns()))
 
 
 @pytest.mark.parametrize("limited", [True, False])
@@ -177,20 +170,17 @@ def test_where_the_truth_is_not_known_the_trial_is_not_judged():
     trial = TrialObserver(
         TrialConfig(), VirtualClock(), None, None, records.append, lambda: ended.append(True)
     )
-    trial.on_output(0, output(ArmingState.ENGAGED), None)
+    trial.receive(after(output(ArmingState.ENGAGED)))
     assert not trial.look()
     assert trial.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
     assert records == ended == []
 
 
-def test_the_operator_is_warned_of_a_hot_motor_and_again_only_when_it_is_hotter(
-    notes,
-) -> None:
-    watch = HeatWatch(lambda _level, text: notes.append(text), hot_c=70.0)
-    told = []
+def test_the_operator_is_warned_of_a_hot_motor_and_again_only_when_it_is_hotter() -> None:
+    watch, notes, counts = HeatWatch(hot_c=70.0), [], []
     for hottest_c in (None, 69, 70, 74, 69, 70, 75, 79, 80):
         arm = None if hottest_c is None else SimpleNamespace(hottest_motor_c=hottest_c)
-        watch.on_output(0, output(ArmingState.ENGAGED), arm)
-        told.append(len(notes))
-    assert told == [0, 0, 1, 1, 1, 1, 2, 2, 3]
+        notes += texts(watch, output(ArmingState.ENGAGED), arm=arm)
+        counts.append(len(notes))
+    assert counts == [0, 0, 1, 1, 1, 1, 2, 2, 3]
     assert notes[0] == f"a motor of the arm has 70 °C: {HOT_ADVICE}"

@@ -3,6 +3,7 @@
 import os
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,7 +13,7 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.robot import build
-from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
+from tams_app.robot.control import CONFIRMED_AGO_NS, Signals, describe, lasting_label
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.senders import Capture
 from tams_app.rotation import Rotation
@@ -23,6 +24,7 @@ from tams_app.session.recorders import LoadMonitor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.waiting
 
@@ -144,35 +146,52 @@ def output(arming, reason=None):
     )
 
 
+def inputs(now_ns=0, arm=None):
+    """What observers read of a tick's inputs."""
+    return SimpleNamespace(now_ns=now_ns, arm=arm)
+
+
+def after(decided, now_ns=0):
+    """The tick in which this was decided."""
+    return replace(
+        tick(0),
+        due_ns=now_ns,
+        started_ns=now_ns,
+        arming=decided.arming.value,
+        reason=describe(decided),
+        lasting=lasting_label(decided),
+        stop=decided.stop,
+        deadman=decided.deadman,
+        twist=decided.twist or Twist.zero(),
+    )
+
+
 def test_a_stop_lasts_from_the_fault_to_the_report_of_an_arm_at_rest():
-    records = []
-    watch = StopWatch(records.append)
+    watch, records = StopWatch(), []
     holding = output(ArmingState.HOLDING, Reason.STALE_VIDEO)
-    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.300, 0))
-    watch.on_output(8 * MS, holding, arm_at(0.301, 8 * MS))
-    watch.on_output(16 * MS, holding, arm_at(0.3015, 16 * MS))
-    watch.on_output(24 * MS, holding, arm_at(0.3015, 24 * MS))
+    records += watch.step(inputs(0, arm_at(0.300, 0)), output(ArmingState.ENGAGED))
+    records += watch.step(inputs(8 * MS, arm_at(0.301, 8 * MS)), holding)
+    records += watch.step(inputs(16 * MS, arm_at(0.3015, 16 * MS)), holding)
+    records += watch.step(inputs(24 * MS, arm_at(0.3015, 24 * MS)), holding)
     (stop,) = records
     assert (stop.reason, stop.visible_ns, stop.stopped_ns) == ("stale video", 8 * MS, 24 * MS)
 
 
 def test_releasing_the_trigger_is_no_stop():
-    records = []
-    watch = StopWatch(records.append)
-    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
-    watch.on_output(8 * MS, output(ArmingState.READY), arm_at(0.3, 8 * MS))
-    watch.on_output(16 * MS, output(ArmingState.READY), arm_at(0.3, 16 * MS))
-    watch.finish()
-    assert records == []
+    watch, records = StopWatch(), []
+    records += watch.step(inputs(0, arm_at(0.3, 0)), output(ArmingState.ENGAGED))
+    records += watch.step(inputs(8 * MS, arm_at(0.3, 8 * MS)), output(ArmingState.READY))
+    records += watch.step(inputs(16 * MS, arm_at(0.3, 16 * MS)), output(ArmingState.READY))
+    assert records + watch.finish() == []
 
 
 def test_a_stop_whose_end_was_not_seen_is_recorded_as_such():
-    records = []
-    watch = StopWatch(records.append)
-    watch.on_output(0, output(ArmingState.ENGAGED), arm_at(0.3, 0))
-    watch.on_output(8 * MS, output(ArmingState.FAULT, Reason.ARM_SILENT), arm_at(0.3, 0))
-    watch.finish()
-    assert records[0].stopped_ns is None
+    watch, arm = StopWatch(), arm_at(0.3, 0)
+    assert watch.step(inputs(0, arm), output(ArmingState.ENGAGED)) == []
+    fault = output(ArmingState.FAULT, Reason.ARM_SILENT)
+    assert watch.step(inputs(8 * MS, arm), fault) == []
+    (stop,) = watch.finish()
+    assert stop.stopped_ns is None
 
 
 # --- load, priority, building -------------------------------------------------------------------

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Sequence
 
 import pytest
 
@@ -14,12 +13,12 @@ from tams_app.policy.budget.sender import START_KBPS
 from tams_app.records import (
     Allocation,
     PacketArrival,
-    PacketRecord,
     Phase,
     PhaseChange,
     PinnedView,
     PolicyInputs,
     Reception,
+    Record,
     UplinkReport,
     UplinkSummary,
 )
@@ -68,23 +67,22 @@ class Heard(Listener):
     def __init__(self) -> None:
         self.allocations: list[Allocation] = []
         self.capacities_ns: list[int] = []
-        self.told: list[tuple[int, UplinkSummary]] = []  # packets, and all in sums
+        self.summaries: list[UplinkSummary] = []
         self.inputs: list[PolicyInputs] = []
         self.arrived = threading.Event()
 
-    def on_allocation(self, allocation: Allocation) -> None:
-        self.allocations.append(allocation)
-        if allocation.phase is Phase.ALIGN:
-            self.arrived.set()
+    def receive(self, record: Record) -> None:
+        if isinstance(record, UplinkSummary):
+            self.summaries.append(record)
+        elif isinstance(record, PolicyInputs):
+            self.inputs.append(record)
+        elif isinstance(record, Allocation):
+            self.allocations.append(record)
+            if record.phase is Phase.ALIGN:
+                self.arrived.set()
 
     def capacity(self, now_ns: int, capacity: object) -> None:
         self.capacities_ns.append(now_ns)
-
-    def on_uplink(self, told: Sequence[PacketRecord], summary: UplinkSummary) -> None:
-        self.told.append((len(told), summary))
-
-    def record(self, inputs: PolicyInputs) -> None:
-        self.inputs.append(inputs)
 
 
 def began(phase: Phase) -> PhaseChange:
@@ -136,7 +134,7 @@ def test_a_phase_that_begins_is_answered_at_once_and_the_period_counts_from_ther
     start_ns = clock.now_ns()
     step_at(loop, clock, 0)
     clock.advance_ns(10 * NS_PER_MS)
-    loop.on_phase(began(Phase.ALIGN))
+    loop.receive(began(Phase.ALIGN))
     loop.step_if_due()
     loop.step_if_due()
     assert loop.due_ns == start_ns + 60 * NS_PER_MS
@@ -153,7 +151,7 @@ def test_the_encoders_have_the_targets_before_anything_else_hears_of_them(
     loop, clock, encoders, heard
 ):
     seen = []
-    heard.on_allocation = lambda allocation: seen.append(list(encoders.targets))
+    heard.receive = lambda record: seen.append(list(encoders.targets))
     loop.step_if_due()
     assert seen == [encoders.targets]
     assert len(encoders.targets) == 1
@@ -177,9 +175,7 @@ def test_all_that_a_step_was_told_is_kept(clock, encoders, heard):
     encoders.receptions = (Reception("eih", 0.5, None, 0),)
     step_at(loop, clock, 0, 50, 100)
     assert len(heard.inputs) == 3
-    assert [len(one.report().arrivals) for one in heard.inputs] == [
-        packets for packets, _ in heard.told
-    ]
+    assert [len(one.view) for one in heard.inputs] == [one.packets for one in heard.summaries]
     assert [one.t_ns for one in heard.inputs] == [one.t_ns for one in heard.allocations]
 
 
@@ -195,10 +191,10 @@ def test_a_phase_change_reaches_the_encoders_without_waiting_for_the_next_period
     loop, stop = PolicyLoop(config, clock, encoders, heard, (heard,)), threading.Event()
     thread = threading.Thread(target=loop.run, args=(stop,))
     thread.start()
-    loop.on_phase(began(Phase.ALIGN))  # the clock stands: the next period never comes
+    loop.receive(began(Phase.ALIGN))  # the clock stands: the next period never comes
     assert heard.arrived.wait(10)
     stop.set()
-    loop.on_phase(began(Phase.REACH))
+    loop.receive(began(Phase.REACH))
     thread.join(10)
     assert encoders.targets[-1]["eih"] > 0
     assert not thread.is_alive()
@@ -208,12 +204,12 @@ def test_what_the_budget_is_told_is_heard_in_each_step_that_is_told_anything(
     clock, loop, heard, encoders
 ):
     step_at(loop, clock, 0)
-    assert heard.told == []
+    assert heard.summaries == []
     encoders.sent_bytes = 700
     encoders.arrivals = (PacketArrival("eih", 10, 500, 40), PacketArrival("eih", 20, 200, None))
     step_at(loop, clock, 50)
-    ((packets, summary),) = heard.told
-    assert (packets, summary.sent_bytes, summary.lost) == (2, 700, 1)
+    (summary,) = heard.summaries
+    assert (summary.packets, summary.sent_bytes, summary.lost) == (2, 700, 1)
 
 
 def feedback_loop(clock, encoders, heard):
@@ -238,7 +234,7 @@ def test_a_phase_that_begins_brings_no_padding_forward(clock, encoders, heard):
     loop = feedback_loop(clock, encoders, heard)
     loop.step_if_due()
     due_ns = loop.due_ns
-    loop.on_phase(began(Phase.ALIGN))
+    loop.receive(began(Phase.ALIGN))
     loop.step_if_due()
     assert loop.due_ns == due_ns
     assert [one.phase for one in heard.allocations] == [Phase.REACH, Phase.ALIGN]
@@ -266,7 +262,7 @@ def test_a_pinned_view_gets_the_bits_of_its_row_at_once_until_it_is_let_go(
     step_at(loop, clock, 0)
     for view in ("eih", ""):
         clock.advance_ns(NS_PER_MS)
-        loop.on_pinned(PinnedView(clock.now_ns(), view))
+        loop.receive(PinnedView(clock.now_ns(), view))
         loop.step_if_due()
     assert [one.phase for one in applied] == [Phase.REACH, Phase.ALIGN, Phase.REACH]
     assert [one.target_kbps["eih"] for one in applied] == [1316, 3192, 1316]

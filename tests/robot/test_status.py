@@ -95,7 +95,7 @@ def test_loss_is_the_share_of_media_packets_that_did_not_arrive() -> None:
     shown.board.packets([packet(PacketFate.LOST), packet(PacketFate.OVERFLOW)])
     shown.board.packets([packet(PacketFate.LOST, PacketKind.PADDING)] * 4)
     assert shown.state().loss is None
-    shown.board.on_allocation(Allocation(NS_PER_S, Phase.REACH, 5000.0, 4600.0, {"gt": 4000}))
+    shown.board.receive(Allocation(NS_PER_S, Phase.REACH, 5000.0, 4600.0, {"gt": 4000}))
     assert shown.state().loss == 0.25
 
 

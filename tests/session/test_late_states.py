@@ -35,7 +35,7 @@ def told(network: Network) -> list[MountPrediction]:
     found: list[MountPrediction] = []
     states = LateStates(present_of(config, found.append, lambda: True), network)
     for tick in log.ticks:
-        states.on_tick(tick)
+        states.receive(tick)
         states.step()
     return found
 
@@ -70,7 +70,7 @@ def test_the_control_thread_hands_over_and_another_one_works() -> None:
     found: list[MountPrediction] = []
     states = LateStates(present_of(config, found.append, lambda: True), Network())
     for tick in log.ticks[:60]:
-        states.on_tick(tick)
+        states.receive(tick)
     assert found == []
     stop = threading.Event()
     worker = threading.Thread(target=states.run, args=(stop, MonotonicClock()))

@@ -31,9 +31,8 @@ from tams_app.records import (
     SteeredBy,
     StopRecord,
 )
-from tams_app.robot.control import Signals, SteadyVideo
+from tams_app.robot.control import TOO_LONG_AGO, Signals, SteadyVideo
 from tams_app.robot.linked_operator import LinkedOperator
-from tams_app.robot.listener import TOO_LONG_AGO
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import VirtualClock
 from tams_app.station.linked_robot import LinkedRobot
@@ -46,9 +45,8 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrame, SentFrames
 from tams_app.video.core.repair import RepairRule
 from tests.robot.test_control import HeldController
-from tests.robot.test_parts import output
+from tests.robot.test_parts import after, output
 from tests.session.exchange import MemoryGateway, MemoryLog
-from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
@@ -115,6 +113,7 @@ class Sides:
         self.hand = self.operator.controller = MenuController()
         self.sample: ControllerSample | None = None
         self.confirmed = self.stopped = 0
+        self.decided = output(ArmingState.DISARMED)
 
     def run(self, seconds: float, *, robot: bool = True) -> None:
         for _ in range(round(seconds * 120)):
@@ -130,9 +129,9 @@ class Sides:
             if pending.late_confirm:
                 self.robot_log.note("warning", TOO_LONG_AGO)
             self.stopped += pending.estop
-            over = replace(tick(0), started_ns=now_ns, due_ns=now_ns, lasting="")
+            over = after(self.decided, now_ns)
             self.newest.put(over)
-            self.robot.on_tick(over)
+            self.robot.receive(over)
 
     def cut(self, is_cut: bool) -> None:
         self.here.cut = self.there.cut = is_cut
@@ -217,7 +216,7 @@ def test_a_click_of_the_menu_button_that_no_sample_shows_stops_an_armed_arm_once
     arming: str, loss: str
 ):
     sides = Sides()
-    sides.robot.on_output(0, output(ArmingState(arming)), None)
+    sides.decided = output(ArmingState(arming))
     sides.run(1.0)
     if loss == "lost":
         sides.here.cut = True
@@ -234,11 +233,11 @@ def test_the_menu_button_stops_nothing_where_the_arm_is_not_armed_or_it_went_dow
     sides = Sides()
     sides.hand.menu = True
     sides.run(1.0)
-    sides.robot.on_output(0, output(ArmingState.DISARMED), None)
+    sides.decided = output(ArmingState.DISARMED)
     for down in (False, True, False):
         sides.hand.menu = down
         sides.run(0.1)
-    sides.robot.on_output(0, output(ArmingState.READY), None)
+    sides.decided = output(ArmingState.READY)
     sides.run(1.0)
     assert sides.stopped == 0
 
@@ -297,7 +296,7 @@ def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():
             sides = Sides()
             sides.run(0.1)
             told = output(state) if reason is None else output(state, reason)
-            sides.robot.on_output(0, replace(told, detail="d" * 150), None)
+            sides.decided = replace(told, detail="d" * 150)
             sides.hand.menu = sides.hand.a = state is ArmingState.READY
             sides.there.sent.clear()
             sides.here.sent.clear()
@@ -311,7 +310,7 @@ def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():
 
 def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram(sides: Sides):
     fault = output(ArmingState.FAULT, Reason.ARM_ERROR)
-    sides.robot.on_output(0, replace(fault, detail="d" * 400), None)
+    sides.decided = replace(fault, detail="d" * 400)
     for _ in range(5):
         sides.robot.note("ü" * 5000)
     sides.run(0.01)
@@ -419,7 +418,7 @@ def test_the_operators_side_knows_what_the_uplink_carries(sides: Sides):
     targets = dict.fromkeys(VIEWS, 1000)
     allocation = Allocation(now_ns, Phase.REACH, float("inf"), 3400.0, targets)
     sides.newest.put(allocation)
-    sides.board.on_allocation(allocation)
+    sides.board.receive(allocation)
     sides.run(1.0)
     state = sides.operator.state.state
     assert [state.views[view].sent_kbps for view in VIEWS] == [400.0] * 3

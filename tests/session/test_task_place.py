@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -15,6 +16,7 @@ from hw.sim.world.scene import build_model
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import Activity, ArmState, Frame, ServoMode
 from tams_app.session.task_place import task_regions
+from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
@@ -45,7 +47,7 @@ def test_each_view_of_the_rig_has_the_region_where_its_camera_sees_the_tool(
     state = ArmState(0, joints, tcp, Activity.MOVING, ServoMode.VELOCITY, None, None)
 
     regions, frames = task_regions(config), list[Frame]()
-    regions.on_output(0, None, state)  # type: ignore[arg-type]  # of the output nothing is read
+    regions.receive(replace(tick(0), arm=state))
     give = regions.through(frames.append)
     for view in VIEWS:
         give(Frame(view, 5, 0, np.zeros((HEIGHT_PX, WIDTH_PX, 3), np.uint8)))

@@ -16,7 +16,7 @@ from tams_app.export.options import ExportOptions
 from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
-from tams_app.records import EpisodeSource as EndedEpisode
+from tams_app.records import Episode as EndedEpisode
 from tams_app.records import Outcome, ServoMode
 from tams_app.units import NS_PER_S
 

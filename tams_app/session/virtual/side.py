@@ -7,7 +7,7 @@ from contextlib import ExitStack
 from functools import partial
 
 from tams_app.config import Config
-from tams_app.records import Frame, Outcome, PhaseChange
+from tams_app.records import Frame, Outcome, PhaseChange, Record
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.engine import Engine
@@ -85,7 +85,7 @@ class VirtualRobotSide(Listener):
     def stop(self) -> None:
         """Stop the arm for good."""
         self._robot.stop()
-        self._engine.stops.finish()
+        self._engine.finish()
 
     def outcome(self, reason: str) -> Outcome:
         """The verdict; `reason` says why the trial ended."""
@@ -95,9 +95,10 @@ class VirtualRobotSide(Listener):
         """Give everything back; may be called twice."""
         self._stack.close()
 
-    def on_phase(self, change: PhaseChange) -> None:
-        """The policy loop has been woken: let it step."""
-        self._events.post(change.t_ns, self._step_policy)
+    def receive(self, record: Record) -> None:
+        """Where the policy loop has been woken, let it step."""
+        if isinstance(record, PhaseChange):
+            self._events.post(record.t_ns, self._step_policy)
 
     def _tick(self, due_ns: int) -> None:
         self._operator.look(due_ns)

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 
 from hw.sim.operator.demo import SharpEyedHand
 from tams_app.config import Config
-from tams_app.records import SceneTruth, Tick
+from tams_app.records import Record, SceneTruth, Tick
 from tams_app.robot import build
 from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingObserver, TrialObserver
+from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingNotes, TrialObserver
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.session.virtual.side import repeat
@@ -67,7 +67,7 @@ class VideolessTrial(Listener):
 
     def _build_control(self, config: Config) -> ControlLoop:
         robot, signals = self._robot, Signals()
-        arming = ArmingObserver(signals, _ignore, lambda: SIMULATED, arm_at_once=False)
+        arming = ArmingNotes(signals, lambda: SIMULATED, arm_at_once=False)
         return build.control_loop(
             config,
             self._clock,
@@ -77,11 +77,13 @@ class VideolessTrial(Listener):
             SteadyVideo(),
             0,
             signals,
-            (arming, self._trial, self),
+            (self._trial, self),
+            (arming,),
         )
 
-    def on_tick(self, tick: Tick) -> None:
-        self.ticks.append(tick)
+    def receive(self, record: Record) -> None:
+        if isinstance(record, Tick):
+            self.ticks.append(record)
 
     def _begin(self) -> None:
         self._robot.arm.connect()

@@ -19,8 +19,7 @@ from tams_app.faces.session_face import facts_of
 from tams_app.faces.window.session_window import SessionWindow
 from tams_app.printing import Console
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
-from tams_app.robot.control import CONFIRMED_AGO_NS
-from tams_app.robot.listener import TOO_LONG_AGO
+from tams_app.robot.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
 from tams_app.teleop.clutch import Clutch
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.faces.played_session import STATE, PlayedSession, window_processes
