@@ -17,6 +17,7 @@ from tams_app.records import (
     Newest,
     PhaseChange,
     PinnedView,
+    Placed,
     SessionState,
     StopRecord,
     Tick,
@@ -41,7 +42,6 @@ class StateMaker:
         views: Mapping[str, ViewState],
         hand: str,
         episodes: EpisodesState | None,
-        placed: bool,
     ) -> SessionState:
         """The state without the time that it is shown at.
 
@@ -53,12 +53,11 @@ class StateMaker:
                 camera gave where that is not recorded.
             hand: of `tams_app.teleop.hands.HANDS`, "" while it is not known.
             episodes: None: the session has none.
-            placed: whether the rig's judge has seen the block placed.
 
         Returns:
             The state; a value that nothing is known of is as `SessionState` has it by default.
         """
-        tick, allocation = newest.of(Tick), newest.of(Allocation)
+        tick, allocation, placed = newest.of(Tick), newest.of(Allocation), newest.of(Placed)
         capacity, stop = newest.of(LinkCapacity), newest.of(StopRecord)
         change, rates, pin = newest.of(PhaseChange), newest.of(CameraRates), newest.of(PinnedView)
         pinned = "" if pin is None else pin.view
@@ -89,7 +88,7 @@ class StateMaker:
             capacity_kbps=None if capacity is None else finite(capacity.capacity_kbps),
             asked_fps=self._fps,
             episodes=episodes,
-            placed=placed,
+            placed=placed is not None and placed.placed,
         )
         return state if tick is None else _with_tick(state, tick)
 

@@ -18,6 +18,7 @@ from tams_app.records import (
     Newest,
     Phase,
     PinnedView,
+    Placed,
     Record,
     SessionState,
     StopRecord,
@@ -34,6 +35,7 @@ pytestmark = pytest.mark.untimed
 def eventful() -> SessionLog:
     log = Synthetic(4.0, switch_s=2.0).log()
     log.pins = [PinnedView(START_NS + NS_PER_S, "gs"), PinnedView(START_NS + 3 * NS_PER_S, "")]
+    log.placed = [Placed(START_NS + NS_PER_S, True), Placed(START_NS + 3 * NS_PER_S, False)]
     log.stops = [StopRecord("stale video", START_NS + 2 * NS_PER_S, None)]
     log.rates = [CameraRates(START_NS + s * NS_PER_S, {"gt": 30.0 - s}, {}) for s in range(4)]
     log.capacities = [LinkCapacity(START_NS + s * NS_PER_S, 6000.0 + s) for s in range(4)]
@@ -42,7 +44,16 @@ def eventful() -> SessionLog:
 
 LOG = eventful()
 INDEX = LogIndex(LOG)
-LISTS = (LOG.ticks, LOG.phases, LOG.pins, LOG.allocations, LOG.stops, LOG.rates, LOG.capacities)
+LISTS = (
+    LOG.ticks,
+    LOG.phases,
+    LOG.pins,
+    LOG.allocations,
+    LOG.stops,
+    LOG.rates,
+    LOG.capacities,
+    LOG.placed,
+)
 RECORDS: list[Record] = [record for records in LISTS for record in records]
 
 

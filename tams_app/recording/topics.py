@@ -35,6 +35,7 @@ from tams_app.records import (
     Phase,
     PhaseChange,
     PinnedView,
+    Placed,
     PolicyInputs,
     Record,
     SceneTruth,
@@ -274,6 +275,7 @@ class SessionLog:
     hands_received: list[HandHeard] = records("/link/hand", HandHeard)
     states_received: list[StateHeard] = records("/link/state", StateHeard)
     episodes: list[Episode] = records("/episode", Episode)
+    placed: list[Placed] = records("/placed", Placed)
     predictions: list[MountPrediction] = records("/prediction", MountPrediction, "now_ns")
     link_health: list[LinkHealth] = records("/link/health", LinkHealth)
 

@@ -66,6 +66,7 @@ from tams_app.records.trial import Episode as Episode
 from tams_app.records.trial import EpisodeRequest as EpisodeRequest
 from tams_app.records.trial import OperatorGlance as OperatorGlance
 from tams_app.records.trial import Outcome as Outcome
+from tams_app.records.trial import Placed as Placed
 from tams_app.records.trial import SceneTruth as SceneTruth
 from tams_app.records.uplink import IP_UDP_HEADER_BYTES as IP_UDP_HEADER_BYTES
 from tams_app.records.uplink import LinkCapacity as LinkCapacity

@@ -23,6 +23,14 @@ class SceneTruth(Record):
 
 
 @dataclass(frozen=True, slots=True)
+class Placed(Record):
+    """The judge of the simulated rig has seen the block placed, or it was put back for another."""
+
+    t_ns: TimeNs
+    placed: Annotated[bool, "whether it is placed; false: it was put back"]
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome(Record):
     """The verdict on a trial (docs/GLOSSARY.md, Trial)."""
 

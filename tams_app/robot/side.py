@@ -11,7 +11,7 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config, LinkConfig
 from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, Frame, PacketRecord, SessionState
+from tams_app.records import Activity, Frame, PacketRecord, Placed, SessionState
 from tams_app.robot import build
 from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
 from tams_app.robot.control import Signals
@@ -268,10 +268,10 @@ class RobotSide:
             return
         self._devices.put_back()
         self._engine.trial.again()
-        self._board.placed = False
+        self._log.record(Placed(self._clock.now_ns(), placed=False))
 
     def _on_placed(self) -> None:
-        self._board.placed = True
+        self._log.record(Placed(self._clock.now_ns(), placed=True))
         then = "" if self._operator.is_simulated else ": go on, or press q to end the session"
         self._log.note("info", PLACED + then)
 

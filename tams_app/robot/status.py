@@ -37,7 +37,6 @@ class StatusBoard(Listener):
         """`asked_fps`: of each camera. `newest`: of the session's log."""
         self._views, self._newest = views, newest
         self._maker = StateMaker(views, weights, asked_fps)
-        self.placed = False  # the block, as the judge saw it
         self._uplink, self._reported = UplinkMeter(views), ReportedPackets()
         self._figures = uplink_figures((), views, WINDOW_NS)
 
@@ -74,9 +73,7 @@ class StatusBoard(Listener):
         }
         tick = self._newest.of(Tick)
         return replace(
-            self._maker.state(
-                self._newest, elapsed_s, self._figures, views, hand, episodes, self.placed
-            ),
+            self._maker.state(self._newest, elapsed_s, self._figures, views, hand, episodes),
             now_ns=now_ns,
             heard_ns=None if tick is None else tick.started_ns,
         )

@@ -21,6 +21,7 @@ from tams_app.records import (
     Phase,
     PhaseChange,
     PinnedView,
+    Placed,
     Record,
     SessionState,
     StopRecord,
@@ -133,7 +134,6 @@ def test_the_primary_view_is_the_phases_or_the_pinned_one() -> None:
 
 
 def test_the_block_is_placed_once_the_judge_has_seen_it() -> None:
-    shown = Shown()
-    assert not shown.state().placed
-    shown.board.placed = True
-    assert shown.state().placed
+    assert not Shown().state().placed
+    assert Shown(Placed(0, placed=True)).state().placed
+    assert not Shown(Placed(0, placed=False)).state().placed, "it was put back"

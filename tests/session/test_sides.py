@@ -27,6 +27,7 @@ from tams_app.records import (
     Phase,
     PhaseChange,
     PinnedView,
+    Placed,
     StateHeard,
     SteeredBy,
     StopRecord,
@@ -448,7 +449,7 @@ def test_the_robots_side_knows_which_frames_are_shown():
 
 def test_the_operators_side_is_told_why_the_session_ended(sides: Sides):
     assert not sides.operator.state.state.placed
-    sides.board.placed = True  # which ends the session before another state is sent
+    sides.newest.put(Placed(0, placed=True))  # which ends the session before another state is sent
     sides.robot.end("the trial is over", failed=False)
     sides.run(0.5, robot=False)
     assert sides.operator.state.ended == "the trial is over"

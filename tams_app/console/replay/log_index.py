@@ -14,7 +14,7 @@ from tams_app.faces.messages import Outline, Stretch
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameShown
-from tams_app.records import EpisodesState, Newest, Note, Record, SessionState, ViewState
+from tams_app.records import EpisodesState, Newest, Note, Placed, Record, SessionState, ViewState
 from tams_app.robot.uplink_meter import WINDOW_NS
 from tams_app.state import StateMaker
 from tams_app.summary.tables import Integers, known_packets
@@ -37,12 +37,23 @@ class LogIndex:
         self._log = log
         self._views = log.header.views
         stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
+        # up to version 3 a log has it in words alone
+        placed = log.placed or [
+            Placed(one.t_ns, placed=True) for one in log.notes if one.text.startswith(PLACED)
+        ]
         self._records: list[tuple[Sequence[Record], Integers]] = [
             (log.ticks, _times([tick.started_ns for tick in log.ticks])),
             (stops, _times([stop.visible_ns for stop in stops])),
             *(
                 (timed, _times([one.t_ns for one in timed]))
-                for timed in (log.allocations, log.phases, log.pins, log.capacities, log.rates)
+                for timed in (
+                    log.allocations,
+                    log.phases,
+                    log.pins,
+                    log.capacities,
+                    log.rates,
+                    placed,
+                )
             ),
         ]
         self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
@@ -73,7 +84,6 @@ class LogIndex:
             views={view: self._view(view, t_ns) for view in self._views},
             hand=log.facts.get(HAND_FACT, ""),
             episodes=self._episodes(t_ns) if log.episodes else None,
-            placed=any(one.text.startswith(PLACED) and one.t_ns <= t_ns for one in log.notes),
         )
 
     def rates_before(self, t_ns: int) -> tuple[SessionState, ...]:
