@@ -9,25 +9,21 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 import typer
 from typer.exceptions import TyperException
 
 from calibration.cli import app as calibrate
 from tams_app import __version__
-from tams_app.config import Config, load_config
+from tams_app.config import load_config
 from tams_app.console import options
 from tams_app.console.logs_cli import add_logs
+from tams_app.console.study_cli import study_app
 from tams_app.console.tools_cli import add_tools
 from tams_app.console.two_sided_cli import add_two_sided
-from tams_app.errors import ConfigError, SetupError, TamsError
-from tams_app.study.cli import ConfigOption, study_app
-
-if TYPE_CHECKING:
-    from tams_app.study.runner import TrialRunner
+from tams_app.errors import ConfigError, TamsError
 
 app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -116,30 +112,18 @@ def _tams(
 
 
 @app.command()
+@options.overriding(
+    "config sim strategy preset network budget seconds seed fps headless hand operator predict "
+    "arm dry_run record_reference episodes foxglove ros2 out"
+)
 def run(
-    config: ConfigOption = None,
-    sim: options.SimOption = False,
-    strategy: options.StrategyOption = None,
-    preset: options.PresetOption = None,
-    network: options.NetworkOption = None,
-    budget: options.BudgetOption = None,
-    seconds: options.SecondsOption = None,
-    seed: options.SeedOption = None,
-    fps: options.FpsOption = None,
-    headless: options.HeadlessOption = False,
-    hand: options.HandOption = None,
-    operator: options.OperatorOption = None,
-    predict: options.PredictOption = None,
+    overrides: dict[str, Any],
+    config: options.ConfigOption = None,
     arm: options.ArmOption = False,
     dry_run: options.DryRunOption = False,
-    record_reference: options.ReferenceOption = False,
-    episodes: options.EpisodesOption = None,
-    foxglove: options.FoxgloveOption = None,
-    ros2: options.Ros2Option = None,
-    out: options.OutOption = None,
 ) -> None:
     """Run a session; by default one simulated pick-and-place."""
-    settings = load_config(config, options.overrides_of(locals()))
+    settings = load_config(config, overrides)
     options.check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_session
@@ -151,13 +135,14 @@ add_two_sided(app)
 
 
 @app.command()
+@options.overriding("file model host hand side camera")
 def init(
+    overrides: dict[str, Any],
     file: Annotated[Path, typer.Argument(metavar="[FILE]")] = Path("YOUR.yaml"),
     model: Annotated[str | None, typer.Option(help="The kind of arm, such as lite6.")] = None,
     host: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="Address of the control box.")
     ] = None,
-    hand: options.HandOption = None,
     side: Annotated[
         str | None, typer.Option(help="The hand that holds a tracked controller: right or left.")
     ] = None,
@@ -170,12 +155,13 @@ def init(
     from calibration.first_file import Answers, write_first_file
     from calibration.ui import WizardUI
 
+    hand = overrides["controller.device"]
     with WizardUI() as ui:
         write_first_file(ui, file, Answers(model, host, hand, side, tuple(camera or ())))
 
 
 @app.command()
-def home(config: ConfigOption = None) -> None:
+def home(config: options.ConfigOption = None) -> None:
     """Move the arm slowly to its ready pose while Enter is held."""
     from tams_app.console.home import run_home
 
@@ -184,7 +170,7 @@ def home(config: ConfigOption = None) -> None:
 
 @app.command()
 def doctor(
-    config: ConfigOption = None,
+    config: options.ConfigOption = None,
     devices: Annotated[
         bool, typer.Option("--devices", help="List the arms, controllers and cameras found.")
     ] = False,
@@ -223,20 +209,4 @@ def doctor(
 
 add_logs(app)
 add_tools(app)
-
-
-def _simulated_trials(settings: Config) -> TrialRunner:
-    if find_spec("mujoco") is None:
-        raise SetupError("simulated trials need MuJoCo: pip install mujoco")
-    from tams_app.session.virtual import SimulatedTrialRunner
-
-    return SimulatedTrialRunner(settings)
-
-
-def _trials_with_people(settings: Config) -> TrialRunner:
-    from tams_app.console.trial import LiveTrialRunner
-
-    return LiveTrialRunner(settings)
-
-
-app.add_typer(study_app(_simulated_trials, _trials_with_people), name="study")
+app.add_typer(study_app, name="study")

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from tams_app.console.export_cli import export
-from tams_app.console.options import HeadlessOption, JsonOption
+from tams_app.console.options import JsonOption
 from tams_app.errors import LogError
 from tams_app.outputs import refuse_existing
 
@@ -69,7 +69,7 @@ def report(
 def replay(
     log: Annotated[Path, typer.Argument(help="A session folder.")],
     speed: Annotated[float, typer.Option(help="Playback speed; 1 is real time.")] = 1.0,
-    headless: HeadlessOption = False,
+    headless: Annotated[bool, typer.Option("--headless", help="Open no window.")] = False,
     mark: Annotated[
         bool,
         typer.Option("--mark", help="Mark by keys where each phase begins, for calibrate phases."),

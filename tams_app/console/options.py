@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import inspect
+from collections.abc import Callable, Iterable, Mapping
+from functools import wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any, TypeAlias, get_args
 
 import typer
 
@@ -23,6 +25,18 @@ _BARE = {
     "--episodes": "0",  # any number
 }  # what an option without a value stands for
 
+CommandFunction: TypeAlias = Callable[..., None]
+ConfigOption = Annotated[
+    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
+]
+ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Do everything except move the arm.")]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
+KeyOption = Annotated[
+    Path | None,
+    typer.Option("--key", help="This computer's key file; not needed on loopback."),
+]
+
 
 def network_names(ctx: typer.Context) -> list[str]:
     """For the shell: those of the configuration; where none fits, the shell offers files."""
@@ -35,130 +49,160 @@ def network_names(ctx: typer.Context) -> list[str]:
 def _devices() -> list[str]:
     from hw.make_controller import DEVICES  # not for every command
 
-    return list(DEVICES)
+    return ["auto", *DEVICES, "sim"]
 
 
-STRATEGY_HELP = "How views share the bitrate: equal, static, tams, tams+ or an installed one."
+class Override:
+    """An option that lays its value over a key of the configuration, and takes what that takes.
 
-SimOption = Annotated[
-    bool, typer.Option("--sim", help="Use the simulated arm and cameras, not the configured ones.")
-]
-StrategyOption = Annotated[
-    str | None, typer.Option(help=STRATEGY_HELP, autocompletion=lambda: list(STRATEGIES))
-]
-PresetOption = Annotated[
-    str | None,
-    typer.Option(help="reference: the constants of the authors' nodes, over file and calibration."),
-]
-BudgetOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Source of the budget: feedback, sender or oracle.", autocompletion=lambda: [*BUDGETS]
+    A truth value is a flag that sets it. The bounds are the configuration's to check.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        help_text: str | None = None,
+        words: Iterable[str] = (),
+        default: str | None = None,
+        kind: Any = None,
+        **how: Any,
+    ) -> None:
+        """Describe the option of a dotted `key`.
+
+        Args:
+            key: of the configuration.
+            help_text: what --help says of it.
+            words: what the shell offers as its value.
+            default: laid over the key if it is not given; None: the key stays as in the file.
+            kind: of its value; None: that of the key.
+            how: further arguments of `typer.Option`.
+        """
+        self.key, self.default = key, default
+        self._kind = kind or _kind_at(key)
+        if words:
+            how["autocompletion"] = lambda: list(words)
+        self._how = {"help": help_text, **how}
+
+    def parameter(self, name: str) -> inspect.Parameter:
+        """As typer takes it, called `name`."""
+        flag = (f"--{name.replace('_', '-')}",) if self._kind is bool else ()
+        return inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=False if flag else self.default,
+            annotation=Annotated[self._kind, typer.Option(*flag, **self._how)],
+        )
+
+
+def _kind_at(key: str) -> Any:
+    """What a key of the configuration holds: `bool`, `int` or `float`, and `str` for all else."""
+    hint: Any = Config
+    for part in key.split("."):
+        hint = hint.model_fields[part].annotation
+    return _kind_of(hint)
+
+
+def _kind_of(hint: Any) -> Any:
+    if hint in (bool, int, float):
+        return hint
+    kinds = map(_kind_of, get_args(hint))
+    return next((kind for kind in kinds if kind is not str), str)
+
+
+OPTIONS = {
+    "sim": Override("rig.enabled", "Use the simulated arm and cameras, not the configured ones."),
+    "strategy": Override(
+        "strategy",
+        "How views share the bitrate: equal, static, tams, tams+ or an installed one.",
+        STRATEGIES,
     ),
-]
-NetworkOption = Annotated[
-    str | None,
-    typer.Option(help="Emulate s1, s2, s3, none or a trace file.", autocompletion=network_names),
-]
-OperatorOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Simulated operator: seeing or scripted.",
-        autocompletion=lambda: list(get_args(OperatorKind)),
+    "preset": Override(
+        "preset", "reference: the constants of the authors' nodes, over file and calibration."
     ),
-]
-SecondsOption = Annotated[float | None, typer.Option(help="End after this many seconds.")]
-SeedOption = Annotated[int | None, typer.Option(help="Seed of scene, noise and packet loss.")]
-FpsOption = Annotated[
-    int | None, typer.Option(help="Frames a second that each camera is asked for; 30 by default.")
-]
-HandOption = Annotated[
-    str | None,
-    typer.Option(
-        help="What the operator holds: openvr, keyboard, sim or an installed one.",
-        autocompletion=lambda: ["auto", *_devices(), "sim"],
+    "network": Override(
+        "network", "Emulate s1, s2, s3, none or a trace file.", autocompletion=network_names
     ),
-]
-HeadlessOption = Annotated[bool, typer.Option("--headless", help="Open no window.")]
-ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Do everything except move the arm.")]
-ReferenceOption = Annotated[
-    bool, typer.Option("--record-reference", help="Also record the camera images without loss.")
-]
-EpisodesOption = Annotated[
-    int | None,
-    typer.Option(
-        min=0, metavar="[N]", help="Record episodes, kept or discarded by key; end when N are kept."
+    "budget": Override(
+        "policy.budget.mode", "Source of the budget: feedback, sender or oracle.", BUDGETS
     ),
-]
-PredictOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Compensate for delay: eih (redraws the wrist camera's frames as they would look "
-        "now), all (eih, and outlines the arm's current pose in the other views) or off.",
-        autocompletion=lambda: ["eih", "all", "off"],
+    "seconds": Override("seconds", "End after this many seconds."),
+    "seed": Override("seed", "Seed of scene, noise and packet loss."),
+    "fps": Override("video.fps", "Frames a second that each camera is asked for; 30 by default."),
+    "headless": Override("headless", "Open no window."),
+    "hand": Override(
+        "controller.device",
+        "What the operator holds: openvr, keyboard, sim or an installed one.",
+        autocompletion=_devices,
     ),
-]
-FoxgloveOption = Annotated[
-    str | None,
-    typer.Option(
+    "operator": Override(
+        "rig.operator.kind", "Simulated operator: seeing or scripted.", get_args(OperatorKind)
+    ),
+    "predict": Override(
+        "view.predict",
+        "Compensate for delay: eih (redraws the wrist camera's frames as they would look now), "
+        "all (eih, and outlines the arm's current pose in the other views) or off.",
+        ("eih", "all", "off"),
+    ),
+    "record_reference": Override(
+        "recording.record_reference", "Also record the camera images without loss."
+    ),
+    "episodes": Override(
+        "recording.episode_count",
+        "Record episodes, kept or discarded by key; end when N are kept.",
+        metavar="[N]",
+        min=0,
+    ),
+    "foxglove": Override(
+        "recording.foxglove",
+        f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
         metavar="[HOST:PORT]",
-        help=f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
     ),
-]
-Ros2Option = Annotated[
-    int | None,
-    typer.Option(
+    "ros2": Override(
+        "recording.ros2",
+        f"Publish the session in ROS 2 while it runs; by default in domain {ROS2}.",
         metavar="[DOMAIN]",
-        help=f"Publish the session in ROS 2 while it runs; by default in domain {ROS2}.",
     ),
-]
-OutOption = Annotated[Path | None, typer.Option(help="Folder for the session folders.")]
-JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
-KeyOption = Annotated[
-    Path | None,
-    typer.Option("--key", help="This computer's key file; not needed on loopback."),
-]
-KeysOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--key",
-        help="The operator's key file, or a folder of them; not needed on loopback.",
-    ),
-]
-
-
-_KEYS = {  # of the configuration, by the option that sets it
-    "sim": "rig.enabled",
-    "strategy": "strategy",
-    "preset": "preset",
-    "network": "network",
-    "budget": "policy.budget.mode",
-    "seconds": "seconds",
-    "seed": "seed",
-    "fps": "video.fps",
-    "record_reference": "recording.record_reference",
-    "episodes": "recording.episode_count",
-    "foxglove": "recording.foxglove",
-    "ros2": "recording.ros2",
-    "out": "recording.directory",
-    "headless": "headless",
-    "hand": "controller.device",
-    "operator": "rig.operator.kind",
-    "predict": "view.predict",
+    "out": Override("recording.directory", "Folder for the session folders.", kind=Path),
 }
 
 
-def overrides_of(given: Mapping[str, Any]) -> dict[str, Any]:
-    """The overrides of the configuration file by a command's options, which are `given` by name."""
-    overrides = {
-        key: given.get(name) for name, key in _KEYS.items() if given.get(name) is not False
-    }
-    out = given.get("out")
-    return overrides | {
-        "recording.directory": str(out) if out else None,
-        "recording.episodes": None if given.get("episodes") is None else True,
-    }
+def overriding(
+    order: str, others: Mapping[str, Override] | None = None
+) -> Callable[[CommandFunction], CommandFunction]:
+    """Make a command of a function of `overrides`, of the configuration, and what it declares.
+
+    order: all that the command takes, as its --help lists it. What the function does not declare
+    itself is looked up in `others`, then in `OPTIONS`, and is in `overrides` by its key: None if it
+    was not given.
+    """
+    known = {**OPTIONS, **(others or {})}
+
+    def decorated(function: CommandFunction) -> CommandFunction:
+        own = inspect.signature(function, eval_str=True).parameters
+        options = {name: known[name] for name in order.split() if name not in own}
+
+        @wraps(function)
+        def command(**given: Any) -> None:
+            overrides = {one.key: _value(given.pop(name)) for name, one in options.items()}
+            if overrides.get("recording.episode_count") is not None:
+                overrides["recording.episodes"] = True
+            function(overrides=overrides, **given)
+
+        parameters = [
+            own[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)
+            if name in own
+            else options[name].parameter(name)
+            for name in order.split()
+        ]
+        command.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        return command
+
+    return decorated
+
+
+def _value(given: Any) -> Any:
+    """What is laid over a key: of a flag that is not set nothing, of a path its text."""
+    return str(given) if isinstance(given, Path) else None if given is False else given
 
 
 def with_values(arguments: list[str]) -> list[str]:

@@ -5,16 +5,21 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from tams_app.config import load_config
-from tams_app.console.options import JsonOption, PresetOption, StrategyOption, network_names
+from tams_app.console.options import (
+    ConfigOption,
+    JsonOption,
+    Override,
+    network_names,
+    overriding,
+)
 from tams_app.errors import ConfigError, not_one_of
 from tams_app.outputs import write_file
 from tams_app.policy.allocation import make_strategy
-from tams_app.study.cli import ConfigOption
 
 MAX_KBPS = 1e9
 
@@ -83,17 +88,20 @@ def network(
     run_network(load_config(config), name, interface, action, typer.echo)
 
 
+@overriding(
+    "file out no_smoothing v_eps_mm_s vz_min_mm_s align_dwell_s pre_release_dwell_s preset config",
+    {
+        name: Override(f"policy.phases.{name}")
+        for name in ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
+    },
+)
 def phases(
+    overrides: dict[str, Any],
     file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
     out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
     no_smoothing: Annotated[
         bool, typer.Option("--no-smoothing", help="The speeds are already smoothed.")
     ] = False,
-    v_eps_mm_s: Annotated[float | None, typer.Option()] = None,
-    vz_min_mm_s: Annotated[float | None, typer.Option()] = None,
-    align_dwell_s: Annotated[float | None, typer.Option()] = None,
-    pre_release_dwell_s: Annotated[float | None, typer.Option()] = None,
-    preset: PresetOption = None,
     config: ConfigOption = None,
 ) -> None:
     """Label the task phases in a table of speeds (Algorithm 1).
@@ -102,16 +110,7 @@ def phases(
     """
     from tams_app.policy.offline import label_phases
 
-    settings = load_config(
-        config,
-        {
-            "preset": preset,
-            "policy.phases.v_eps_mm_s": v_eps_mm_s,
-            "policy.phases.vz_min_mm_s": vz_min_mm_s,
-            "policy.phases.align_dwell_s": align_dwell_s,
-            "policy.phases.pre_release_dwell_s": pre_release_dwell_s,
-        },
-    ).policy.phases
+    settings = load_config(config, overrides).policy.phases
     if out is not None and out.exists() and file.exists() and out.samefile(file):
         raise ConfigError(f"--out: {out} is the table that is read: give another file")
     smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
@@ -128,7 +127,19 @@ def _phases() -> list[str]:
     return [phase.word for phase in Phase]
 
 
+@overriding(
+    "phase budget_kbps floor_kbps strategy preset as_json config",
+    {
+        "floor_kbps": Override(
+            "policy.allocation.floor_kbps",
+            "Minimum for each view.",
+            parser=_kbps,
+            metavar="KBPS",
+        )
+    },
+)
 def allocate(
+    overrides: dict[str, Any],
     phase: Annotated[
         str,
         typer.Option(
@@ -140,23 +151,17 @@ def allocate(
         float,
         typer.Option(parser=_kbps, metavar="KBPS", help="The budget B, after the safety factor."),
     ],
-    floor_kbps: Annotated[
-        float | None,
-        typer.Option(parser=_kbps, metavar="KBPS", help="Minimum for each view."),
-    ] = None,
-    strategy: StrategyOption = None,
-    preset: PresetOption = None,
     as_json: JsonOption = False,
     config: ConfigOption = None,
 ) -> None:
     """Print the bitrate that a strategy gives each view in a phase."""
     from tams_app.records import Phase
 
-    settings = load_config(config, {"preset": preset, "policy.allocation.floor_kbps": floor_kbps})
+    settings = load_config(config, overrides)
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
         raise ConfigError(f"--phase: {not_one_of(phase, _phases())}")
-    chosen = make_strategy(strategy or settings.strategy, settings.policy)
+    chosen = make_strategy(settings.strategy, settings.policy)
     floor = settings.policy.allocation.floor_kbps
     targets = chosen.targets(Phase[name], budget_kbps)
     if budget_kbps < len(targets) * floor:

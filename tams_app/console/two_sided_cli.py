@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from tams_app.config import load_config
-from tams_app.console import options
-from tams_app.study.cli import ConfigOption
+from tams_app.console.options import (
+    ArmOption,
+    ConfigOption,
+    DryRunOption,
+    KeyOption,
+    Override,
+    check_arm_at_once,
+    network_names,
+    overriding,
+)
 
 key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of two computers.")
 
@@ -21,76 +29,69 @@ def add_two_sided(app: typer.Typer) -> None:
     app.add_typer(key_app, name="key")
 
 
+@overriding(
+    "listen key config sim strategy preset network budget seconds seed fps arm dry_run "
+    "record_reference episodes foxglove ros2 out",
+    {
+        "network": Override(
+            "network",
+            "Emulate before the link: s1, s2, s3, none or a trace file.",
+            default="none",
+            autocompletion=network_names,
+        )
+    },
+)
 def robot(
+    overrides: dict[str, Any],
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address on which to listen.")],
-    key: options.KeysOption = None,
+    key: Annotated[
+        Path | None,
+        typer.Option(help="The operator's key file, or a folder of them; not needed on loopback."),
+    ] = None,
     config: ConfigOption = None,
-    sim: options.SimOption = False,
-    strategy: options.StrategyOption = None,
-    preset: options.PresetOption = None,
-    network: Annotated[
-        str,
-        typer.Option(
-            help="Emulate before the link: s1, s2, s3, none or a trace file.",
-            autocompletion=options.network_names,
-        ),
-    ] = "none",
-    budget: options.BudgetOption = None,
-    seconds: options.SecondsOption = None,
-    seed: options.SeedOption = None,
-    fps: options.FpsOption = None,
-    arm: options.ArmOption = False,
-    dry_run: options.DryRunOption = False,
-    record_reference: options.ReferenceOption = False,
-    episodes: options.EpisodesOption = None,
-    foxglove: options.FoxgloveOption = None,
-    ros2: options.Ros2Option = None,
-    out: options.OutOption = None,
+    arm: ArmOption = False,
+    dry_run: DryRunOption = False,
 ) -> None:
     """Run the robot's side of a session on two computers.
 
     It has the arm, the cameras, and everything that can stop the arm.
     """
-    overrides = options.overrides_of(locals()) | {
+    of_this_side = {
         "headless": True,
         "controller.device": "auto",  # the operator's side has the device
         "name": "robot",
         "video.bind_host": "127.0.0.1",
         "video.quality.enabled": False,
     }
-    settings = load_config(config, overrides)
-    options.check_arm_at_once(arm, settings)
+    settings = load_config(config, overrides | of_this_side)
+    check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.two_sided import endpoint_of, run_robot
 
     raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run))
 
 
+@overriding(
+    "robot key config sim seconds seed hand predict headless foxglove ros2 out",
+    {
+        "sim": Override("rig.enabled", "Use a simulated operator who sees only the video."),
+        "seed": Override("seed", "Seed of the simulated operator."),
+    },
+)
 def operate(
+    overrides: dict[str, Any],
     robot: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address of the `robot`.")],
-    key: options.KeyOption = None,
+    key: KeyOption = None,
     config: ConfigOption = None,
-    sim: Annotated[
-        bool, typer.Option("--sim", help="Use a simulated operator who sees only the video.")
-    ] = False,
-    seconds: options.SecondsOption = None,
-    seed: Annotated[int | None, typer.Option(help="Seed of the simulated operator.")] = None,
-    hand: options.HandOption = None,
-    predict: options.PredictOption = None,
-    headless: options.HeadlessOption = False,
-    foxglove: options.FoxgloveOption = None,
-    ros2: options.Ros2Option = None,
-    out: options.OutOption = None,
 ) -> None:
     """Run the operator's side of a session on two computers.
 
     It has the controller and the window, and moves the arm of a `robot`.
     """
-    overrides = options.overrides_of(locals()) | {
-        "rig.operator.kind": "seeing" if sim else None,
-        "controller.device": hand or ("sim" if sim else None),
-        "name": "operate",
-    }
+    overrides["name"] = "operate"
+    if overrides["rig.enabled"]:
+        overrides["rig.operator.kind"] = "seeing"
+        overrides["controller.device"] = overrides["controller.device"] or "sim"
     settings = load_config(config, overrides)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.two_sided import endpoint_of, run_operate

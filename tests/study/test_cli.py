@@ -275,7 +275,7 @@ def test_dask_without_its_extra_is_one_sentence(
 def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
     study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tams_app.cli.find_spec", lambda name: None)
+    monkeypatch.setattr("tams_app.console.study_cli.find_spec", lambda name: None)
     words = ("run", tmp_path / "s", "--sim", "--participants", 1, "--config", config)
     code, _, err = study(*words)
     assert code == 1

@@ -2,116 +2,97 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import Annotated, Any
 
 import typer
 
-from tams_app.config import Config, load_config
-from tams_app.errors import ConfigError
+from tams_app.config import load_config
+from tams_app.console.options import ConfigOption, Override, overriding
+from tams_app.errors import ConfigError, SetupError
 
-if TYPE_CHECKING:
-    from tams_app.study.runner import TrialRunner
-
-    MakeRunner: TypeAlias = Callable[[Config], TrialRunner]
-
+study_app = typer.Typer(
+    help="Plan, run and report a study (docs/STUDY.md). Every strategy is tried on every "
+    "network, with simulated or real operators.",
+)
 DEFAULT_FOLDER = Path("logs/study")
 Folder = Annotated[
     Path | None, typer.Argument(metavar="[DIR]", help=f"The study's folder; {DEFAULT_FOLDER}.")
 ]
 OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="The same as DIR.")]
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
-]
-SimOption = Annotated[
-    bool, typer.Option("--sim", help="Use the simulated rig and operator, not people at hardware.")
-]
-ParticipantsOption = Annotated[
-    int | None, typer.Option("--participants", help="How many; multiples of 18 are balanced.")
-]
-RepetitionsOption = Annotated[
-    int | None, typer.Option("--repetitions", help="Trials of each strategy on each network.")
-]
-PracticeOption = Annotated[
-    int | None, typer.Option("--practice", help="Practice trials at the start, never analysed.")
-]
-PresetOption = Annotated[
-    str | None, typer.Option(help="reference: the constants of the authors' nodes.")
-]
-SeedOption = Annotated[int | None, typer.Option("--seed", help="Seed for participants and trials.")]
 Pseudonym = Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")]
+PARTICIPANTS_HELP = "How many; multiples of 18 are balanced."
+_DESIGN = {
+    "sim": Override("rig.enabled", "Use the simulated rig and operator, not people at hardware."),
+    "repetitions": Override("study.repetitions", "Trials of each strategy on each network."),
+    "practice": Override("study.practice_trials", "Practice trials at the start, never analysed."),
+    "seed": Override("seed", "Seed for participants and trials."),
+    "preset": Override("preset", "reference: the constants of the authors' nodes."),
+}
 
 
-def study_app(simulated: MakeRunner, live: MakeRunner) -> typer.Typer:
-    """The sub-commands; `simulated` and `live` make what runs a trial of a study's configuration.
-
-    They are passed in because a study knows no session and no console.
-    """
-    app = typer.Typer(
-        help="Plan, run and report a study (docs/STUDY.md). Every strategy is tried on every "
-        "network, with simulated or real operators.",
-    )
-
-    @app.command()
-    def run(
-        folder: Folder = None,
-        sim: SimOption = False,
-        participants: ParticipantsOption = None,
-        repetitions: RepetitionsOption = None,
-        practice: PracticeOption = None,
-        seed: SeedOption = None,
-        config: ConfigOption = None,
-        out: OutOption = None,
-        workers: Annotated[
-            int | None, typer.Option(min=1, help="Trials at a time; default one per core.")
-        ] = None,
-        dask: Annotated[
-            str | None, typer.Option(metavar="ADDRESS", help="Scheduler of the cluster to use.")
-        ] = None,
-        participant: Annotated[
-            str | None, typer.Option(help="Who is present; default the first with trials left.")
-        ] = None,
-    ) -> None:
-        """Run a study's remaining trials, after planning it if needed.
-
-        It can be stopped at any time; the same command continues it.
-        """
-        _check_run_options(sim, workers, dask, participant)
-        options = _options(sim, repetitions, practice, seed)
-        from tams_app.study import commands
-
-        study = commands.study_to_run(_folder(folder, out), sim, participants, options, config)
-        console = _console()
-        if sim:
-            runner = simulated(study.config())
-            raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
-        runner = live(study.config())
-        raise typer.Exit(commands.run_guided(study, runner, participant, console))
-
-    for command in (plan, show, void, forget, report):
-        app.command()(command)
-    return app
-
-
-def plan(
-    participants: Annotated[int, typer.Option(help="How many; multiples of 18 are balanced.")],
+@study_app.command()
+@overriding(
+    "folder sim participants repetitions practice seed config out workers dask participant",
+    _DESIGN,
+)
+def run(
+    overrides: dict[str, Any],
     folder: Folder = None,
-    repetitions: RepetitionsOption = None,
-    practice: PracticeOption = None,
-    seed: SeedOption = None,
+    participants: Annotated[int | None, typer.Option(help=PARTICIPANTS_HELP)] = None,
     config: ConfigOption = None,
-    sim: SimOption = False,
     out: OutOption = None,
-    preset: PresetOption = None,
+    workers: Annotated[
+        int | None, typer.Option(min=1, help="Trials at a time; default one per core.")
+    ] = None,
+    dask: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Scheduler of the cluster to use.")
+    ] = None,
+    participant: Annotated[
+        str | None, typer.Option(help="Who is present; default the first with trials left.")
+    ] = None,
+) -> None:
+    """Run a study's remaining trials, after planning it if needed.
+
+    It can be stopped at any time; the same command continues it.
+    """
+    sim = bool(overrides["rig.enabled"])
+    _check_run_options(sim, workers, dask, participant)
+    from tams_app.study import commands
+
+    study = commands.study_to_run(_folder(folder, out), sim, participants, overrides, config)
+    console = _console()
+    if not sim:
+        from tams_app.console.trial import LiveTrialRunner
+
+        people = LiveTrialRunner(study.config())
+        raise typer.Exit(commands.run_guided(study, people, participant, console))
+    if find_spec("mujoco") is None:
+        raise SetupError("simulated trials need MuJoCo: pip install mujoco")
+    from tams_app.session.virtual import SimulatedTrialRunner
+
+    runner = SimulatedTrialRunner(study.config())
+    raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
+
+
+@study_app.command()
+@overriding("participants folder repetitions practice seed config sim out preset", _DESIGN)
+def plan(
+    overrides: dict[str, Any],
+    participants: Annotated[int, typer.Option(help=PARTICIPANTS_HELP)],
+    folder: Folder = None,
+    config: ConfigOption = None,
+    out: OutOption = None,
 ) -> None:
     """Plan a new study: participants, trials, order and seeds."""
-    settings = load_config(config, {"preset": preset, **_options(sim, repetitions, practice, seed)})
+    settings = load_config(config, overrides)
     from tams_app.study.commands import plan_study
 
     raise typer.Exit(plan_study(settings, _folder(folder, out), participants, _console()))
 
 
+@study_app.command()
 def show(
     folder: Folder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -122,6 +103,7 @@ def show(
     raise typer.Exit(show_study(_folder(folder), _console(), as_json))
 
 
+@study_app.command()
 def void(
     trial: Annotated[str, typer.Argument(metavar="TRIAL", help="As in `show`: P01-03, …")],
     reason: Annotated[str, typer.Option(help="Why the trial does not count; kept with its data.")],
@@ -133,6 +115,7 @@ def void(
     raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
 
 
+@study_app.command()
 def forget(
     participant: Pseudonym,
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The study's folder.")],
@@ -144,6 +127,7 @@ def forget(
     raise typer.Exit(forget_participant(folder, participant, _console(), yes))
 
 
+@study_app.command()
 def report(
     folder: Folder = None,
     out: Annotated[
@@ -184,18 +168,6 @@ def _check_run_options(
         raise ConfigError(f"{option} is for simulated trials: add --sim, or leave it out")
     if workers is not None and dask is not None:
         raise ConfigError("--workers counts processes on this machine: leave it out with --dask")
-
-
-def _options(
-    sim: bool, repetitions: int | None, practice: int | None, seed: int | None
-) -> dict[str, Any]:
-    """The options as configuration overrides, None where they were not given."""
-    return {
-        "rig.enabled": True if sim else None,
-        "study.repetitions": repetitions,
-        "study.practice_trials": practice,
-        "seed": seed,
-    }
 
 
 def _folder(given: Path | None, out: Path | None = None) -> Path:
