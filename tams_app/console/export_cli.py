@@ -88,8 +88,7 @@ def _lerobot(
     logs: Sequence[Path], out: Path | None, options: ExportOptions, console: Console
 ) -> None:
     """DIR for all of them together, or lerobot/ in the folder of the only one."""
-    from tams_app.console.export_progress import ExportProgress
-    from tams_app.export.lerobot.convert import export_lerobot
+    from tams_app.export.lerobot.convert import ExportProgress, export_lerobot
 
     if out is None and len(logs) > 1:
         raise ConfigError("--out: of several sessions say in which folder the dataset is to be")

@@ -5,24 +5,36 @@ from __future__ import annotations
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+
+from rich.progress import Progress
 
 from tams_app.errors import ConfigError, LogError, UnreadableLogError, require_extra
 from tams_app.export.lerobot.episode import EpisodeSource, read_episodes
 from tams_app.export.options import ExportOptions
 from tams_app.outputs import refuse_existing
+from tams_app.printing import Console
 
 
-class ExportWatcher(Protocol):
-    """Gets sentences for the user, how many frames of all views there are, and each as written."""
+class ExportProgress(Progress):
+    """A bar of the frames written; on no terminal the sentences alone."""
 
-    def notify(self, text: str) -> None: ...
-    def begin(self, frames: int) -> None: ...
-    def frame(self) -> None: ...
+    def __init__(self, console: Console) -> None:
+        super().__init__(console=console, transient=True, disable=not console.is_terminal)
+        self._frames = self.add_task("frames", total=None)  # while the logs are read
+
+    def notify(self, text: str) -> None:
+        self.console.print(text, soft_wrap=True)
+
+    def begin(self, frames: int) -> None:
+        """Of all views together."""
+        self.update(self._frames, total=frames)
+
+    def frame(self) -> None:
+        self.advance(self._frames)
 
 
 def export_lerobot(
-    logs: Sequence[Path], out: Path, options: ExportOptions, watcher: ExportWatcher
+    logs: Sequence[Path], out: Path, options: ExportOptions, progress: ExportProgress
 ) -> Sequence[EpisodeSource]:
     """Write the logs as a LeRobotDataset v3.0 into the new folder `out`.
 
@@ -38,24 +50,24 @@ def export_lerobot(
     episodes: list[EpisodeSource] = []
     for path in logs:
         try:
-            episodes += read_episodes(path, options, watcher.notify)
+            episodes += read_episodes(path, options, progress.notify)
         except UnreadableLogError as error:
             if len(logs) == 1:
                 raise
-            watcher.notify(f"skipped: {error}")
+            progress.notify(f"skipped: {error}")
     if not episodes:
         raise UnreadableLogError(f"{out}: none of {len(logs)} sessions can be exported")
     _check_alike(episodes)
     for episode in episodes:
         if episode.remark:
-            watcher.notify(episode.remark)
-    watcher.begin(sum(one.rows * len(one.shape.views) for one in episodes))
+            progress.notify(episode.remark)
+    progress.begin(sum(one.rows * len(one.shape.views) for one in episodes))
     try:
         out.mkdir(parents=True)
     except OSError as error:
         raise LogError(f"{out}: cannot be made: {error.strerror}") from error
     try:
-        write_dataset(out, episodes, options.task, watcher.frame)
+        write_dataset(out, episodes, options.task, progress.frame)
     except BaseException as error:
         shutil.rmtree(out, ignore_errors=True)
         if isinstance(error, OSError):
