@@ -200,8 +200,7 @@ def doctor(
         from tams_app.console.devices import show_devices
 
         raise typer.Exit(show_devices(settings, as_json))
-    from tams_app.console.checks import CHECKS, marked_keys
-    from tams_app.console.doctor import run_doctor
+    from tams_app.console.doctor import CHECKS, marked_keys, run_doctor
 
     checks = CHECKS if config is None else (*CHECKS, marked_keys(config))
     raise typer.Exit(run_doctor(settings, checks, as_json))

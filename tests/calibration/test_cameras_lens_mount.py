@@ -18,7 +18,7 @@ from calibration.options import CameraOptions
 from hw.arms import arm_kind
 from tams_app import cli
 from tams_app.config import Config, LensConfig, MountConfig, load_config
-from tams_app.console import checks
+from tams_app.console import doctor
 from tams_app.errors import SetupError, TamsError
 from tams_app.prediction.plane_warp import RayMap, border_rays, mounted, plane_change, projected
 from tams_app.records import Lens, Pose
@@ -119,7 +119,7 @@ def test_session_and_doctor_use_what_was_found(calibrated):
         "eih": True, "gt": False, "gs": False,
     }  # fmt: skip
     assert cameras["eih"].lens.distortion == calibrated.config.cameras["eih"].lens.distortion
-    for finding in checks.predictive_display(config):
+    for finding in doctor.predictive_display(config):
         assert finding.ok
         assert finding.detail.startswith("lens within 0.")
 

@@ -16,7 +16,7 @@ from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.config.marks import TEMPLATE, filled, unset_keys
-from tams_app.console.checks import configuration, marked_keys
+from tams_app.console.doctor import configuration, marked_keys
 from tams_app.console.findings import Finding
 from tams_app.errors import ConfigError
 from tests.calibration.frame.test_frame_terminal import Terminal

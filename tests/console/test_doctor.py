@@ -20,8 +20,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import checks, device_checks, library_checks
-from tams_app.console.doctor import run_doctor
+from tams_app.console import device_checks, doctor, library_checks
 from tams_app.console.findings import Check, Finding
 from tams_app.faces.window import toolkit
 from tams_app.printing import Console
@@ -36,7 +35,7 @@ def config(**overrides: Any) -> Config:
 
 def examine(*looked_at: Check) -> tuple[int, list[str]]:
     output = io.StringIO()
-    code = run_doctor(config(), looked_at, console=Console(file=output, width=200))
+    code = doctor.run_doctor(config(), looked_at, console=Console(file=output, width=200))
     return code, output.getvalue().splitlines()
 
 
@@ -46,7 +45,7 @@ def test_a_program_reads_the_findings_as_one_list() -> None:
     output = io.StringIO()
     console = Console(file=output, width=40)
     space = Finding("Free disk space", True, "9 GB", "free some")
-    assert run_doctor(config(), [lambda _: iter((tc, x264, space))], True, console) == 1
+    assert doctor.run_doctor(config(), [lambda _: iter((tc, x264, space))], True, console) == 1
     there = replace(space, fix="")  # what is there needs none
     assert json.loads(output.getvalue()) == [asdict(tc), asdict(x264), asdict(there)]
 
@@ -69,7 +68,7 @@ def test_a_lack_of_something_essential_alone_fails_and_each_says_what_mends_it()
 
 
 def test_every_check_of_this_machine_gives_findings_with_a_fix() -> None:
-    for check in checks.CHECKS:
+    for check in doctor.CHECKS:
         for finding in check(config(video__first_port=45120)):
             assert finding.what
             assert finding.ok or finding.fix
@@ -78,7 +77,7 @@ def test_every_check_of_this_machine_gives_findings_with_a_fix() -> None:
 def test_a_missing_element_is_named_with_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     missing = {"x264enc": "gstreamer1.0-plugins-ugly"}
     monkeypatch.setattr(gst, "missing_elements", lambda: missing)
-    (finding,) = checks.gstreamer(config())
+    (finding,) = doctor.gstreamer(config())
     assert not finding.ok
     assert finding.what == "GStreamer element x264enc"
     assert finding.fix == "apt-get install gstreamer1.0-plugins-ugly"
@@ -116,12 +115,12 @@ def test_who_publishes_in_ros_2_needs_its_libraries(monkeypatch: pytest.MonkeyPa
 
 def test_hardware_needs_neither_mujoco_nor_rendering() -> None:
     hardware = load_config(CONFIG_DIRECTORY / "lite6.yaml")
-    assert not list(checks.rendering(hardware))
+    assert not list(doctor.rendering(hardware))
 
 
 def test_a_driver_that_aborts_is_a_finding_not_a_crash(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(checks, "_RENDER", "import os; os.abort()")
-    (finding,) = checks.rendering(config())
+    monkeypatch.setattr(doctor, "_RENDER", "import os; os.abort()")
+    (finding,) = doctor.rendering(config())
     assert not finding.ok
     assert "-6" in finding.detail
 
@@ -131,11 +130,11 @@ def test_a_port_in_use_is_found() -> None:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
         first = min(port, 65535 - 9)
-        (finding,) = checks.ports(config(video__first_port=first))
+        (finding,) = doctor.ports(config(video__first_port=first))
     assert not finding.ok
     assert str(port) in finding.detail
     assert "in use" in finding.detail
-    assert not list(checks.ports(config()))  # any free ports: nothing to check
+    assert not list(doctor.ports(config()))  # any free ports: nothing to check
 
 
 @pytest.mark.parametrize("host", ["no such host", "8.8.8.8", "a..b"])
@@ -143,7 +142,7 @@ def test_a_port_in_use_is_found() -> None:
 def test_an_address_that_is_not_of_this_machine_is_not_called_in_use(
     host: str, first_port: int
 ) -> None:
-    (finding,) = checks.ports(config(video__bind_host=host, video__first_port=first_port))
+    (finding,) = doctor.ports(config(video__bind_host=host, video__first_port=first_port))
     assert not finding.ok
     assert finding.detail.startswith(f"{host}: ")
     assert "in use" not in finding.detail
@@ -156,15 +155,15 @@ def test_a_port_for_the_administrator_only_is_not_called_in_use(
     def refuse(host: str, port: int) -> OSError | None:
         return PermissionError(errno.EACCES, "Permission denied") if port else None
 
-    monkeypatch.setattr(checks, "_bind_refusal", refuse)  # the tests may run as the administrator
-    (finding,) = checks.ports(config(video__first_port=80))
+    monkeypatch.setattr(doctor, "_bind_refusal", refuse)  # the tests may run as the administrator
+    (finding,) = doctor.ports(config(video__first_port=80))
     assert not finding.ok
     assert finding.detail == "80: Permission denied"
     assert "1024" in finding.fix
 
 
 def lacks(**overrides: Any) -> list[Finding]:
-    return [finding for finding in checks.configuration(config(**overrides)) if not finding.ok]
+    return [finding for finding in doctor.configuration(config(**overrides)) if not finding.ok]
 
 
 @pytest.mark.parametrize(
@@ -192,11 +191,11 @@ def test_an_encoder_that_is_not_here_is_one_row_with_what_to_do(
         return dict.fromkeys({"nvh264enc"} & set(names), "a package")
 
     monkeypatch.setattr(gst, "missing_elements", lacking)
-    (finding,) = checks.codecs(config(video__encoder="nvh264enc"))
+    (finding,) = doctor.codecs(config(video__encoder="nvh264enc"))
     assert (finding.ok, finding.essential) == (False, True)
     assert finding.detail == "nvh264enc, avdec_h264"
     assert finding.fix.startswith("video.encoder: GStreamer lacks nvh264enc; install a package")
-    (finding,) = checks.codecs(config())
+    (finding,) = doctor.codecs(config())
     assert finding.ok
 
 
@@ -235,7 +234,7 @@ def test_a_check_that_fails_is_a_finding_and_the_others_are_made() -> None:
         yield Finding("Drive", True)
         raise TypeError("no such thing")
 
-    code, (first, second, third, _) = examine(broken_drive, checks.home_folder)
+    code, (first, second, third, _) = examine(broken_drive, doctor.home_folder)
     assert code == 1
     assert first.startswith("ok      Drive")
     assert second.startswith("MISSING Check of broken drive (TypeError: no such thing): ")
@@ -243,14 +242,14 @@ def test_a_check_that_fails_is_a_finding_and_the_others_are_made() -> None:
 
 
 def test_the_home_of_an_unknown_user_is_a_finding_not_a_crash() -> None:
-    (finding,) = checks.disk(config(recording__directory="~nouser/x"))
+    (finding,) = doctor.disk(config(recording__directory="~nouser/x"))
     assert not finding.ok
     assert "~nouser/x" in finding.detail
     assert "recording.directory" in finding.fix
 
 
 def test_too_little_space_is_found(tmp_path: Path) -> None:
-    folder, space = checks.disk(
+    folder, space = doctor.disk(
         config(recording__directory=str(tmp_path / "new"), recording__min_free_mb=1e9)
     )
     assert folder.ok
@@ -270,15 +269,15 @@ def test_without_a_display_headless_is_the_way_but_for_a_keyboard(
 ) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    (finding,) = checks.display(config(controller__device=device))
+    (finding,) = doctor.display(config(controller__device=device))
     assert (finding.ok, finding.essential, finding.fix) == (False, essential, fix)
-    assert not list(checks.display(config(headless=True)))
+    assert not list(doctor.display(config(headless=True)))
 
 
 def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     monkeypatch.setenv("DISPLAY", ":4711")
-    (finding,) = checks.display(config())
+    (finding,) = doctor.display(config())
     assert (finding.ok, finding.detail) == (False, "the display does not answer")
     (finding,) = device_checks.headset(config(headset__show="always"))
     assert not finding.ok
@@ -291,7 +290,7 @@ def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch)
 def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DISPLAY", ":0")
     monkeypatch.setattr(toolkit, "is_installed", lambda: False)
-    (finding,) = checks.display(config())
+    (finding,) = doctor.display(config())
     assert not finding.ok
     assert "gir1.2-gtk-4.0" in finding.fix
 
@@ -299,9 +298,9 @@ def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch
 def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_what_is_missing() -> (
     None
 ):
-    assert not list(checks.predictive_display(load_config(None, {})))
+    assert not list(doctor.predictive_display(load_config(None, {})))
     rig = load_config(None, {"view.predict": "eih"})
-    found = list(checks.predictive_display(rig))
+    found = list(doctor.predictive_display(rig))
     assert [(one.ok, one.detail) for one in found] == [(True, "exact, of the simulated rig")] * 3
     lens = {"width": 640, "height": 480, "fx": 700.0, "fy": 700.0, "cx": 320.0, "cy": 240.0}
     mount = {"frame": "arm", "position_mm": [0, 0, 20], "rotation_vector_rad": [0, 0, 0]}
@@ -318,7 +317,7 @@ def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_wha
             "cameras.gs": {"name": "c"},
         },
     )
-    eih, gt, gs = checks.predictive_display(real)  # also where no view is to be predicted yet
+    eih, gt, gs = doctor.predictive_display(real)  # also where no view is to be predicted yet
     assert eih.ok
     assert eih.detail == "lens within 0.21 px (2026-11-26), mount within 1.4 px"
     for finding, reason in (
@@ -332,13 +331,13 @@ def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_wha
 
 
 def test_netem_is_found_where_it_can_be_loaded_or_is(tmp_path: Path) -> None:
-    assert not checks.kernel_has_netem(tmp_path)
+    assert not doctor.kernel_has_netem(tmp_path)
     modules = tmp_path / "lib/modules" / platform.release()
     modules.mkdir(parents=True)
     (modules / "modules.dep").write_text("kernel/net/sched/sch_netem.ko:\n")
-    assert checks.kernel_has_netem(tmp_path)
+    assert doctor.kernel_has_netem(tmp_path)
     (tmp_path / "loaded/sys/module/sch_netem").mkdir(parents=True)
-    assert checks.kernel_has_netem(tmp_path / "loaded")
+    assert doctor.kernel_has_netem(tmp_path / "loaded")
 
 
 @pytest.mark.parametrize(("free_mb", "ok"), [(16, False), (64, False), (256, True)])
@@ -346,6 +345,6 @@ def test_shared_memory_has_room_for_what_the_configuration_takes(monkeypatch, fr
     monkeypatch.setattr(
         os, "statvfs", lambda _: SimpleNamespace(f_bavail=free_mb, f_frsize=1 << 20)
     )
-    (finding,) = checks.shared_memory(config(rig__enabled=True))
+    (finding,) = doctor.shared_memory(config(rig__enabled=True))
     assert finding.ok is ok
     assert ok or "no room for 75 MB of shared memory" in finding.fix
