@@ -107,13 +107,12 @@ class CalibrationSet:
 
     def in_force(self, kind: str) -> Path | None:
         """The file of a kind that counts now; None if nothing of that kind was calibrated."""
-        return files_in_force(self.folder, read_yaml).get(kind)
+        return files_in_force(self.folder).get(kind)
 
     def all_in_force(self) -> list[InForce]:
         """Every file that counts now, the last made first; ConfigError if one cannot be read."""
         found = [
-            InForce(kind, path, _origin(path))
-            for kind, path in files_in_force(self.folder, read_yaml).items()
+            InForce(kind, path, _origin(path)) for kind, path in files_in_force(self.folder).items()
         ]
         names = {one.kind: one.path.name for one in found}
 
@@ -227,7 +226,7 @@ class CalibrationSet:
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
         path = self._new(calibration, draw)
-        names = {kind: file.name for kind, file in files_in_force(self.folder, read_yaml).items()}
+        names = {kind: file.name for kind, file in files_in_force(self.folder).items()}
         try:
             self._put_in_force(_index(names | {calibration.kind: path.name}), path.name)
         except ConfigError:

@@ -21,7 +21,6 @@ from calibration.store import Calibration
 from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
 from tams_app.config.calibrated import read_calibrated
-from tams_app.config.yaml_file import read_yaml
 from tams_app.report.plots import GRID, INK, WIDE_IN, new_figure, save_figure, styled
 
 KIND = "frame"
@@ -147,7 +146,7 @@ def calibration(
     """What is written. A part that was not measured now stays as `before`, the file in force."""
     changes: dict[str, Any] = {}
     if before is not None:
-        changes = deepcopy(read_calibrated(before, KIND, read_yaml).changes)
+        changes = deepcopy(read_calibrated(before, KIND).changes)
     hand = hand_with(config.hand, outcome.frame, keep_scale)
     new_hand: dict[str, Any] = {"rotation": [list(row) for row in hand.rotation]}
     if hand.translation_scale != config.hand.translation_scale:

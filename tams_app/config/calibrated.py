@@ -7,12 +7,13 @@ configuration (`config`).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from tams_app.config.places import writable_directory
+from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, not_one_of
 
 FOLDER = "calibration"
@@ -25,8 +26,6 @@ KEYS_BY_KIND: dict[str, tuple[str, ...]] = {
     "weights": ("policy.weights",),
 }
 _ADVICE = "correct it, or run `run_tams.py calibrate {kind}` again"
-
-ReadYaml = Callable[[Path], dict[str, Any]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +42,13 @@ def set_folder(config_path: Path, name: str) -> Path:
     return writable_directory(config_path) / FOLDER / name
 
 
-def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:
+def files_in_force(folder: Path) -> dict[str, Path]:
     """The files of a set by kind, none if nothing was calibrated; ConfigError if one is gone."""
     index = folder / IN_FORCE
     if not index.is_file():
         return {}
     files = {}
-    for kind, name in read(index).items():
+    for kind, name in read_yaml(index).items():
         if kind not in KEYS_BY_KIND:
             raise ConfigError(f"{index}: {not_one_of(kind, KEYS_BY_KIND)}")
         if not isinstance(name, str) or Path(name).name != name:
@@ -61,9 +60,9 @@ def files_in_force(folder: Path, read: ReadYaml) -> dict[str, Path]:
     return files
 
 
-def read_calibrated(path: Path, kind: str, read: ReadYaml) -> Calibrated:
+def read_calibrated(path: Path, kind: str) -> Calibrated:
     """The changes in a calibration file; ConfigError if it oversteps."""
-    content = read(path)
+    content = read_yaml(path)
     changes = content.get("config")
     if not isinstance(changes, dict) or not changes:
         raise ConfigError(f"{path}: config: must hold what was calibrated")

@@ -62,8 +62,8 @@ def _lay_calibration_over(content: dict[str, Any], path: Path) -> list[Calibrate
     name = content.get("calibration")
     if not isinstance(name, str):
         return []  # none, or not a name, which the model reports
-    files = files_in_force(set_folder(path, name), read_yaml)
-    calibrated = [read_calibrated(file, kind, read_yaml) for kind, file in sorted(files.items())]
+    files = files_in_force(set_folder(path, name))
+    calibrated = [read_calibrated(file, kind) for kind, file in sorted(files.items())]
     for one in calibrated:
         _lay_over(content, one.changes)
     content["calibrated_by"] = [one.file.name for one in calibrated]
