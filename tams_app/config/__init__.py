@@ -9,7 +9,6 @@ from tams_app.config.devices import (
     MappingConfig,
     MountConfig,
 )
-from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
     HandConfig,
@@ -21,6 +20,7 @@ from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.reader import dump_config, load_config
 from tams_app.config.streaming import (
     BudgetConfig,
+    LinkConfig,
     Network,
     PhasesConfig,
     PolicyConfig,

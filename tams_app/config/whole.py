@@ -14,7 +14,6 @@ from tams_app.config.devices import (
     HeadsetConfig,
     MappingConfig,
 )
-from tams_app.config.link import LinkConfig
 from tams_app.config.motion import (
     ArmConfig,
     ControlConfig,
@@ -24,7 +23,7 @@ from tams_app.config.motion import (
     check_rotation,
 )
 from tams_app.config.section import NonNegative, Positive, Section, Triple, Word
-from tams_app.config.streaming import Network, PolicyConfig, RepairMode, VideoConfig
+from tams_app.config.streaming import LinkConfig, Network, PolicyConfig, RepairMode, VideoConfig
 from tams_app.errors import not_one_of
 from tams_app.records import Phase
 
