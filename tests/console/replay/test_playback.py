@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.console.replay.playback import SPEEDS, Playback
+from tams_app.console.replay.session import SPEEDS, Playback
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
