@@ -19,10 +19,11 @@ from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import load_config
 from tams_app.console import options
-from tams_app.console.logs_cli import add_logs
+from tams_app.console.export_cli import export
+from tams_app.console.logs_cli import log_app, replay, report
 from tams_app.console.study_cli import study_app
-from tams_app.console.tools_cli import add_tools
-from tams_app.console.two_sided_cli import add_two_sided
+from tams_app.console.tools_cli import allocate, config, network, phases
+from tams_app.console.two_sided_cli import key_app, operate, robot
 from tams_app.errors import ConfigError, TamsError
 
 app = typer.Typer(
@@ -131,7 +132,8 @@ def run(
     raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
-add_two_sided(app)
+app.command()(robot)
+app.command()(operate)
 
 
 @app.command()
@@ -206,6 +208,8 @@ def doctor(
     raise typer.Exit(run_doctor(settings, checks, as_json))
 
 
-add_logs(app)
-add_tools(app)
+for _command in (report, replay, export, config, network, phases, allocate):
+    app.command()(_command)
+app.add_typer(key_app, name="key")
+app.add_typer(log_app, name="log")
 app.add_typer(study_app, name="study")

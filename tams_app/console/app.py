@@ -28,6 +28,7 @@ from tams_app.runtime.worker import Worker
 from tams_app.session.folder import create_session_folder, remove_session_folder
 from tams_app.session.run import run
 from tams_app.session.sentences import Sentences
+from tams_app.session.session import Session
 from tams_app.session.shared_memory import session_bytes
 from tams_app.session.viewing import check_viewers
 from tams_app.station.seat import require_local_seat
@@ -57,13 +58,6 @@ class ShownSession(FacedSession, Protocol):
     def close(self) -> None: ...
 
 
-class RecordingSession(ShownSession, Protocol):
-    """A session that leaves a folder, if it has started."""
-
-    @property
-    def started(self) -> bool: ...
-
-
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
     """Run one session to its end; the exit code. Everything it leaves is in its own folder.
 
@@ -90,7 +84,7 @@ def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
 
 
 def run_and_report(
-    config: Config, make: Callable[[Path], RecordingSession], may_repeat: bool = False
+    config: Config, make: Callable[[Path], Session], may_repeat: bool = False
 ) -> int:
     """Run the session that `make` makes of its folder, and report on it; the exit code.
 
@@ -105,11 +99,11 @@ def run_and_report(
 
 
 def _run_once(
-    config: Config, make: Callable[[Path], RecordingSession], console: Console, may_repeat: bool
+    config: Config, make: Callable[[Path], Session], console: Console, may_repeat: bool
 ) -> bool:
     """One session and its report; whether the operator asks for another one."""
     folder = create_session_folder(config)
-    session: RecordingSession | None = None
+    session: Session | None = None
     signals: list[str] = []
     closed = again = False
 

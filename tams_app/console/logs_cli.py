@@ -10,7 +10,6 @@ from typing import Annotated, Any
 
 import typer
 
-from tams_app.console.export_cli import export
 from tams_app.console.options import JsonOption
 from tams_app.errors import LogError
 from tams_app.outputs import refuse_existing
@@ -31,13 +30,6 @@ TopicArgument = Annotated[
     str,
     typer.Argument(help="Such as /phase; docs/LOG.md lists all topics.", autocompletion=_topics),
 ]
-
-
-def add_logs(app: typer.Typer) -> None:
-    """Give `app` the commands."""
-    for command in (report, replay, export):
-        app.command()(command)
-    app.add_typer(log_app, name="log")
 
 
 def report(

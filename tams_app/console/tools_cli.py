@@ -36,15 +36,7 @@ def _kbps(text: str) -> float:
     return rate
 
 
-def add_tools(app: typer.Typer) -> None:
-    """Give `app` the commands."""
-    app.command("config")(config_keys)
-    app.command()(network)
-    app.command()(phases)
-    app.command()(allocate)
-
-
-def config_keys(
+def config(
     explain: Annotated[
         str, typer.Option(metavar="KEY", help="A key or a section, such as link; all: every key.")
     ],

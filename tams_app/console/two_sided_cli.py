@@ -22,13 +22,6 @@ from tams_app.console.options import (
 key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of two computers.")
 
 
-def add_two_sided(app: typer.Typer) -> None:
-    """Give `app` the commands."""
-    app.command()(robot)
-    app.command()(operate)
-    app.add_typer(key_app, name="key")
-
-
 @overriding(
     "listen key config sim strategy preset network budget seconds seed fps arm dry_run "
     "record_reference episodes foxglove ros2 out",
@@ -97,11 +90,6 @@ def operate(
     from tams_app.console.two_sided import endpoint_of, run_operate
 
     raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
-
-
-@key_app.callback()
-def _key() -> None:
-    """The secrets that two computers share."""
 
 
 NameOption = Annotated[
