@@ -6,6 +6,7 @@ import threading
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
@@ -64,11 +65,8 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     SignalledError, after all is done, if a signal ended it.
     """
     check_session(config, dry_run, session_bytes(config))
-    return run_and_report(
-        config,
-        lambda folder: run(config, MonotonicClock(), folder, arm_at_once, dry_run),
-        may_repeat=config.rig.enabled,
-    )
+    make = partial(run, config, MonotonicClock(), arm_at_once=arm_at_once, dry_run=dry_run)
+    return run_and_report(config, make, may_repeat=config.rig.enabled)
 
 
 def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:

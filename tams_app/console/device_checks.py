@@ -34,7 +34,7 @@ def controller(config: Config) -> Iterator[Finding]:
     if config.operator_is_simulated or device == "keyboard":
         return
     if device not in ("auto", "openvr"):
-        found_one = attempted("Controller", lambda: _start_controller(config))
+        found_one = attempted("Controller", _start_controller, config)
         yield replace(found_one, detail=device if found_one.ok else "")
         return
     from hw.openvr.controller import OpenVrController

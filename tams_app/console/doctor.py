@@ -53,9 +53,9 @@ def configuration(config: Config) -> Iterator[Finding]:
     from tams_app.faces.registry import check_faces
     from tams_app.robot.build import check_names, check_ready_pose
 
-    yield attempted("Configured strategy, network and devices", lambda: check_names(config))
-    yield attempted("Configured displays", lambda: check_faces(config))
-    yield attempted("Ready pose inside the workspace", lambda: check_ready_pose(config))
+    yield attempted("Configured strategy, network and devices", check_names, config)
+    yield attempted("Configured displays", check_faces, config)
+    yield attempted("Ready pose inside the workspace", check_ready_pose, config)
 
 
 def codecs(config: Config) -> Iterator[Finding]:
@@ -66,7 +66,7 @@ def codecs(config: Config) -> Iterator[Finding]:
     if gst.missing_elements():
         return  # named above
     names = f"{config.video.encoder}, {config.video.decoder}"
-    yield attempted("Video encoder and decoder", lambda: installed_codecs(config.video), names)
+    yield attempted("Video encoder and decoder", installed_codecs, config.video, detail=names)
 
 
 def rendering(config: Config) -> Iterator[Finding]:

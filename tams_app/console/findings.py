@@ -39,10 +39,12 @@ class Finding:
         return f"{word} {self.what}{detail}{fix}"
 
 
-def attempted(what: str, attempt: Callable[[], object], detail: str = "") -> Finding:
-    """Whether it can be done; what a TamsError says is how to fix it."""
+def attempted(
+    what: str, attempt: Callable[..., object], *given: object, detail: str = ""
+) -> Finding:
+    """Whether it can be done with what is `given`; what a TamsError says is how to fix it."""
     try:
-        attempt()
+        attempt(*given)
     except TamsError as error:
         return Finding(what, False, detail, str(error))
     return Finding(what, True, detail)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 
 from tams_app.config import Config
@@ -101,8 +102,8 @@ class LiveTrial:
     def actions(self) -> Mapping[Command, Action]:
         """For commands that are for a trial only."""
         return {
-            Command.DROP: lambda: self._count(1),
-            Command.NO_DROP: lambda: self._count(-1),
+            Command.DROP: partial(self._count, 1),
+            Command.NO_DROP: partial(self._count, -1),
             Command.PLACED: self._place,
         }
 

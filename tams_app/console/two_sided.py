@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from tams_app.config import Config
@@ -41,14 +42,8 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     check_hand(config)
     check_faces(config)
     require_room(station_bytes(config))
-    console = Console()
-
-    def notify(sentence: str) -> None:
-        console.print(sentence, soft_wrap=True)
-
-    def make(folder: Path) -> Session:
-        return operate(config, MonotonicClock(), folder, endpoint, notify)
-
+    notify = partial(Console().print, soft_wrap=True)
+    make = partial(operate, config, MonotonicClock(), endpoint=endpoint, notify=notify)
     return run_and_report(config, make)
 
 
