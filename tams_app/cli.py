@@ -184,10 +184,8 @@ def doctor(
     as_json: options.JsonOption = False,
 ) -> None:
     """Check this machine, and say how to fix what is missing."""
-    asked = {"--devices": devices, "--link": link is not None}
-    chosen = [option for option, given in asked.items() if given]
-    if len(chosen) > 1:
-        raise ConfigError(f"{' and '.join(chosen)}: one at a time")
+    if devices and link is not None:
+        raise ConfigError("--devices and --link: one at a time")
     if key is not None and link is None:
         raise ConfigError("--key: is for --link; leave it out here")
     if link is not None:

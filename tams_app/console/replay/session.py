@@ -17,7 +17,7 @@ from tams_app.config import Config
 from tams_app.console.replay.log_index import LogIndex, outline_of, phases_row
 from tams_app.console.replay.marks import Marking
 from tams_app.errors import UnreadableLogError
-from tams_app.faces.commands import PHASE_KEYS
+from tams_app.faces.commands import PHASE_KEYS, Action
 from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
@@ -95,9 +95,9 @@ class PlaybackRequests:
     def __init__(self, playback: Playback) -> None:
         self.pinned = ""  # for those who look on: the log says what was pinned
         self._playback = playback
-        self._asked: SimpleQueue[Callable[[], None]] = SimpleQueue()
+        self._asked: SimpleQueue[Action] = SimpleQueue()
 
-    def ask(self, action: Callable[[], None]) -> None:
+    def ask(self, action: Action) -> None:
         self._asked.put(action)
 
     def confirm(self, asked_ns: int) -> None:
@@ -245,10 +245,10 @@ class ReplaySession:
         finally:
             self.screen.close()
 
-    def _actions_by_key(self) -> dict[str, Callable[[], None]]:
+    def _actions_by_key(self) -> dict[str, Action]:
         """What the keys do that are no commands, by their names in GDK."""
         playback = self.playback
-        actions: dict[str, Callable[[], None]] = {
+        actions: dict[str, Action] = {
             "Left": partial(playback.move, -_STEP_NS),
             "Right": partial(playback.move, _STEP_NS),
             "Home": partial(playback.move, -_LONG_NS),
