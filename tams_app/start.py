@@ -28,8 +28,7 @@ def _is_doctor() -> bool:
 
 
 def _explain(error: Exception) -> int:
-    from tams_app.console.findings import verdict
-    from tams_app.console.library_checks import described, libraries, loading
+    from tams_app.console.findings import described, libraries, loading, verdict
 
     if not _is_doctor():
         reason = described(error)

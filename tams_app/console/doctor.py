@@ -18,8 +18,16 @@ from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.device_checks import arm, cameras, controller, headset
-from tams_app.console.findings import Check, Finding, attempted, examine, tried, verdict
-from tams_app.console.library_checks import libraries, loading
+from tams_app.console.findings import (
+    Check,
+    Finding,
+    attempted,
+    examine,
+    libraries,
+    loading,
+    tried,
+    verdict,
+)
 from tams_app.errors import SetupError
 from tams_app.printing import Console
 

@@ -20,7 +20,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import device_checks, doctor, library_checks
+from tams_app.console import device_checks, doctor, findings
 from tams_app.console.findings import Check, Finding
 from tams_app.faces.window import toolkit
 from tams_app.printing import Console
@@ -92,23 +92,23 @@ def test_a_missing_or_old_library_is_named_as_pip_takes_it(
         f'[project]\ndependencies = ["pydantic", "{lacking}", "none; python_version < \'3.9\'"]\n'
         "[project.optional-dependencies]\nsim = []\n"
     )
-    monkeypatch.setattr(library_checks, "_PROJECT", project)
-    (finding,) = library_checks.libraries(config())
+    monkeypatch.setattr(findings, "_PROJECT", project)
+    (finding,) = findings.libraries(config())
     assert not finding.ok
     assert finding.detail == f"missing: {lacking}"
     assert finding.fix.endswith(f"pip install '{lacking}'")
 
 
 def test_the_libraries_are_those_that_the_project_declares() -> None:
-    names = {one.split(">")[0] for one in library_checks._requirements("")}
+    names = {one.split(">")[0] for one in findings._requirements("")}
     assert {"numpy", "mcap", "msgspec", "zstandard", "mujoco"} <= names
     assert "cyclonedds" not in names
 
 
 def test_who_publishes_in_ros_2_needs_its_libraries(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(library_checks, "_is_missing", lambda one: "dds" in one)
-    (without,) = library_checks.libraries(config())
-    (published,) = library_checks.libraries(config(recording__ros2=0))
+    monkeypatch.setattr(findings, "_is_missing", lambda one: "dds" in one)
+    (without,) = findings.libraries(config())
+    (published,) = findings.libraries(config(recording__ros2=0))
     assert without.ok
     assert (published.ok, published.detail) == (False, "missing: cyclonedds>=11,<12")
 
