@@ -21,7 +21,6 @@ from tams_app.cli import _main, app, main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, Config, load_config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
-from tams_app.faces.registry import check_faces
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tests.further import further
 
@@ -306,11 +305,6 @@ def test_a_removed_key_is_left_out_of_stored_configurations_and_told_where_it_as
     assert Config.model_validate(logged) == load_config(), "a log can be read"
 
 
-def test_sounds_in_a_file_are_refused_with_what_takes_their_place():
-    with pytest.raises(ConfigError, match=r"faces: sounds: window, headset"):
-        check_faces(load_config(None, {"faces": ["window", "sounds"]}))
-
-
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])
 def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, tmp_path, command):
     with socket.create_server(("127.0.0.1", 0)) as taken:
@@ -336,6 +330,7 @@ UNKNOWN = "controller.device: 'pedal' is not one of auto, openvr, keyboard, sim"
             "faces: [headset]\ncontroller: {device: keyboard}",
             "faces: controller.device keyboard needs the window",
         ),
+        ("run", "faces: [window, sounds]", f"faces: sounds: {REMOVED['sounds']}"),
         ("run", "controller: {device: pedal}", UNKNOWN),
         ("operate", "controller: {device: pedal}", UNKNOWN),
         ("run", "controller: {device: gamepad}", f"controller.device: {REMOVED['gamepad']}"),

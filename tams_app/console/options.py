@@ -81,7 +81,7 @@ class Override:
         self._kind = kind or _kind_at(key)
         if words:
             how["autocompletion"] = lambda: list(words)
-        self._how = {"help": help_text, **how}
+        self._how: dict[str, Any] = {"help": help_text, **how}
 
     def parameter(self, name: str) -> inspect.Parameter:
         """As typer takes it, called `name`."""

@@ -49,7 +49,7 @@ def robot(
 
     It has the arm, the cameras, and everything that can stop the arm.
     """
-    of_this_side = {
+    of_this_side: dict[str, Any] = {
         "headless": True,
         "controller.device": "auto",  # the operator's side has the device
         "name": "robot",
