@@ -1,4 +1,4 @@
-"""The entry of the command line, which says what is wrong where that itself cannot be loaded."""
+"""The entry of the command line, with an explanation where it cannot be loaded."""
 
 from __future__ import annotations
 

@@ -158,7 +158,7 @@ class MountConfig(Section):
 
     @property
     def pose(self) -> Pose:
-        """In `frame` [m]."""
+        """The pose in `frame` [m]."""
         turn = Rotation.from_rotvec(self.rotation_vector_rad)
         return Pose(np.array(self.position_mm) / 1000.0, turn)
 

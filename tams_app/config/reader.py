@@ -1,4 +1,4 @@
-"""From YAML files to a checked configuration and back; every error names file, key and reason."""
+"""Reading and writing a checked configuration; every error names file, key and reason."""
 
 from __future__ import annotations
 

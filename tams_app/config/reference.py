@@ -83,7 +83,7 @@ def reference() -> str:
 
 
 def explain(key: str) -> str:
-    """What a key means, the table of a section, or everything; ConfigError for one that is none."""
+    """The meaning of a key, a section as a table, or everything; ConfigError for an unknown key."""
     if key == "all":
         return reference()
     keys = {}
@@ -107,7 +107,7 @@ def explain(key: str) -> str:
 
 
 def _is_named(place: str, key: str) -> bool:
-    """Whether a dotted key is at `place`, where NAME stands for any name."""
+    """True if `place` is that of a dotted key, where NAME stands for any name."""
     parts, given = place.split("."), key.split(".")
     return len(parts) == len(given) and all(
         part in ("NAME", one) for part, one in zip(parts, given, strict=True)
@@ -115,10 +115,10 @@ def _is_named(place: str, key: str) -> bool:
 
 
 def meaning(model: type[BaseModel], name: str) -> str:
-    """What is said of a key: below it, or of the section that it holds; "" if nothing is."""
+    """The string below a key, or the docstring of the section that it holds; "" if neither is."""
     for owner in model.__mro__:
-        if said := _said(owner).get(name):
-            return said
+        if found := _meanings(owner).get(name):
+            return found
     hint = model.model_fields[name].annotation
     return _first_paragraph(next(sections(hint), None)) if _is_section(hint) else ""
 
@@ -148,7 +148,7 @@ def _is_section(hint: Any) -> bool:
 
 
 def _is_one(hint: Any) -> bool:
-    """Whether it is a section, or a section or null."""
+    """True if the hint is of a section, or of a section or null."""
     parts = typing.get_args(hint)
     return _is_section(hint) or (type(None) in parts and any(map(_is_section, parts)))
 
@@ -157,7 +157,7 @@ def _first_paragraph(model: type | None) -> str:
     return " ".join((inspect.getdoc(model) or "").split("\n\n")[0].split())
 
 
-def _said(owner: type) -> dict[str, str]:
+def _meanings(owner: type) -> dict[str, str]:
     """The strings below the fields of one class."""
     if not (issubclass(owner, BaseModel) and owner.__module__.startswith("tams_app.")):
         return {}

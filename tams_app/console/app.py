@@ -225,7 +225,7 @@ def _launch_faces(
     trial: ShownTrial | None,
     replay: ShownReplay | None,
 ) -> list[SessionDisplay]:
-    """Those of `faces`; without a display or with --headless none; not open yet."""
+    """Launch the configured faces, not open yet; none without a display or with --headless."""
     names = session.config.faces
     if session.config.controller.device == "keyboard" and replay is None:
         # whether the arm at the other end of a link is real is known once it answers (`call_robot`)

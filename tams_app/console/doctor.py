@@ -67,7 +67,7 @@ def configuration(config: Config) -> Iterator[Finding]:
 
 
 def codecs(config: Config) -> Iterator[Finding]:
-    """Whether the configured encoder and decoder are here."""
+    """The configured encoder and decoder."""
     from tams_app import gst
     from tams_app.video.live.installed_codecs import installed_codecs
 
@@ -205,7 +205,7 @@ def display(config: Config) -> Iterator[Finding]:
 
 
 def predictive_display(config: Config) -> Iterator[Finding]:
-    """Of each view whether it can be drawn with what is known of now, where that is wanted."""
+    """Prediction of each view, where it is wanted: what must be known of its camera."""
     from tams_app.session.lenses import known_cameras
     from tams_app.station.camera_watch import MEASURE
 

@@ -18,7 +18,7 @@ from tams_app.faces.registry import SessionDisplay, ShowsEnd
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 
-_UNATTENDED_S = 60.0  # nobody need be there where the operator is simulated
+_UNATTENDED_S = 60.0  # no person need be there where the operator is simulated
 _POLL_S = 0.1
 
 
@@ -62,8 +62,8 @@ def end_of(
     lines = [f"It failed: {failure}"] if failure else []
     headline = "The session has failed" if failure else "The session is over"
     if summary is not None:
-        told = task_verdict(summary)
-        headline = headline if failure else told[:1].upper() + told[1:]
+        verdict = task_verdict(summary)
+        headline = headline if failure else verdict[:1].upper() + verdict[1:]
         reason = summary["outcome"]["reason"] or "reason unknown"
         is_timed = summary["outcome"].get("completion_time_s") is not None
         when = "" if is_timed else f" after {summary['duration_s']:.1f} s"

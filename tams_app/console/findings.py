@@ -1,4 +1,4 @@
-"""What the doctor finds, and its checks for Python libraries.
+"""The doctor's findings, and its checks for Python libraries.
 
 All with nothing but Python's own library, so that it can always be stated.
 """
@@ -62,7 +62,7 @@ class Finding:
 def attempted(
     what: str, attempt: Callable[..., object], *given: object, detail: str = ""
 ) -> Finding:
-    """Whether it can be done with what is `given`; what a TamsError says is how to fix it."""
+    """Try something with what is `given`; the text of a TamsError is the fix."""
     try:
         attempt(*given)
     except TamsError as error:
@@ -74,7 +74,7 @@ Check = Callable[["Config"], Iterator[Finding]]
 
 
 def examine(config: Config, checks: Sequence[Check]) -> Iterator[Finding]:
-    """What each check finds; one that cannot be made is a finding as well."""
+    """The findings of each check; one that cannot be made is a finding as well."""
     for check in checks:
         try:
             for found in check(config):
@@ -126,14 +126,14 @@ def libraries(config: Config | None = None) -> Iterator[Finding]:
 
 
 def loading(_: Config | None = None) -> Iterator[Finding]:
-    """Whether all that a session needs can be imported: an installed library may be broken."""
+    """Import all that a session needs: an installed library may be broken."""
     reason = tried(_LOAD)
     fix = "install that library anew, in a checkout with make setup; if none is named, report this"
     yield Finding("Loading TAMS", not reason, reason, fix)
 
 
 def _requirements(extra: str) -> list[str]:
-    """What the project declares for this Python: in its own file, or in its installed metadata."""
+    """The project's requirements for this Python, from its own file or its installed metadata."""
     if _PROJECT.is_file():
         project = tomllib.loads(_PROJECT.read_text(encoding="utf-8"))["project"]
         lines = [*project["dependencies"], *project["optional-dependencies"].get(extra, [])]
@@ -158,7 +158,7 @@ def _is_missing(requirement: str) -> bool:
 
 
 def _within(version: str, bounds: str) -> bool:
-    """Whether it is at least what each `>=` names, and below what each `<` names."""
+    """True if it is at least what each `>=` names, and below what each `<` names."""
     found = _BOUND.findall(bounds)
     return all((_numbers(version) >= _numbers(one)) == (sign == ">=") for sign, one in found)
 

@@ -97,15 +97,15 @@ def measured(echoes: list[tuple[int, int]]) -> LinkMeasured:
 
 
 def _held(echoes: list[tuple[int, int]], link: LinkConfig) -> tuple[list[float], int]:
-    """Of samples that come as the echoes did: gaps [ms], and how many breaks made too many."""
+    """Gaps [ms] of samples that come as the echoes did, and how many breaks were too many."""
     controller = LinkController(link, lambda _: None, lambda _: None)
     controller.start()
     counted_ns = []
-    for sent_ns, heard_ns in echoes:
-        controller.sample(heard_ns)
-        controller.take(replace(_SAMPLE, **dict.fromkeys(_STAMPS, sent_ns)), heard_ns)
-        if controller.counted_ns == heard_ns:
-            counted_ns.append(heard_ns)
+    for sent_ns, received_ns in echoes:
+        controller.sample(received_ns)
+        controller.take(replace(_SAMPLE, **dict.fromkeys(_STAMPS, sent_ns)), received_ns)
+        if controller.counted_ns == received_ns:
+            counted_ns.append(received_ns)
     return (np.diff(counted_ns) / NS_PER_MS).tolist(), controller.too_often
 
 
@@ -171,7 +171,7 @@ class _Prober:
             list(self._received(NS_PER_S // 20))
 
     def echoes(self) -> list[tuple[int, int]]:
-        """When each was sent that came back, and when it came [ns]."""
+        """The times [ns] at which each echo that came back was sent and received."""
         sent_ns: dict[int, int] = {}
         echoes = []
         for number in range(_PINGS):
@@ -199,12 +199,12 @@ class _Prober:
                 return
             datagram, address = self._socket.recvfrom(65_536)
             now_ns = self._clock.now_ns()
-            heard = self._end.receive(datagram, address, now_ns)
-            for reply in heard.replies:
+            received = self._end.receive(datagram, address, now_ns)
+            for reply in received.replies:
                 self._socket.sendto(*reply)
-            if heard.connected:
+            if received.connected:
                 self._send(ping(_PINGS))  # the first message confirms the call
-            if heard.left:
+            if received.left:
                 raise HelperError("the robot's side ended meanwhile: start it and measure again")
-            if heard.message is not None:
-                yield now_ns, heard.message
+            if received.message is not None:
+                yield now_ns, received.message

@@ -184,7 +184,7 @@ def to_csv(
 
 
 def _show_damage(path: Path) -> None:
-    """Beside the output, which another program may read."""
+    """Print it on standard error: another program may read the output."""
     from tams_app.recording import damage_of
 
     if damage := damage_of(path):

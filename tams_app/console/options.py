@@ -39,7 +39,7 @@ KeyOption = Annotated[
 
 
 def network_names(ctx: typer.Context) -> list[str]:
-    """For the shell: those of the configuration; where none fits, the shell offers files."""
+    """Completions by the configuration's networks; where none fits, the shell offers files."""
     try:
         return list(load_config(ctx.params.get("config")).networks)
     except TamsError:  # it is named when the command runs
@@ -84,7 +84,7 @@ class Override:
         self._how: dict[str, Any] = {"help": help_text, **how}
 
     def parameter(self, name: str) -> inspect.Parameter:
-        """As typer takes it, called `name`."""
+        """The parameter of that name, for typer."""
         flag = (f"--{name.replace('_', '-')}",) if self._kind is bool else ()
         return inspect.Parameter(
             name,
@@ -95,7 +95,7 @@ class Override:
 
 
 def _kind_at(key: str) -> Any:
-    """What a key of the configuration holds: `bool`, `int` or `float`, and `str` for all else."""
+    """The type of a key of the configuration: `bool`, `int` or `float`, and `str` for all else."""
     hint: Any = Config
     for part in key.split("."):
         hint = hint.model_fields[part].annotation
@@ -201,7 +201,7 @@ def overriding(
 
 
 def _value(given: Any) -> Any:
-    """What is laid over a key: of a flag that is not set nothing, of a path its text."""
+    """The value laid over a key: the text of a path, and nothing for a flag that is not set."""
     return str(given) if isinstance(given, Path) else None if given is False else given
 
 

@@ -56,7 +56,7 @@ def report_session(
 def report_both(
     first: Path, second: Path, console: Console | None = None, progress: Console | None = None
 ) -> dict[str, Any]:
-    """As `report_session`, of the two logs of one session, into the folder of the robot's side."""
+    """Report on the two logs of one session, in the folder of the robot's side."""
     console = console or Console()
     folders = [_session_folder(one) for one in (first, second)]
     with waiting(_WRITING, progress or console):
@@ -94,9 +94,10 @@ def _show(summary: Mapping[str, Any], folder: Path, console: Console, join: str 
 
 
 def join_command(log: SessionLog, folder: Path) -> str:
-    """How to join a log with that of the other side, whose folder was told when the link began.
+    """The command that joins a log with that of the other side.
 
-    It is looked for beside this one. "" for the log of a session on one computer.
+    The other folder, whose name was exchanged when the link began, is looked for beside this one.
+    "" for the log of a session on one computer.
     """
     facts = log.facts
     if SESSION_FACT not in facts:
@@ -110,7 +111,7 @@ def join_command(log: SessionLog, folder: Path) -> str:
 
 
 def _to_replace(join: str) -> str:
-    """What is still to be put into the command of `join_command`, in words."""
+    """The words for what is still to be put into the command of `join_command`."""
     return "".join(
         f" (replace {unknown} by its folder, copied here)"
         for _, unknown in _OTHERS_FOLDER.values()

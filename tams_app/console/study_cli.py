@@ -1,4 +1,4 @@
-"""`run_tams.py study`: commands and options only; what they do is imported when it is asked for."""
+"""`run_tams.py study`: commands and options only, which import what they need when they run."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def report(
 def _check_run_options(
     sim: bool, workers: int | None, dask: str | None, participant: str | None
 ) -> None:
-    """ConfigError for options that mean nothing to the kind of study that is asked for."""
+    """ConfigError for options that mean nothing to this kind of study."""
     if sim and participant is not None:
         raise ConfigError("--participant is for people at the hardware: leave it out with --sim")
     if not sim and (workers is not None or dask is not None):

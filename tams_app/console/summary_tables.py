@@ -1,4 +1,4 @@
-"""The table at the end of a session: what summary.json says, for people."""
+"""The table at the end of a session: summary.json for people."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def summary_tables(summary: Mapping[str, Any], seen_elsewhere: bool = False) -> 
 
 
 def seen_tables(summary: Mapping[str, Any]) -> RenderableType:
-    """What the operator's log alone tells (`seen` of its summary.json), below the headline."""
+    """The figures of the operator's log alone (`seen` of its summary.json), below the headline."""
     seen, system = summary["seen"], summary["system"]
     shown = ", ".join(
         f"{view.upper()} {one['frames']} ({one['per_s']:.1f} a second)"
@@ -83,7 +83,7 @@ def _load(system: Mapping[str, Any]) -> str:
 
 
 def task_verdict(summary: Mapping[str, Any]) -> str:
-    """What came of the task; of a session with episodes, how many there are."""
+    """The result of the task; of a session with episodes, how many there are."""
     if episodes := summary.get("episodes"):
         kept = sum(one["kept"] for one in episodes)
         what = "episode" if kept == 1 else "episodes"
@@ -171,7 +171,7 @@ def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def _freezes(views: Mapping[str, Mapping[str, Any]]) -> str:
-    """Of each view that froze how often, and for how long at most; empty if none did."""
+    """Number and longest of the freezes of each view that froze; empty if none did."""
     return "; ".join(
         f"{view.upper()} {entry['freezes']['count']}, longest {entry['freezes']['longest_s']:.1f} s"
         for view, entry in views.items()

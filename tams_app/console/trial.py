@@ -100,7 +100,7 @@ class LiveTrial:
 
     @property
     def actions(self) -> Mapping[Command, Action]:
-        """For commands that are for a trial only."""
+        """The actions of commands that are for a trial only."""
         return {
             Command.DROP: partial(self._count, 1),
             Command.NO_DROP: partial(self._count, -1),
@@ -108,14 +108,14 @@ class LiveTrial:
         }
 
     def words(self, state: SessionState) -> Words:
-        """For the terminal."""
+        """The trial for the terminal."""
         time = self._time(state)
         why = reason_parts(state)
         full = [arm_line(state), time, *why]
         return Words(fitting([*arm_parts(state), time]), SEPARATOR.join(full), "".join(why))
 
     def facts_of(self, state: SessionState) -> TrialFacts:
-        """For the window."""
+        """The trial for the window."""
         kind = "practice" if self._trial.practice else "trial"
         return TrialFacts(
             self._trial.participant,

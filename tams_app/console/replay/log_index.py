@@ -73,7 +73,7 @@ class LogIndex:
         self._maker = StateMaker(self._views, weights, log.header.fps)
 
     def at(self, t_ns: int) -> SessionState:
-        """As the console had it at `t_ns`."""
+        """The state as the console had it at `t_ns`."""
         log = self._log
         found = [_last(records, times_ns, t_ns) for records, times_ns in self._records]
         since, until = np.searchsorted(self._entered_ns, (t_ns - WINDOW_NS, t_ns))
@@ -110,7 +110,7 @@ class LogIndex:
         return [note for note in self._log.notes if after_ns < note.t_ns <= until_ns]
 
     def _episodes(self, t_ns: int) -> EpisodesState:
-        """Those that have ended, by their newest verdict, and the one that was recorded then."""
+        """The episodes that have ended, by their newest verdict, and the one being recorded."""
         known = self._log.judged_episodes
         ended = [one for one in known if one.end_ns <= t_ns]
         running = [one for one in known if one.start_ns <= t_ns < one.end_ns]
@@ -125,7 +125,7 @@ class LogIndex:
         )
 
     def _view(self, view: str, t_ns: int) -> ViewState:
-        """As it was shown; a frame that is not whole does not count for its age."""
+        """The view as it was shown; a frame that is not whole does not count for its age."""
         captured_ns, shown = self._captured_ns[view], self._shown[view]
         until = int(np.searchsorted(shown.shown_ns, t_ns, side="right"))
         first = int(np.searchsorted(shown.shown_ns, t_ns - NS_PER_S, side="right"))

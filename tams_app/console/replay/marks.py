@@ -26,7 +26,7 @@ _ROUND = 3  # milliseconds
 
 @dataclass(frozen=True, slots=True)
 class Mark:
-    """From `t_s` [s] on it is `phase`; None: no phase of the task."""
+    """The begin of `phase` at `t_s` [s]; None: no phase of the task."""
 
     t_s: float
     phase: Phase | None

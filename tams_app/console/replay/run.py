@@ -86,7 +86,7 @@ def _key_help(headless: bool) -> str:
 
 
 def _logged_config(log: SessionLog, path: Path) -> Config:
-    """As `log`, read from `path`, has it; UnreadableLogError if this version has other keys."""
+    """The configuration in `log`, read from `path`; UnreadableLogError if it has other keys."""
     try:
         return Config.model_validate(log.header.config)
     except ValidationError as error:

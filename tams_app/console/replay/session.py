@@ -84,7 +84,7 @@ class Playback:
         self.seek(self.position_ns + by_ns)
 
     def faster(self, steps: int) -> None:
-        """So many steps faster (slower, where negative) among `SPEEDS`."""
+        """Take the speed that is so many steps up (down, where negative) in `SPEEDS`."""
         nearest = min(range(len(SPEEDS)), key=lambda at: abs(SPEEDS[at] - self.speed))
         self.speed = SPEEDS[min(len(SPEEDS) - 1, max(0, nearest + steps))]
 
@@ -192,7 +192,7 @@ class ReplaySession:
         return (self.playback.position_ns - self._log.header.started_ns) / NS_PER_S
 
     def state(self) -> SessionState:
-        """As it was shown; where phases are marked, with the marked one and without figures."""
+        """The state as it was shown; where phases are marked, with the mark and without figures."""
         state = self._index.at(self.playback.position_ns)
         if self._marking is None:
             return state
@@ -236,17 +236,17 @@ class ReplaySession:
         self.sentences.note(text)
 
     def stop_arm(self) -> None:
-        """There is none."""
+        """Nothing: there is no arm."""
 
     def close(self) -> None:
-        """What was asked for just before the end is done yet: no mark is lost."""
+        """Do what was requested just before the end, too: no mark is lost."""
         try:
             self.signals.carry_out()
         finally:
             self.screen.close()
 
     def _actions_by_key(self) -> dict[str, Action]:
-        """What the keys do that are no commands, by their names in GDK."""
+        """The actions of keys that are no commands, by their names in GDK."""
         playback = self.playback
         actions: dict[str, Action] = {
             "Left": partial(playback.move, -_STEP_NS),
@@ -277,7 +277,7 @@ class ReplaySession:
         self.playback.move(by_ns)
 
     def _go_to_gripper(self) -> None:
-        """To the next tick before which the gripper was commanded to open or close."""
+        """Go to the next tick before which the gripper was commanded to open or close."""
         ticks = [tick for tick in self._log.ticks if tick.arm is not None]
         closed = [bool(tick.arm and tick.arm.gripper_closed) for tick in ticks]
         for tick, before, after in zip(ticks[1:], closed, closed[1:], strict=False):
