@@ -37,7 +37,7 @@ _WRITING = "writing summary and report"
 
 
 def report_session(
-    folder: Path, console: Console | None = None, progress: Console | None = None
+    folder: Path, console: Console, progress: Console | None = None
 ) -> dict[str, Any]:
     """Write summary, figure and page from the log in `folder`; show the summary, return it.
 
@@ -45,7 +45,6 @@ def report_session(
     place of `console`. UnreadableLogError if there is no log, or none of ours; LogError if the
     folder cannot be written.
     """
-    console = console or Console()
     folder = _session_folder(folder)
     with waiting(_WRITING, progress or console):
         log, summary = _summarised(folder)
@@ -54,10 +53,9 @@ def report_session(
 
 
 def report_both(
-    first: Path, second: Path, console: Console | None = None, progress: Console | None = None
+    first: Path, second: Path, console: Console, progress: Console | None = None
 ) -> dict[str, Any]:
     """Report on the two logs of one session, in the folder of the robot's side."""
-    console = console or Console()
     folders = [_session_folder(one) for one in (first, second)]
     with waiting(_WRITING, progress or console):
         logs = [read_log(folder / LOG_NAME) for folder in folders]

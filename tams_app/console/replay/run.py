@@ -55,7 +55,7 @@ def run_replay(
                 _shown_config(_logged_config(log, path), headless),
                 Path(folder),
                 speed,
-                MonotonicClock().now_ns,
+                MonotonicClock(),
                 _key_help(headless),
                 marking,
             )

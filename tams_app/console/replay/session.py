@@ -23,6 +23,7 @@ from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
+from tams_app.runtime.clock import Clock
 from tams_app.session.sentences import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
@@ -129,7 +130,7 @@ class ReplaySession:
         config: Config,
         folder: Path,
         speed: float,
-        now_ns: Callable[[], int],
+        clock: Clock,
         key_help: str = "",
         marking: Marking | None = None,
     ) -> None:
@@ -144,7 +145,7 @@ class ReplaySession:
         self.ended = threading.Event()
         self._log, self._pictures = log, pictures
         self._index = LogIndex(log)
-        self._now_ns, self._key_help = now_ns, key_help
+        self._clock, self._key_help = clock, key_help
         self.blind = marking is not None
         self._marking = marking
         self.outline = outline_of(log)
@@ -168,7 +169,7 @@ class ReplaySession:
 
     def start(self) -> None:
         """Begin now: the time that the window took to open does not count."""
-        self.playback.begin(self._now_ns())
+        self.playback.begin(self._clock.now_ns())
         if predicted := self._log.facts.get(PREDICTED_FACT):
             views = ", ".join(predicted.split(","))
             self.sentences.note(f"as received, while the session showed them predicted: {views}")
@@ -177,7 +178,7 @@ class ReplaySession:
         """Go on by the time that has passed; show what belongs there."""
         jumps = self.playback.jumps
         self.signals.carry_out()
-        position_ns = self.playback.step(self._now_ns())
+        position_ns = self.playback.step(self._clock.now_ns())
         jumped = self.playback.jumps != jumps
         if jumped and not self.blind:
             self._past = self._index.rates_before(position_ns)

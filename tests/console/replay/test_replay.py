@@ -84,7 +84,7 @@ class Replayed:
     def __init__(
         self, path: Path, tmp_path: Path, speed: float = 1.0, marking: Marking | None = None
     ) -> None:
-        self.now_ns = 0
+        self.clock = VirtualClock(0)
         self.presses = Counter[str]()
         self.put: dict[str, float] = {}
         log = read_log(path)
@@ -94,7 +94,7 @@ class Replayed:
             load_config(),
             tmp_path,
             speed,
-            lambda: self.now_ns,
+            self.clock,
             " (keys)",
             marking,
         )
@@ -105,13 +105,13 @@ class Replayed:
 
     def passes(self, seconds: float) -> None:
         for _ in range(round(seconds * 20)):
-            self.now_ns += 50 * NS_PER_MS
+            self.clock.advance_ns(50 * NS_PER_MS)
             self.session.poll()
 
     def press(self, *keys: str) -> None:
         for key in keys:
             self.presses[key] += 1
-            self.session.on_keys(Keys(self.now_ns, True, (), presses=dict(self.presses)))
+            self.session.on_keys(Keys(self.clock.now_ns(), True, (), presses=dict(self.presses)))
 
 
 @pytest.fixture
