@@ -17,13 +17,7 @@ from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
 
-FOXGLOVE = "127.0.0.1:8765"
-ROS2 = "0"
-_BARE = {
-    "--foxglove": FOXGLOVE,
-    "--ros2": ROS2,
-    "--episodes": "0",  # any number
-}  # what an option without a value stands for
+_FOXGLOVE, _ROS2 = "127.0.0.1:8765", "0"
 
 CommandFunction: TypeAlias = Callable[..., None]
 ConfigOption = Annotated[
@@ -62,8 +56,9 @@ class Override:
         self,
         key: str,
         help_text: str | None = None,
-        words: Iterable[str] = (),
+        words: Iterable[str] | None = None,
         default: str | None = None,
+        bare: str = "",
         kind: Any = None,
         **how: Any,
     ) -> None:
@@ -74,12 +69,13 @@ class Override:
             help_text: what --help says of it.
             words: what the shell offers as its value.
             default: laid over the key if it is not given; None: the key stays as in the file.
+            bare: its value where it is given without one; "": it always needs one.
             kind: of its value; None: that of the key.
             how: further arguments of `typer.Option`.
         """
-        self.key, self.default = key, default
+        self.key, self.default, self.bare = key, default, bare
         self._kind = kind or _kind_at(key)
-        if words:
+        if words is not None:  # the length of a registry would search all distributions
             how["autocompletion"] = lambda: list(words)
         self._how: dict[str, Any] = {"help": help_text, **how}
 
@@ -149,17 +145,20 @@ OPTIONS = {
     "episodes": Override(
         "recording.episode_count",
         "Record episodes, kept or discarded by key; end when N are kept.",
+        bare="0",  # any number
         metavar="[N]",
         min=0,
     ),
     "foxglove": Override(
         "recording.foxglove",
-        f"Let Foxglove connect while the session runs; by default at {FOXGLOVE}.",
+        f"Let Foxglove connect while the session runs; by default at {_FOXGLOVE}.",
+        bare=_FOXGLOVE,
         metavar="[HOST:PORT]",
     ),
     "ros2": Override(
         "recording.ros2",
-        f"Publish the session in ROS 2 while it runs; by default in domain {ROS2}.",
+        f"Publish the session in ROS 2 while it runs; by default in domain {_ROS2}.",
+        bare=_ROS2,
         metavar="[DOMAIN]",
     ),
     "out": Override("recording.directory", "Folder for the session folders.", kind=Path),
@@ -206,7 +205,7 @@ def _value(given: Any) -> Any:
 
 
 def with_values(arguments: list[str]) -> list[str]:
-    """The command line with the values that bare `--foxglove` and `--ros2` stand for.
+    """The command line with the values of options that are given without one.
 
     ConfigError for an option that there was.
     """
@@ -215,11 +214,12 @@ def with_values(arguments: list[str]) -> list[str]:
         for before in (words, words[:1], []):
             if instead := REMOVED.get(" ".join([*before, name])):
                 raise ConfigError(f"{name}: {instead}")
+    bare = {f"--{name}": one.bare for name, one in OPTIONS.items() if one.bare}
     found: list[str] = []
     for argument, following in pairwise([*arguments, "-"]):
         found.append(argument)
-        if argument in _BARE and following.startswith("-"):
-            found.append(_BARE[argument])
+        if argument in bare and following.startswith("-"):
+            found.append(bare[argument])
     return found
 
 
