@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 
 from hw.arm import Arm
 from hw.arms import arm_kind
@@ -44,11 +44,6 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
     clock, signals = MonotonicClock(), Signals()
     ending = Ending(clock)
 
-    def go_on() -> None:
-        """SignalledError if a signal asked to end."""
-        if ending.requested_end:
-            raise SignalledError(f"{ending.requested_end} before the arm was in its ready pose")
-
     def stop_at_once() -> None:
         ending.request_end("stopped by SIGUSR1")
         signals.estop()
@@ -62,7 +57,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         keys.open()
         if not keys.active:
             raise SetupError("home needs a terminal of its own: the arm moves while Enter is held")
-        dialogue = Dialogue(keys, console or Console(), go_on)
+        dialogue = Dialogue(keys, console or Console(), ending)
         stack.callback(dialogue.close)
         dialogue.start()
         boundary = reach_boundary(config.arm, config.limits)
@@ -77,8 +72,8 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
             math.radians(config.arm.ready_speed_deg_s),
         )
         dialogue.notify(f"Connecting to the arm at {config.arm.host} ...")
-        guard.join(arm, stack, lambda: connect_with_consent(arm, dialogue.confirms))
-        go_on()
+        guard.join(arm, stack, partial(connect_with_consent, arm, dialogue))
+        dialogue.go_on()
         run = HomeRun(
             config,
             clock,
@@ -100,7 +95,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         keys.discard()  # those pressed so far were for something else
         state = run.run()
         if state is not HomingState.DONE:
-            go_on()
+            dialogue.go_on()
         return 0 if state is HomingState.DONE else 1
 
 
@@ -111,11 +106,9 @@ class Dialogue:
     it is done in a thread of its own, so that reading the deadman key goes on.
     """
 
-    def __init__(
-        self, keys: TerminalKeys, console: Console, check: Callable[[], None] = lambda: None
-    ) -> None:
-        """`check` is called before each reading and may raise to end it."""
-        self._keys, self._console, self._check = keys, console, check
+    def __init__(self, keys: TerminalKeys, console: Console, ending: Ending) -> None:
+        """`ending`: once it is requested, no key is read any more."""
+        self._keys, self._console, self._ending = keys, console, ending
         self._texts: BoundedQueue[str] = BoundedQueue(_CAPACITY)
         self._notified = 0
         self._printed = 0
@@ -129,6 +122,11 @@ class Dialogue:
         self._printer.request_stop()
         self._printer.join(_LAST_WORDS_S)
 
+    def go_on(self) -> None:
+        """SignalledError if a signal asked to end."""
+        if reason := self._ending.requested_end:
+            raise SignalledError(f"{reason} before the arm was in its ready pose")
+
     def notify(self, text: str) -> None:
         """Have `text` printed; does not wait."""
         self._notified += 1
@@ -140,7 +138,7 @@ class Dialogue:
 
     def read_keys(self, timeout_s: float) -> bytes:
         """The keys pressed within `timeout_s`; DeviceError if the terminal is gone."""
-        self._check()
+        self.go_on()
         if self._printer.failure is not None:
             raise DeviceError("The terminal takes no text; start TAMS again from a new one.")
         return self._keys.read_bytes(timeout_s)
@@ -164,15 +162,17 @@ class Dialogue:
                 self._printed += 1
 
 
-def connect_with_consent(arm: Arm, confirms: Callable[[str], bool]) -> None:
-    """Connect; an error of the arm's controller is cleared if the operator `confirms` that."""
+def connect_with_consent(arm: Arm, dialogue: Dialogue) -> None:
+    """Connect; an error of the arm's controller is cleared if the operator confirms that."""
     try:
         arm.connect()
     except DeviceError:
         state = arm.state()
         if state is None or state.fault is None:
             raise
-        if not confirms(f"{state.fault.sentence}\nEnter clears the error, any other key ends."):
+        if not dialogue.confirms(
+            f"{state.fault.sentence}\nEnter clears the error, any other key ends."
+        ):
             raise
         arm.clear_errors()
         arm.connect()

@@ -14,6 +14,8 @@ from tams_app.console.home import Dialogue
 from tams_app.errors import DeviceError
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
+from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.ending import Ending
 
 pytestmark = pytest.mark.waiting
 
@@ -53,7 +55,9 @@ class Bench:
         self.screen = Screen()
         self.keys = Keys(self.operator, self.terminal)
         self.keys.open()
-        self.dialogue = Dialogue(self.keys, Console(file=self.screen, width=100))
+        self.dialogue = Dialogue(
+            self.keys, Console(file=self.screen, width=100), Ending(MonotonicClock())
+        )
         self.dialogue.start()
 
     def close(self) -> None:
