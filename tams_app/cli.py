@@ -21,9 +21,9 @@ from tams_app.config import load_config
 from tams_app.console import options
 from tams_app.console.export_cli import export
 from tams_app.console.logs_cli import log_app, replay, report
+from tams_app.console.session_cli import key_app, operate, robot, run
 from tams_app.console.study_cli import study_app
 from tams_app.console.tools_cli import allocate, config, network, phases
-from tams_app.console.two_sided_cli import key_app, operate, robot
 from tams_app.errors import ConfigError, TamsError
 
 app = typer.Typer(
@@ -112,28 +112,8 @@ def _tams(
     """
 
 
-@app.command()
-@options.overriding(
-    "config sim strategy preset network budget seconds seed fps headless hand operator predict "
-    "arm dry_run record_reference episodes foxglove ros2 out"
-)
-def run(
-    overrides: dict[str, Any],
-    config: options.ConfigOption = None,
-    arm: options.ArmOption = False,
-    dry_run: options.DryRunOption = False,
-) -> None:
-    """Run a session; by default one simulated pick-and-place."""
-    settings = load_config(config, overrides)
-    options.check_arm_at_once(arm, settings)
-    typer.echo("loading …")  # takes a second or two
-    from tams_app.console.app import run_session
-
-    raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
-
-
-app.command()(robot)
-app.command()(operate)
+for _command in (run, robot, operate):
+    app.command()(_command)
 
 
 @app.command()

@@ -462,7 +462,7 @@ def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_130(capsys, monk
 
 # Each command, with what it needs on its command line and what it calls first.
 COMMANDS = {
-    "run": ([], "tams_app.cli.load_config"),
+    "run": ([], "tams_app.console.session_cli.load_config"),
     "home": ([], "tams_app.cli.load_config"),
     "doctor": ([], "tams_app.cli.load_config"),
     "report": (["somewhere"], "tams_app.console.report.report_session"),

@@ -23,8 +23,6 @@ CommandFunction: TypeAlias = Callable[..., None]
 ConfigOption = Annotated[
     Path | None, typer.Option("--config", help="Configuration file; default config/tams.yaml.")
 ]
-ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
-DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Do everything except move the arm.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 KeyOption = Annotated[
     Path | None,
@@ -221,9 +219,3 @@ def with_values(arguments: list[str]) -> list[str]:
         if argument in bare and following.startswith("-"):
             found.append(bare[argument])
     return found
-
-
-def check_arm_at_once(arm: bool, settings: Config) -> None:
-    """ConfigError for an arm that would move without being confirmed."""
-    if arm and not settings.rig.enabled:
-        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")

@@ -1,4 +1,4 @@
-"""The commands of two computers: `robot`, `operate` and `key`."""
+"""The commands that run a session, `run`, `robot` and `operate`, and the keys of two computers."""
 
 from __future__ import annotations
 
@@ -7,19 +7,38 @@ from typing import Annotated, Any
 
 import typer
 
-from tams_app.config import load_config
+from tams_app.config import Config, load_config
 from tams_app.console.options import (
-    ArmOption,
     ConfigOption,
-    DryRunOption,
     KeyOption,
     Override,
-    check_arm_at_once,
     network_names,
     overriding,
 )
+from tams_app.errors import ConfigError
 
+ArmOption = Annotated[bool, typer.Option("--arm", help="Arm without asking; simulated rig only.")]
+DryRunOption = Annotated[bool, typer.Option("--dry-run", help="Do everything except move the arm.")]
 key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of two computers.")
+
+
+@overriding(
+    "config sim strategy preset network budget seconds seed fps headless hand operator predict "
+    "arm dry_run record_reference episodes foxglove ros2 out"
+)
+def run(
+    overrides: dict[str, Any],
+    config: ConfigOption = None,
+    arm: ArmOption = False,
+    dry_run: DryRunOption = False,
+) -> None:
+    """Run a session; by default one simulated pick-and-place."""
+    settings = load_config(config, overrides)
+    _check_arm_at_once(arm, settings)
+    typer.echo("loading …")  # takes a second or two
+    from tams_app.console.app import run_session
+
+    raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
 
 
 @overriding(
@@ -57,7 +76,7 @@ def robot(
         "video.quality.enabled": False,
     }
     settings = load_config(config, overrides | of_this_side)
-    check_arm_at_once(arm, settings)
+    _check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.two_sided import endpoint_of, run_robot
 
@@ -92,15 +111,13 @@ def operate(
     raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
 
 
-NameOption = Annotated[
-    str | None,
-    typer.Option("--for", metavar="NAME", help="The key's owner; default the file's name."),
-]
-
-
 @key_app.command("new")
 def new_key_file(
-    file: Annotated[Path, typer.Argument(metavar="FILE")], name: NameOption = None
+    file: Annotated[Path, typer.Argument(metavar="FILE")],
+    name: Annotated[
+        str | None,
+        typer.Option("--for", metavar="NAME", help="The key's owner; default the file's name."),
+    ] = None,
 ) -> None:
     """Make a key, as FILE or in the folder FILE, for both computers."""
     from tams_app.link.keys import new_key
@@ -127,3 +144,9 @@ def revoke(
     from tams_app.link.keys import revoke_key
 
     typer.echo(f"{revoke_key(folder, name)}: deleted; the robot's side no longer accepts it")
+
+
+def _check_arm_at_once(arm: bool, settings: Config) -> None:
+    """ConfigError for an arm that would move without being confirmed."""
+    if arm and not settings.rig.enabled:
+        raise ConfigError("--arm works on the simulated rig only: confirm by hand on hardware")
