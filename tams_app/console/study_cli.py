@@ -21,7 +21,6 @@ Folder = Annotated[
     Path | None, typer.Argument(metavar="[DIR]", help=f"The study's folder; {DEFAULT_FOLDER}.")
 ]
 OutOption = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="The same as DIR.")]
-Pseudonym = Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")]
 PARTICIPANTS_HELP = "How many; multiples of 18 are balanced."
 _DESIGN = {
     "sim": Override("rig.enabled", "Use the simulated rig and operator, not people at hardware."),
@@ -117,7 +116,7 @@ def void(
 
 @study_app.command()
 def forget(
-    participant: Pseudonym,
+    participant: Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The study's folder.")],
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask.")] = False,
 ) -> None:
