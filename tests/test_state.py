@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from tams_app.config import load_config
 from tams_app.console.replay.log_index import LogIndex
-from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.topics import TOPICS
 from tams_app.records import (
@@ -42,7 +42,7 @@ def eventful() -> SessionLog:
     return log
 
 
-LOG = eventful()
+LOG, CONFIG = eventful(), load_config()
 INDEX = LogIndex(LOG)
 LISTS = (
     LOG.ticks,
@@ -81,7 +81,7 @@ def test_replay_and_a_running_session_make_the_same_state_of_the_same_records(at
     for record in RECORDS:
         if TOPICS[type(record)].time_ns(record) <= t_ns:
             newest.put(record)
-    board = StatusBoard(LOG.header.views, WeightMatrix(LOG.header.weights), 30.0, newest)
+    board = StatusBoard(CONFIG, newest)
     board.packets([one for one in LOG.packets if t_ns - NS_PER_S <= one.entered_ns < t_ns])
     board.receive(Allocation(t_ns, Phase.REACH, 0.0, 0.0, {}))
     live = board.state(t_ns, at_ms / 1000, NoVideo(), LOG.facts.get(HAND_FACT, ""))

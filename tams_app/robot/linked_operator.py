@@ -20,7 +20,7 @@ from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
 from tams_app.link.messages import PROTOCOL, Welcome, encode
 from tams_app.recording.journal import Journal
-from tams_app.records import Allocation, LinkHealth, Record, SessionState, SteeredBy, Tick
+from tams_app.records import Allocation, LinkHealth, Placed, Record, SessionState, SteeredBy, Tick
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_hand import LinkedHand
 from tams_app.robot.linked_state import LinkedState, state_interval_ns
@@ -60,21 +60,19 @@ class LinkedOperator(StreamedOperator):
         signals: Signals,
         log: Journal,
         make_gateway: Callable[[bytes], Gateway],
-        state_at: Callable[[int], SessionState],
         name: str,
     ) -> None:
         """`make_gateway`: of what an operator receives when they connect.
 
-        `state_at`: of this side at a time, asked for in the control thread. `name`: of the
-        session's folder.
+        `name`: of the session's folder.
         """
         self._config, self._clock, self._log = config, clock, log
         self._make_gateway, self._name = make_gateway, name
         self._gateway: Gateway | None = None
-        self._state = LinkedState(clock, state_at)
+        self._state = LinkedState(clock)
         self._hand = LinkedHand(config, signals, log, self._receive, self._state.pulse)
         self._sent: Mapping[str, SentFrames] = {}
-        self._revoked = False
+        self._revoked = self._placed = False
         self._introduction, self._refusal = b"", ""
         self._state_ns = state_interval_ns(math.inf)
         self._state_due_ns = self._health_due_ns = 0
@@ -141,7 +139,7 @@ class LinkedOperator(StreamedOperator):
         gateway = self._gateway
         if gateway is None:
             return
-        if over := self._state.farewell(reason, failed):
+        if over := self._state.farewell(reason, failed, self._placed):
             for _ in range(_FAREWELLS):
                 gateway.send(over)
                 self._clock.sleep_until_ns(self._clock.now_ns() + 10 * NS_PER_MS)
@@ -201,20 +199,26 @@ class LinkedOperator(StreamedOperator):
     def receive(self, record: Record) -> None:
         if isinstance(record, Allocation):
             self._state_ns = state_interval_ns(record.capacity_kbps)
+        elif isinstance(record, Placed):
+            self._placed = record.placed
         elif isinstance(record, Tick):
             self._hand.is_armed = ArmingState(record.arming).is_armed
-            self._answer(record.started_ns)
+            if record.started_ns >= self._health_due_ns:
+                self._health_due_ns = record.started_ns + _HEALTH_NS
+                self._log.record(self._health(record.started_ns))
 
-    def _answer(self, now_ns: int) -> None:
+    def wants_state(self, now_ns: int) -> bool:
+        return self._gateway is not None and now_ns >= self._state_due_ns
+
+    def show(self, state: SessionState) -> None:
+        assert self._gateway is not None, "open it first"
         hand = self._hand
-        if now_ns >= self._state_due_ns and self._gateway is not None:
-            self._state_due_ns = now_ns + self._state_ns
-            first_ns = tuple(sent.first_ns for sent in self._sent.values())
-            answer = self._state.datagram(hand.message, hand.heard_ns, hand.acknowledged, first_ns)
-            self._gateway.send(answer)
-        if now_ns >= self._health_due_ns:
-            self._health_due_ns = now_ns + _HEALTH_NS
-            self._log.record(self._health(now_ns))
+        self._state_due_ns = state.now_ns + self._state_ns
+        first_ns = tuple(sent.first_ns for sent in self._sent.values())
+        acknowledged = hand.acknowledged
+        self._gateway.send(
+            self._state.datagram(state, hand.message, hand.heard_ns, acknowledged, first_ns)
+        )
 
     def _health(self, now_ns: int) -> LinkHealth:
         event, message, clock = self.event, self._hand.message, self._hand.controller.clock

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 
 import msgspec
 
@@ -32,9 +31,8 @@ def state_interval_ns(capacity_kbps: float) -> int:
 class LinkedState:
     """Makes the state messages of one session; all but `note` in one thread."""
 
-    def __init__(self, clock: Clock, state_at: Callable[[int], SessionState]) -> None:
-        """`state_at`: of this side at a time."""
-        self._clock, self._state_at = clock, state_at
+    def __init__(self, clock: Clock) -> None:
+        self._clock = clock
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
         self._notes_lock = threading.Lock()
@@ -53,16 +51,16 @@ class LinkedState:
 
     def datagram(
         self,
+        state: SessionState,
         newest: HandMessage | None,
         heard_ns: int,
         acknowledged: tuple[int, int],
         first_capture_ns: tuple[int | None, ...],
     ) -> bytes:
-        """The state now. `newest`: sample, received at `heard_ns`; the others are fields of it."""
+        """The message; `newest`: sample, received at `heard_ns`; the others are fields of it."""
         sent_ns = self._clock.now_ns()
         noted, notes = self._notes
         new = notes[-max(0, noted - newest.noted) :] if newest and newest.noted < noted else ()
-        state = self._state_at(sent_ns)
         confirms, stops = acknowledged
         self._last = StateMessage(
             sent_ns=sent_ns,
@@ -81,16 +79,15 @@ class LinkedState:
         )
         return _fitting(self._last)
 
-    def farewell(self, reason: str, failed: bool) -> bytes | None:
+    def farewell(self, reason: str, failed: bool, placed: bool) -> bytes | None:
         """The last state, with the end of the session and the last sentences; None: none yet.
 
-        A block that is placed ends a simulated operator's session at once: that is told here.
+        `placed`: the block is; that ends a simulated operator's session before another state.
         """
         if self._last is None:
             return None
         noted, notes = self._notes
         now_ns = self._clock.now_ns()
-        placed = self._state_at(now_ns).placed
         return _fitting(
             msgspec.structs.replace(
                 self._last,

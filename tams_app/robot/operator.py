@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 from hw.controller import Controller
-from tams_app.records import SteeredBy
+from tams_app.records import SessionState, SteeredBy
 from tams_app.robot.listener import Listener
 from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.core.repair import RepairRule
@@ -106,6 +106,24 @@ class StreamedOperator(Operator):
 
         Args:
             entrances: by view, the ports that its receiver sends feedback to.
+        """
+
+    def wants_state(self, now_ns: int) -> bool:
+        """Ask whether they are to be sent the session's state.
+
+        Args:
+            now_ns: the time of the tick [ns].
+
+        Returns:
+            True if `show` is to be called with it now.
+        """
+        return False
+
+    def show(self, state: SessionState) -> None:
+        """Send them the session's state; called in the control thread.
+
+        Args:
+            state: as the robot's side knows it.
         """
 
     def note(self, text: str) -> None:

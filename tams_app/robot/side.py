@@ -5,17 +5,16 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
 
-from hw.arm import Arm
 from hw.boundary import session_boundary
 from tams_app.config import Config, LinkConfig
-from tams_app.policy.weights import WeightMatrix
-from tams_app.records import Activity, Frame, PacketRecord, Placed, SessionState
+from tams_app.records import Activity, Frame, PacketRecord, Placed, Record, SessionState, Tick
 from tams_app.robot import build
 from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
 from tams_app.robot.control import Signals
-from tams_app.robot.devices import ConnectedDevices
+from tams_app.robot.devices import ConnectedDevices, Devices
 from tams_app.robot.dry_run import DryRunArm
 from tams_app.robot.engine import Engine
 from tams_app.robot.episode_keeper import EpisodeKeeper
@@ -43,142 +42,152 @@ LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
 
 
-class RobotSide:
-    """`launch`, `stream`, `wait_ready`, `connect`, `begin`, in this order; then `poll`.
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What all parts of the robot's side stand on."""
 
-    In the end `stop_arm`, then `finish`.
-    What it starts is one of `parts`, which end it.
+    config: Config
+    clock: Clock
+    parts: Parts
+    log: SessionRecords
+    signals: Signals
+    ending: Ending  # of the session
+
+
+def start_devices(ground: Ground) -> Devices:
+    """Begin to start the devices, which the session's parts end; `wait_ready` before their use."""
+    devices = build.devices(ground.config, ground.clock, ground.parts.logs)
+    ground.parts.stack.callback(devices.close)
+    devices.start()
+    return devices
+
+
+def start_video(
+    ground: Ground,
+    board: StatusBoard,
+    operator: StreamedOperator,
+    codecs: Codecs,
+    captured: Callable[[Frame], None] = lambda _frame: None,
+    link: LinkConfig | None = None,
+) -> Senders:
+    """Let the video flow to `operator` as soon as there are frames, which `captured` gets too.
+
+    `link`: the real network on the way, None: there is none.
+    """
+    config, parts, log = ground.config, ground.parts, ground.log
+    network = resolve_network(config, config.network)
+    if network.trace is not None:
+        text, is_plausible = described(read_trace(Path(network.trace)))
+        level = "info" if is_plausible else "warning"
+        log.note(level, f"the trace of network {config.network}: {text}")
+
+    def on_packets(packets: list[PacketRecord]) -> None:
+        board.packets(packets)
+        log.packets(packets)
+
+    video = Senders(
+        config,
+        network,
+        ground.clock,
+        log,
+        captured,
+        operator,
+        parts.logs,
+        on_packets,
+        parts.on_failure,
+        codecs=codecs,
+        link=link,
+    )
+    parts.stack.callback(video.close)
+    video.start()
+    return video
+
+
+class RobotSide(Listener):
+    """Arm, guard, engine and cameras, connected and at work; the control loop from `begin` on.
+
+    In the end `stop_arm`, then `finish`. What it starts is one of the session's parts, which end
+    it.
     """
 
     def __init__(
         self,
-        config: Config,
-        clock: Clock,
-        parts: Parts,
-        log: SessionRecords,
-        signals: Signals,
-        ending: Ending,
+        ground: Ground,
+        board: StatusBoard,
+        devices: Devices,
+        video: Senders,
+        operator: StreamedOperator,
+        listeners: Sequence[Listener] = (),
         arm_at_once: bool = False,
         dry_run: bool = False,
     ) -> None:
-        """`ending`: of the session.
+        """Connect arm, guard and controller, and build what works with them; TamsError if it fails.
 
-        `arm_at_once`: the arming needs no confirmation. `dry_run`: everything but motion, the arm's
-        commands go to a model of it.
+        `devices` are ready. `listeners` of the loops, besides those of this side. `arm_at_once`:
+        the arming needs no confirmation. `dry_run`: everything but motion, the arm's commands go to
+        a model of it.
         """
-        self._config, self._clock, self._parts, self._log = config, clock, parts, log
-        self._signals, self._ending = signals, ending
-        self._arm_at_once, self._dry_run = arm_at_once, dry_run
-        self._arm: Arm | None = None
-        self._gate: ArmGate | None = None
+        config, log, parts = ground.config, ground.log, ground.parts
+        self._ground, self._board = ground, board
+        self._devices, self._video, self._operator = devices, video, operator
         self._control: Worker | None = None
-        weights = WeightMatrix(config.policy.weights.matrix)
-        self._board = StatusBoard(config.video.views, weights, config.video.fps, log.newest)
-        keeping = config.recording
-        self._episodes: EpisodeKeeper | None = None
+        self._rates = FrameRates(config.video.views, ground.clock, log.record)
+        keeping, self._episodes = config.recording, None
         if keeping.episodes:
             wanted = Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count)
-            self._episodes = EpisodeKeeper(wanted, signals, log, self._put_back, ending.end)
-
-    # --- start ----------------------------------------------------------------------------------
-
-    def launch(self) -> str:
-        """Begin to start the devices; the name of the rig's memory, "" without the rig."""
-        config = self._config
-        self._devices = build.devices(config, self._clock, self._parts.logs)
-        self._parts.stack.callback(self._devices.close)
-        self._devices.start()
-        return self._devices.memory_name
-
-    def stream(
-        self,
-        operator: StreamedOperator,
-        codecs: Codecs,
-        captured: Callable[[Frame], None] = lambda _frame: None,
-        link: LinkConfig | None = None,
-    ) -> None:
-        """Let the video flow to `operator` as soon as there are frames, which `captured` gets too.
-
-        `link`: the real network on the way, None: there is none.
-        """
-        config, parts = self._config, self._parts
-        self._operator = operator
-        network = resolve_network(config, config.network)
-        if network.trace is not None:
-            text, is_plausible = described(read_trace(Path(network.trace)))
-            level = "info" if is_plausible else "warning"
-            self._log.note(level, f"the trace of network {config.network}: {text}")
-        self._video = Senders(
-            config,
-            network,
-            self._clock,
-            self._log,
-            captured,
-            operator,
-            parts.logs,
-            self._on_packets,
-            parts.on_failure,
-            codecs=codecs,
-            link=link,
-        )
-        parts.stack.callback(self._video.close)
-        self._video.start()
-        self._rates = FrameRates(config.video.views, self._clock, self._log.record)
-
-    def wait_ready(self) -> None:
-        """Wait until arm and cameras can be reached; TamsError says what is not."""
-        self._cameras = self._parts.stack.enter_context(ExitStack())  # end after arm and operator
-        self._devices.wait_ready()
-        for name, process in self._devices.helpers.items():
-            self._parts.watch(name, process)
-
-    def connect(self, listeners: Sequence[Listener] = ()) -> None:
-        """Connect arm, guard and controller, and build what works with them.
-
-        `listeners` of the loops, besides those of this side.
-        """
-        devices, operator, log = self._connected(), self._operator, self._log
+            self._episodes = EpisodeKeeper(
+                wanted, ground.signals, log, self._put_back, ground.ending.end
+            )
+        self._cameras = parts.stack.enter_context(ExitStack())  # end after the arm
+        for name, process in devices.helpers.items():
+            parts.watch(name, process)
+        connected = self._connect(dry_run)
+        self._arm, self._gate = connected.arm, connected.gate
         self._engine = Engine(
-            self._config,
-            self._clock,
-            devices,
+            config,
+            ground.clock,
+            connected,
             operator,
-            self._video,
+            video,
             log,
-            self._signals,
-            lambda: self._ending.end("the trial is over"),
-            (self._board, *filter(None, (self._episodes,)), *listeners),
-            self._arm_at_once,
+            ground.signals,
+            lambda: ground.ending.end("the trial is over"),
+            (board, *filter(None, (self._episodes,)), *listeners, self),
+            arm_at_once,
             self._on_placed,
         )
-        self._parts.stack.callback(self._engine.finish)
-        self._start_workers(devices)
+        parts.stack.callback(self._engine.finish)
+        self._start_workers(connected)
 
     def begin(self) -> None:
         """Start the control loop, last of all."""
-        self._control = self._parts.run("control", self._control_thread)
+        self._control = self._ground.parts.run("control", self._control_thread)
 
-    def _connected(self) -> ConnectedDevices:
-        config, parts, log = self._config, self._parts, self._log
-        guard = Guarding(
-            self._devices.arm_config(), config.limits, parts.logs, self._signals, log.note
-        )
-        arm = self._devices.make_arm()
+    def receive(self, record: Record) -> None:
+        """After a tick, send the operator the state if it is time to."""
+        if isinstance(record, Tick) and self._operator.wants_state(record.started_ns):
+            self._operator.show(self.state())
+
+    def _connect(self, dry_run: bool) -> ConnectedDevices:
+        ground, parts, log = self._ground, self._ground.parts, self._ground.log
+        config, devices = ground.config, self._devices
+        guard = Guarding(devices.arm_config(), config.limits, parts.logs, ground.signals, log.note)
+        arm = devices.make_arm()
         boundary = session_boundary(config.arm, config.limits)
-        if self._dry_run:
-            arm = DryRunArm(arm, config.arm, self._clock, boundary)
+        if dry_run:
+            arm = DryRunArm(arm, config.arm, ground.clock, boundary)
             log.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         guard.join(arm, parts.stack, arm.connect)
         parts.hurry(arm.realtime_thread_ids)
-        self._arm, self._gate = arm, ArmGate(arm, boundary, log.note)
+        gate = ArmGate(arm, boundary, log.note)
         parts.watch("guard", guard.process)
-        return ConnectedDevices(arm, self._gate, self._devices.truth, guard)
+        return ConnectedDevices(arm, gate, devices.truth, guard)
 
     def _start_workers(self, devices: ConnectedDevices) -> None:
-        parts, engine = self._parts, self._engine
+        parts, engine, log = self._ground.parts, self._engine, self._ground.log
         parts.run("arm-gate", devices.gate.run, GATE_TIMEOUT_S)
         parts.run("policy", engine.policy.run)
-        for camera in self._devices.make_cameras(self._log.note):
+        for camera in self._devices.make_cameras(log.note):
             camera.start()
             self._cameras.callback(camera.close)
             capture = Capture(camera, self._rates.through(self._video.push))
@@ -187,9 +196,11 @@ class RobotSide:
             parts.run("trial", engine.trial.run)
 
     def _control_thread(self, stop: threading.Event) -> None:
-        scheduler = self._parts.use_control_priority()
+        scheduler = self._ground.parts.use_control_priority()
         if scheduler != "fifo":
-            self._log.note("warning", f"control runs without real-time priority, {scheduler}")
+            self._ground.log.note(
+                "warning", f"control runs without real-time priority, {scheduler}"
+            )
         self._engine.begin(scheduler.split(":")[0])
         self._engine.control.run(stop)
 
@@ -211,15 +222,11 @@ class RobotSide:
         return self._video.poll() or self._operator.poll()
 
     def state(self) -> SessionState:
-        """The session as this side knows it now."""
-        return self.state_at(self._clock.now_ns())
-
-    def state_at(self, now_ns: int) -> SessionState:
-        """The session as this side knows it, from any thread, and quickly."""
+        """The session as this side knows it now, from any thread, and quickly."""
         operator = self._operator
         return self._board.state(
-            now_ns,
-            self._ending.elapsed_s(),
+            self._ground.clock.now_ns(),
+            self._ground.ending.elapsed_s(),
             operator,
             operator.hand,
             None if self._episodes is None else self._episodes.state,
@@ -234,33 +241,30 @@ class RobotSide:
         The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
         is sent all the same.
         """
-        arm, gate, control = self._arm, self._gate, self._control
-        if arm is None or gate is None:
-            return
-        if control is not None:
+        if (control := self._control) is not None:
             if failed:
-                self._await_stop(arm, control)  # so that the log shows how the arm stopped
+                self._await_stop(control)  # so that the log shows how the arm stopped
             control.request_stop()
             control.join(CONTROL_TIMEOUT_S)
-        gate.stop()
+        self._gate.stop()
 
     def finish(self, reason: str, failed: bool) -> None:
         """The arm has stopped: record the verdict, notify the operator why the session is over."""
         if self._episodes is not None:
             self._episodes.finish()
         try:
-            self._log.record(self._engine.trial.outcome(reason))
+            self._ground.log.record(self._engine.trial.outcome(reason))
         finally:
             self._operator.end(reason, failed)
 
-    def _await_stop(self, arm: Arm, control: Worker) -> None:
+    def _await_stop(self, control: Worker) -> None:
         """Wait, but not for long, until the log has the arm's report that it has stopped."""
-        deadline_ns = self._clock.now_ns() + STOP_TIMEOUT_NS
-        while control.alive and self._clock.now_ns() < deadline_ns:
-            state = arm.state()
+        deadline_ns = self._ground.clock.now_ns() + STOP_TIMEOUT_NS
+        while control.alive and self._ground.clock.now_ns() < deadline_ns:
+            state = self._arm.state()
             if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)
-            self._clock.sleep_until_ns(self._clock.now_ns() + STOP_POLL_NS)
+            self._ground.clock.sleep_until_ns(self._ground.clock.now_ns() + STOP_POLL_NS)
 
     def _put_back(self) -> None:
         """The scene of the next episode, in the control thread."""
@@ -268,13 +272,14 @@ class RobotSide:
             return
         self._devices.put_back()
         self._engine.trial.again()
-        self._log.record(Placed(self._clock.now_ns(), placed=False))
+        self._record_placed(False)
 
     def _on_placed(self) -> None:
-        self._log.record(Placed(self._clock.now_ns(), placed=True))
+        self._record_placed(True)
         then = "" if self._operator.is_simulated else ": go on, or press q to end the session"
-        self._log.note("info", PLACED + then)
+        self._ground.log.note("info", PLACED + then)
 
-    def _on_packets(self, packets: list[PacketRecord]) -> None:
-        self._board.packets(packets)
-        self._log.packets(packets)
+    def _record_placed(self, placed: bool) -> None:
+        record = Placed(self._ground.clock.now_ns(), placed)
+        self._ground.log.record(record)
+        self._operator.receive(record)

@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from tams_app.config import Config
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
     Allocation,
@@ -31,12 +32,11 @@ from tams_app.video.core.uplink_figures import ReportedPackets, uplink_figures
 class StatusBoard(Listener):
     """The uplink of the last second beside the newest records; read by console and link."""
 
-    def __init__(
-        self, views: tuple[str, ...], weights: WeightMatrix, asked_fps: float, newest: Newest
-    ) -> None:
-        """`asked_fps`: of each camera. `newest`: of the session's log."""
-        self._views, self._newest = views, newest
-        self._maker = StateMaker(views, weights, asked_fps)
+    def __init__(self, config: Config, newest: Newest) -> None:
+        """`newest`: of the session's log."""
+        self._views, self._newest = (views := config.video.views), newest
+        weights = WeightMatrix(config.policy.weights.matrix)
+        self._maker = StateMaker(views, weights, config.video.fps)
         self._uplink, self._reported = UplinkMeter(views), ReportedPackets()
         self._figures = uplink_figures((), views, WINDOW_NS)
 

@@ -9,7 +9,8 @@ from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
-from tams_app.robot.side import RobotSide
+from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
+from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock
 from tams_app.session.session import Session
 from tams_app.video.live.installed_codecs import installed_codecs
@@ -35,24 +36,26 @@ def robot(
     def compose(session: Session) -> RobotSide:
         codecs = installed_codecs(config.video)
         log, parts = session.open_log(config), session.parts
-        side = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
-        side.launch()
+        ground = Ground(config, clock, parts, log, signals, session)
+        board, devices = StatusBoard(config, log.newest), start_devices(ground)
 
         def gateway(welcome: bytes) -> Gateway:
             made = Gateway("robot", endpoint, welcome, parts.logs)
             parts.watch("link", made.process)
             return made
 
-        operator = LinkedOperator(config, clock, signals, log, gateway, side.state_at, folder.name)
+        operator = LinkedOperator(config, clock, signals, log, gateway, folder.name)
         session.forward_notes(operator.note)
-        side.stream(operator, codecs, link=config.link)
+        video = start_video(ground, board, operator, codecs, link=config.link)
         session.go_on()
-        side.wait_ready()
+        devices.wait_ready()
         if config.rig.enabled:
             log.fact("operator", "elsewhere")
             log.note("info", "the operator is at another computer")
         session.go_on()
-        side.connect()
+        side = RobotSide(
+            ground, board, devices, video, operator, arm_at_once=arm_at_once, dry_run=dry_run
+        )
         session.ready(side)
         side.begin()
         return side

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 from tams_app.config import Config
 from tams_app.records import SessionState
 from tams_app.robot.control import Signals
-from tams_app.robot.side import RobotSide
+from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
+from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock
 from tams_app.session.local_operator import LocalOperator
 from tams_app.session.predicting import follow_states, predicted_cameras
@@ -32,8 +33,9 @@ def run(
         log, parts = session.open_log(config), session.parts
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
-        robot = RobotSide(config, clock, parts, log, signals, session, arm_at_once, dry_run)
-        station.launch(confirms=not arm_at_once, world_memory=robot.launch())
+        ground = Ground(config, clock, parts, log, signals, session)
+        board, devices = StatusBoard(config, log.newest), start_devices(ground)
+        station.launch(confirms=not arm_at_once, world_memory=devices.memory_name)
         quality = LiveQuality(
             config.video, station.screen, parts.logs, log.record, log.note, station.mount
         )
@@ -41,13 +43,14 @@ def run(
         quality.start()  # takes a moment, of which a capacity trace must lose nothing
         regions = task_regions(config)  # of the frames that are scored
         captured = regions.through(quality.captured)
-        robot.stream(LocalOperator(station, config, codecs.decoder), codecs, captured)
+        operator = LocalOperator(station, config, codecs.decoder)
+        video = start_video(ground, board, operator, codecs, captured)
         session.go_on()
-        robot.wait_ready()
+        devices.wait_ready()
         station.wait_ready()
         session.go_on()
-        states = follow_states(config, clock, parts, log, station.mount)
-        robot.connect((*states, regions))
+        listeners = (*follow_states(config, clock, parts, log, station.mount), regions)
+        robot = RobotSide(ground, board, devices, video, operator, listeners, arm_at_once, dry_run)
         both = BothSides(robot, station, quality)
         session.ready(both)
         robot.begin()

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 
 from tams_app.config import load_config
@@ -19,7 +19,6 @@ from tams_app.units import NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
 from tests.session.exchange import MemoryLog
-from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
@@ -34,15 +33,15 @@ def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states
     clock, sent = VirtualClock(NS_PER_S), []
     log: Any = MemoryLog()
     gateway: Any = SimpleNamespace(send=sent.append, event=None)
-    operator = LinkedOperator(
-        load_config(), clock, Signals(), log, lambda _: gateway, lambda _: STATE, "robot"
-    )
+    operator = LinkedOperator(load_config(), clock, Signals(), log, lambda _: gateway, "robot")
     operator._gateway, operator._sent = gateway, {}
     if capacity_kbps is not None:
         operator.receive(Allocation(0, Phase.REACH, capacity_kbps, 0.0, {}))
     for _ in range(120):
         clock.advance_ns(TICK_NS)
-        operator.receive(replace(tick(0), arming="ready", started_ns=clock.now_ns()))
+        now_ns = clock.now_ns()
+        if operator.wants_state(now_ns):
+            operator.show(msgspec.structs.replace(STATE, now_ns=now_ns))
     assert len(sent) == pytest.approx(states, abs=1)
 
 
@@ -60,9 +59,7 @@ def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
         told.append(content)
         return SimpleNamespace(launch=lambda: None, wait_ready=lambda: None, entrance_port=1)
 
-    operator = LinkedOperator(
-        config, VirtualClock(NS_PER_S), Signals(), log, gateway, lambda _: STATE, "robot"
-    )
+    operator = LinkedOperator(config, VirtualClock(NS_PER_S), Signals(), log, gateway, "robot")
     operator.open(RepairRule(True, 60, 300.0), True, {})
     driving = decode(told[0], Welcome).driving
     assert driving == ({"limits": {"max_speed_mm_s": 150.0}} if fits else None)

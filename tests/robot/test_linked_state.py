@@ -20,10 +20,10 @@ LATE_NS = 10**15  # a computer that has run for eleven days
 
 
 def content(state: SessionState, note: str = "") -> bytes:
-    linked = LinkedState(VirtualClock(LATE_NS), lambda _now_ns: state)
+    linked = LinkedState(VirtualClock(LATE_NS))
     if note:
         linked.note(note)
-    return linked.datagram(None, LATE_NS, (3, 1), (LATE_NS,) * 3)
+    return linked.datagram(state, None, LATE_NS, (3, 1), (LATE_NS,) * 3)
 
 
 def state_with(reason: str) -> SessionState:

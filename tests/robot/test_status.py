@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import pytest
 
 from tams_app.config import load_config
-from tams_app.policy.weights import WeightMatrix
 from tams_app.records import (
     Allocation,
     CameraRates,
@@ -33,7 +32,6 @@ from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
-WEIGHTS = WeightMatrix(load_config().policy.weights.matrix)
 NO_FRAMES = SimpleNamespace(age_ns=lambda view, now_ns: None)
 
 
@@ -42,7 +40,7 @@ class Shown:
 
     def __init__(self, *records: Record) -> None:
         self.newest = Newest(records)
-        self.board = StatusBoard(("gt", "gs"), WEIGHTS, 30.0, self.newest)
+        self.board = StatusBoard(load_config(), self.newest)
 
     def state(self, **measured: object) -> SessionState:
         return self.board.state(NS_PER_S, 1.0, NO_FRAMES, "openvr", **measured)

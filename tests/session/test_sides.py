@@ -10,7 +10,6 @@ import pytest
 from tams_app.config import Config, load_config
 from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
-from tams_app.policy.weights import WeightMatrix
 from tams_app.presses import PressCounter
 from tams_app.records import (
     Allocation,
@@ -82,9 +81,8 @@ class Sides:
         self.signals, self.requests = Signals(), Requests()
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
-        weights = WeightMatrix(config.policy.weights.matrix)
         self.newest = Newest([PhaseChange(0, Phase.REACH, "start")])
-        self.board = StatusBoard(VIEWS, weights, config.video.fps, self.newest)
+        self.board, self.config = StatusBoard(config, self.newest), config
 
         def make_gateway(welcome: bytes) -> MemoryGateway:
             self.welcome = welcome
@@ -133,6 +131,9 @@ class Sides:
             over = after(self.decided, now_ns)
             self.newest.put(over)
             self.robot.receive(over)
+            if self.robot.wants_state(now_ns):
+                hand = hand_of(self.config)
+                self.robot.show(self.board.state(now_ns, 1.0, SteadyVideo(), hand))
 
     def cut(self, is_cut: bool) -> None:
         self.here.cut = self.there.cut = is_cut
@@ -449,7 +450,7 @@ def test_the_robots_side_knows_which_frames_are_shown():
 
 def test_the_operators_side_is_told_why_the_session_ended(sides: Sides):
     assert not sides.operator.state.state.placed
-    sides.newest.put(Placed(0, placed=True))  # which ends the session before another state is sent
+    sides.robot.receive(Placed(0, placed=True))  # which ends the session before another state
     sides.robot.end("the trial is over", failed=False)
     sides.run(0.5, robot=False)
     assert sides.operator.state.ended == "the trial is over"
