@@ -50,7 +50,7 @@ def _add(wizard: str, declared: type[CalibrationOptions]) -> None:
 for _wizard, _declared in {
     "calibration.cameras.wizard:CameraWizard": CameraOptions,
     "calibration.frame.wizard:FrameWizard": FrameOptions,
-    "calibration.phases.command:PhaseWizard": PhaseOptions,
+    "calibration.phases.wizard:PhaseWizard": PhaseOptions,
     "calibration.weights.wizard:WeightWizard": WeightOptions,
 }.items():
     _add(_wizard, _declared)

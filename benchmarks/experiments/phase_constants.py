@@ -16,8 +16,7 @@ from pathlib import Path
 
 from rich.table import Table
 
-from calibration.phases.labels import LabelRules
-from calibration.phases.sources import logged_trials
+from calibration.phases.labels import LabelRules, logged_trials
 from calibration.phases.trials import PHASES, Scores, infer, score
 from tams_app.config import PhasesConfig, load_config
 from tams_app.printing import Console

@@ -14,11 +14,11 @@ import pytest
 import yaml
 
 from calibration.options import PhaseOptions
-from calibration.phases import command
-from calibration.phases.command import PhaseWizard
+from calibration.phases import wizard
 from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
-from calibration.phases.sources import Material, logged_trials
+from calibration.phases.labels import Material, logged_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial
+from calibration.phases.wizard import PhaseWizard
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.console.replay.marks import Mark, write_marks
@@ -137,8 +137,8 @@ def test_held_out_trials_are_judged_by_and_not_learned_from(
         learned.append(given)
         return found
 
-    monkeypatch.setattr(command, "virtual_trials", made)
-    monkeypatch.setattr(command, "fit_thresholds", fit)
+    monkeypatch.setattr(wizard, "virtual_trials", made)
+    monkeypatch.setattr(wizard, "fit_thresholds", fit)
     options = {"sim": True, "trials": 3, "held_out": 1, "seed": 7}
     assert calibrate(config_path, **options) == 0
     assert learned == [trials]
@@ -153,7 +153,7 @@ def test_no_thresholds_are_put_in_force_that_do_no_better_than_the_defaults(
     logs, found, config_path, monkeypatch
 ) -> None:
     no_better = replace(found, left_out=found.defaults)
-    monkeypatch.setattr(command, "fit_thresholds", lambda *_: no_better)
+    monkeypatch.setattr(wizard, "fit_thresholds", lambda *_: no_better)
     with pytest.raises(TamsError, match=r"do no better than the defaults .*--accept-unfounded"):
         calibrate(config_path, logs=logs)
     assert load_config(config_path).calibrated_by == ()
@@ -201,7 +201,7 @@ def test_bad_marks_stop_it_with_their_line(own_logs, config_path) -> None:
 def test_only_trials_of_real_devices_count_for_real_devices(
     logs, own_logs, found, tmp_path, monkeypatch
 ) -> None:
-    monkeypatch.setattr(command, "fit_thresholds", lambda *_: found)
+    monkeypatch.setattr(wizard, "fit_thresholds", lambda *_: found)
     config_path = shutil.copy(LITE6_CONFIG, tmp_path / "lite6.yaml")
     mark(own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
@@ -220,7 +220,7 @@ def test_a_copy_of_a_log_is_no_trial_of_its_own(logs, config_path, tmp_path) -> 
 
 
 def test_without_mujoco_simulated_trials_say_what_is_missing(config_path, monkeypatch) -> None:
-    monkeypatch.setattr("calibration.phases.sources.find_spec", lambda _: None)
+    monkeypatch.setattr("calibration.phases.labels.find_spec", lambda _: None)
     with pytest.raises(SetupError, match="need MuJoCo"):
         calibrate(config_path, sim=True)
 

@@ -13,9 +13,9 @@ import pytest
 import yaml
 
 from calibration.options import PhaseOptions
-from calibration.phases.command import PhaseWizard
-from calibration.phases.sources import virtual_trials
+from calibration.phases.labels import virtual_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
+from calibration.phases.wizard import PhaseWizard
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.records import Tick
 from tams_app.session.virtual import videoless
@@ -121,5 +121,5 @@ def test_a_trial_ends_with_the_block_in_the_container(made) -> None:
 
 def test_recorded_trials_need_no_simulator() -> None:
     """As on a machine with the hardware, where MuJoCo is not installed."""
-    load = "import sys; sys.modules['mujoco'] = None; import calibration.phases.command"
+    load = "import sys; sys.modules['mujoco'] = None; import calibration.phases.wizard"
     subprocess.run([sys.executable, "-c", load], cwd=ROOT, check=True, timeout=100)
