@@ -14,7 +14,7 @@ from rich.text import Text
 from calibration.options import WeightOptions
 from calibration.store import Calibration
 from calibration.weights.clips import ClipFolder, play
-from calibration.weights.cutting import cut_session
+from calibration.weights.cutting import RecordedSession, Segment, cut_session, open_session
 from calibration.weights.fit import Assessment, assess
 from calibration.weights.panel import SESSIONS, check_panel, rate_by_panel, record_session
 from calibration.weights.ratings import RatingFolder, Sheet, Show, rate
@@ -25,7 +25,6 @@ from calibration.weights.report import (
     evidence_remarks,
     save_weights,
 )
-from calibration.weights.sources import RecordedSession, Segment, open_session
 from calibration.wizard import Wizard
 from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display

@@ -14,12 +14,14 @@ from calibration.weights.cutting import (
     LONGEST_S,
     SHORTEST_S,
     STRIP_HEIGHT,
+    Segment,
     cut_session,
     newest_at,
+    open_session,
+    phase_segments,
     select,
     side_by_side,
 )
-from calibration.weights.sources import Segment, open_session, phase_segments
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Frame, Phase, PhaseChange
 from tams_app.units import NS_PER_S

@@ -8,12 +8,11 @@ from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
 from calibration.weights.clips import ClipFolder
-from calibration.weights.cutting import cut_session
+from calibration.weights.cutting import cut_session, open_session
 from calibration.weights.fit import assess
 from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
 from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks, save_weights
-from calibration.weights.sources import open_session
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
 from tams_app.config import CONFIG_DIRECTORY, load_config
