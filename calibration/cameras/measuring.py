@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import date
+from pathlib import Path
+from typing import Any
 
+import cv2
 from rich.text import Text
 
 from calibration.cameras.bench import Arm, Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
-from calibration.cameras.findings import Findings
-from calibration.cameras.flashes import camera_latency
+from calibration.cameras.flashes import Latency, camera_latency
 from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
 from calibration.cameras.mount_fit import (
     HandEye,
@@ -24,13 +27,69 @@ from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, 
 from calibration.ui import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
-from tams_app.records import ArmFigure, Lens, Pose
+from tams_app.records import ArmFigure, Image, Lens, Pose
+from tams_app.report.plots import WIDE_IN, new_figure, save_figure, styled
 from tams_app.session.lenses import WRIST_VIEW
 
 LENS, MOUNT = "lens", "mount"
 WANTED_POSES, WANTED_PLACES = 16, 5
 _POINTING_S, _FLASHING_S, _SHOWING_S = 120.0, 20.0, 300.0
 _MOST_PLACES = 8  # that a simulated person tries
+
+
+@dataclass(slots=True)
+class Findings:
+    """What was found out about one view's camera; None where a step was not done."""
+
+    view: str
+    camera: str
+    image: Image | None = None
+    latency: Latency | None = None
+    lens: LensFit | None = None
+    mount: MountFit | None = None
+
+    def quality(self) -> dict[str, Any]:
+        """For the calibration file; units in the keys."""
+        kept: dict[str, Any] = {"camera": self.camera}
+        if (latency := self.latency) is not None:
+            kept |= {"latency_ms": latency.ms, "latency_error_ms": latency.error_ms}
+        if (lens := self.lens) is not None:
+            kept |= {"lens_error_px": lens.error_px, "lens_focal_error": lens.focal_error}
+            kept["lens_views"] = lens.views
+        if (mount := self.mount) is not None:
+            kept |= {"mount_error_px": mount.error_px, "mount_position_sd_mm": mount.position_sd_mm}
+            kept |= {"mount_rotation_sd_deg": mount.rotation_sd_deg, "mount_views": mount.views}
+        # four digits are more than any of it is good for
+        return {
+            key: float(f"{value:.4g}") if isinstance(value, float) else value
+            for key, value in kept.items()
+        }
+
+    def lines(self) -> list[str]:
+        """What is known, a line each."""
+        lines = []
+        if self.latency is not None:
+            lines.append(f"latency {self.latency.ms:.0f} ± {self.latency.error_ms:.0f} ms")
+        if self.lens is not None:
+            lines.append(f"lens {self.lens.lens.fx:.0f} px, within {self.lens.error_px:.2f} px")
+        if self.mount is not None:
+            lines.append(f"mount within {self.mount.error_px:.1f} px")
+        return lines
+
+
+@styled
+def draw_findings(found: Sequence[Findings], path: Path) -> None:
+    """The views with what is known of each; TamsError if it cannot be written."""
+    lines = max(len(each.lines()) for each in found)
+    figure = new_figure(WIDE_IN, 3.0 + 0.16 * lines)
+    for axes, each in zip(figure.subplots(1, len(found), squeeze=False)[0], found, strict=True):
+        axes.set_title(f"{each.view.upper()}: {each.camera}")
+        if each.image is not None:
+            axes.imshow(cv2.cvtColor(each.image, cv2.COLOR_BGR2RGB))
+        axes.set_xticks([])
+        axes.set_yticks([])
+        axes.set_xlabel("\n".join(each.lines()), loc="left")
+    save_figure(figure, path)
 
 
 def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> None:

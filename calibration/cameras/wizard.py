@@ -13,9 +13,8 @@ from calibration.cameras import measuring
 from calibration.cameras.bench import Bench, Task, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
-from calibration.cameras.findings import Findings, draw_findings
 from calibration.cameras.flashes import check_display
-from calibration.cameras.measuring import LENS, MOUNT
+from calibration.cameras.measuring import LENS, MOUNT, Findings, draw_findings
 from calibration.options import CameraOptions
 from calibration.store import Calibration, utc_now
 from calibration.ui import WizardUI

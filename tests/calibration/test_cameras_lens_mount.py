@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from calibration.cameras import measuring
 from calibration.cameras.bench import Task
 from calibration.cameras.board import Board
-from calibration.cameras.findings import Findings
+from calibration.cameras.measuring import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions

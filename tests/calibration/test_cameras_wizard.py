@@ -9,8 +9,8 @@ import yaml
 from calibration.cameras import binding, measuring, simulated_bench
 from calibration.cameras.bench import Task
 from calibration.cameras.binding import bind_views
-from calibration.cameras.findings import Findings
 from calibration.cameras.flashes import FEWEST_FLASHES
+from calibration.cameras.measuring import Findings
 from calibration.cameras.simulated_bench import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
