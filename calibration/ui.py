@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable, Sequence
 from io import StringIO
 from typing import Any, Self, TypeVar
 
@@ -145,12 +146,23 @@ def bar(share: float, width: int = 20) -> str:
     return "█" * full + "░" * (width - full)
 
 
-def plain_table(first: str, *others: str, title: str | None = None, gap: int = 2) -> Table:
+def plain_table(
+    heads: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None
+) -> Table:
     """A table without lines, its first column left and the others right."""
-    table = Table(box=None, padding=(0, gap), title=title, title_justify="left")
-    table.add_column(first)
-    for name in others:
-        table.add_column(name, justify="right")
+    table = Table(box=None, padding=(0, 2), title=title, title_justify="left")
+    for number, head in enumerate(heads):
+        table.add_column(head, justify="right" if number else "left")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def live_table(rows: Iterable[Sequence[RenderableType]]) -> Table:
+    """What changes while a person looks at it: a table without lines and heads."""
+    table = Table(box=None, show_header=False)
+    for row in rows:
+        table.add_row(*row)
     return table
 
 

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.cameras.bench import Bench, Task, agreed, until_done
-from calibration.ui import WizardUI
+from calibration.ui import WizardUI, bar, live_table
 from tams_app.errors import DeviceError
 from tams_app.records import Image
 
@@ -178,10 +178,8 @@ def _watch(
 
 
 def _bars(shares: Mapping[str, float], taken: Mapping[str, str]) -> Table:
-    table = Table(box=None, show_header=False)
-    for name, share in shares.items():
-        bar = "█" * min(_BAR, round(share * 3 * _BAR))
-        view = taken.get(name, "").upper()
+    return live_table(
         # the camera's own name may look like markup
-        table.add_row(Text(name), view, f"{bar:<{_BAR}}", f"{share:.0%} moves")
-    return table
+        (Text(name), taken.get(name, "").upper(), bar(3 * share, _BAR), f"{share:.0%} moves")
+        for name, share in shares.items()
+    )

@@ -30,7 +30,7 @@ from calibration.frame.stroke import (
     fit_line,
 )
 from calibration.frame.touches import Touch, TouchFit, fit_touches
-from calibration.ui import WizardUI, as_text, bar
+from calibration.ui import WizardUI, as_text, bar, live_table
 from tams_app.config import Config, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Vector
 from tams_app.teleop.motion import HandMotion
@@ -107,10 +107,7 @@ def _held(
             return held
         count += 1
         if count % SHOW_EVERY == 0:
-            table = Table(box=None, show_header=False)
-            for row in [("controller", sample.status.value), *so_far(capture.so_far)]:
-                table.add_row(*row)
-            ui.show(table)
+            ui.show(live_table([("controller", sample.status.value), *so_far(capture.so_far)]))
 
 
 def repeated(
@@ -241,16 +238,13 @@ def _try_direction(
 
 def _compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bool]) -> Table:
     """The six directions: which one is asked for, which one the arm would take now."""
-    table = Table(box=None, show_header=False)
+    rows = []
     for move in SIX_DIRECTIONS:
         style = "bold black on green" if move == lit else "" if move == asked else "dim"
-        table.add_row(
-            "▶" if move == asked else " ",
-            Text(f" {_ARROWS[move.name]} {move.name} ", style),
-            move.meaning,
-            {True: "✓", False: "✗", None: ""}[right.get(move)],
-        )
-    return table
+        name = Text(f" {_ARROWS[move.name]} {move.name} ", style)
+        verdict = {True: "✓", False: "✗", None: ""}[right.get(move)]
+        rows.append(("▶" if move == asked else " ", name, move.meaning, verdict))
+    return live_table(rows)
 
 
 class Compass:

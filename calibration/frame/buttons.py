@@ -150,19 +150,15 @@ def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFind
 
 def _button_table(reading: ComponentReading | None, role: str, found: Mapping[str, str]) -> Table:
     """Every component with how far it is pressed, and the part it was found to play."""
-    table = plain_table("component", "pressed", "plays", title=f"Press and let go {PARTS[role]}")
+    values = reading.values if reading else {}
     roles = {path: role for role, path in found.items()}
-    for path, value in (reading.values if reading else {}).items():
-        table.add_row(path, bar(value), roles.get(path, ""))
-    return table
+    rows = [(path, bar(value), roles.get(path, "")) for path, value in values.items()]
+    return plain_table(("component", "pressed", "plays"), rows, f"Press and let go {PARTS[role]}")
 
 
 def finding_table(finding: ButtonFinding) -> Table:
     """What each part moves, and what was believed."""
-    table = plain_table(
-        "part", "found", "in force", "", title=f"Buttons of {finding.controller_type}"
-    )
-    for role in ROLES:
-        verdict = "put right" if role in finding.wrong else "as it was"
-        table.add_row(role, finding.paths[role], finding.believed[role], verdict)
-    return table
+    verdicts = {role: "put right" if role in finding.wrong else "as it was" for role in ROLES}
+    rows = [(role, finding.paths[role], finding.believed[role], verdicts[role]) for role in ROLES]
+    title = f"Buttons of {finding.controller_type}"
+    return plain_table(("part", "found", "in force", ""), rows, title)

@@ -67,25 +67,25 @@ def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
 def result_table(fit: FrameFit | TouchFit) -> Table:
     """How each stroke or touch fits the frame."""
     if isinstance(fit, TouchFit):
-        table = plain_table("point", "missed by the others, mm", "", title="The touches")
-        for number, miss in enumerate(fit.misses_mm):
-            left_out = "left out" if number in fit.left_out else ""
-            table.add_row(str(number + 1), f"{miss:.1f}", left_out)
-        return table
-    columns = ("length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
-    table = plain_table("stroke", *columns, title="The strokes")
-    for stroke in fit.strokes:
-        line = stroke.line
-        table.add_row(
-            line.name,
-            f"{1000 * line.length_m:.0f}",
-            str(line.samples),
-            f"{line.straightness:.1%}",
-            f"{1000 * line.scatter_m:.1f}",
-            f"{stroke.angle_deg:.1f}",
-            "" if stroke.used else "left out",
+        touches = [
+            (str(number + 1), f"{miss:.1f}", "left out" if number in fit.left_out else "")
+            for number, miss in enumerate(fit.misses_mm)
+        ]
+        return plain_table(("point", "missed by the others, mm", ""), touches, "The touches")
+    strokes = [
+        (
+            one.line.name,
+            f"{1000 * one.line.length_m:.0f}",
+            str(one.line.samples),
+            f"{one.line.straightness:.1%}",
+            f"{1000 * one.line.scatter_m:.1f}",
+            f"{one.angle_deg:.1f}",
+            "" if one.used else "left out",
         )
-    return table
+        for one in fit.strokes
+    ]
+    heads = ("stroke", "length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
+    return plain_table(heads, strokes, "The strokes")
 
 
 def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:

@@ -12,7 +12,7 @@ from calibration.phases.fit import SEARCHED, PhaseFit, check_count, evaluate, fi
 from calibration.phases.labels import Material, logged_trials, virtual_trials
 from calibration.phases.trials import PHASES, Scores, Switches
 from calibration.store import Calibration, CalibrationSet
-from calibration.ui import WizardUI, as_text, plain_table
+from calibration.ui import WizardUI, as_text, live_table, plain_table
 from tams_app.config import Config, PhasesConfig, load_config
 from tams_app.errors import ConfigError
 
@@ -67,9 +67,8 @@ class PhaseWizard:
         return 0
 
     def _show(self, doing: str, part: float) -> None:
-        row = Table.grid(padding=(0, 1))
-        row.add_row(doing, ProgressBar(total=1.0, completed=part, width=40), f"{part:.0%}")
-        self._ui.show(row)
+        bar = ProgressBar(total=1.0, completed=part, width=40)
+        self._ui.show(live_table([(doing, bar, f"{part:.0%}")]))
 
     def _trials(self, config: Config) -> Material:
         options, count = self._options, self._count
@@ -82,31 +81,28 @@ class PhaseWizard:
 
 def thresholds_table(found: PhaseFit) -> Table:
     """Chosen against default, and how far they moved as each trial was left out."""
-    table = plain_table("", "chosen", "default", "with one trial left out")
+    rows = []
     for name in SEARCHED:
+        chosen, default = (getattr(one, name) for one in (found.thresholds, PhasesConfig()))
         folds = [getattr(fold, name) for fold in found.folds]
-        table.add_row(
-            name,
-            f"{getattr(found.thresholds, name):g}",
-            f"{getattr(PhasesConfig(), name):g}",
-            f"{min(folds):g} to {max(folds):g}",
-        )
-    return table
+        rows.append((name, f"{chosen:g}", f"{default:g}", f"{min(folds):g} to {max(folds):g}"))
+    return plain_table(("", "chosen", "default", "with one trial left out"), rows)
 
 
 def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> Table:
     """Frame-wise accuracies; `held_out`: chosen and default over trials not learned from."""
-    rows = {
+    compared = {
         "over the trials learned from": (found.in_sample, found.defaults),
         "each trial with thresholds from the others": (found.left_out, found.defaults),
     }
     if held_out is not None:
-        rows["held-out trials"] = held_out
-    what = "frame-wise accuracy (mean recall of the phases)"
-    table = plain_table(what, "calibrated", "defaults")
-    for name, (calibrated, defaults) in rows.items():
-        table.add_row(name, _of(calibrated), _of(defaults))
-    return table
+        compared["held-out trials"] = held_out
+    rows = [
+        (name, *(f"{one.accuracy:.3f} ({one.mean_recall:.3f})" for one in pair))
+        for name, pair in compared.items()
+    ]
+    heads = ("frame-wise accuracy (mean recall of the phases)", "calibrated", "defaults")
+    return plain_table(heads, rows)
 
 
 def unfounded(found: PhaseFit) -> str:
@@ -176,10 +172,6 @@ def _switches(switches: Switches) -> dict[str, float | int | None]:
         "delay_median_s": _rounded(switches.percentile_s(50)),
         "delay_p90_s": _rounded(switches.percentile_s(90)),
     }
-
-
-def _of(scores: Scores) -> str:
-    return f"{scores.accuracy:.3f} ({scores.mean_recall:.3f})"
 
 
 def _rounded(value: float | None) -> float | None:
