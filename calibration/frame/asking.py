@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from typing import TypeVar
 
@@ -18,7 +18,7 @@ from rich.text import Text
 
 from calibration.frame.capture import MIN_TRAVEL_M, Held, StrokeCapture, touch_of, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
-from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Prompt, Reach
+from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Reach
 from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,
@@ -40,7 +40,6 @@ MOST_ROUNDS = 4
 _BEGINNINGS = 3  # of everything, when what was measured makes no frame together
 
 Result = TypeVar("Result")
-Fit = TypeVar("Fit", FrameFit, TouchFit)
 
 
 def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> Stroke:
@@ -48,25 +47,12 @@ def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> S
     move = Move(axis)
     ui.print(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
 
-    def so_far(held: Held | None) -> list[tuple[str, str]]:
-        if held is None:
-            return [("trigger", "up: squeeze it to begin")]
-        try:
-            line = fit_line(Stroke(axis, held.positions))
-        except RefusedError:  # too few samples to say anything yet
-            return [("trigger", "held: move")]
-        return [
-            ("travel", f"{bar(line.length_m / ASKED_LENGTH_M)} {1000 * line.length_m:.0f} mm"),
-            ("straightness", f"{bar(line.straightness)} {line.straightness:.0%}"),
-            ("samples", f"{bar(line.samples / MIN_SAMPLES)} {line.samples}"),
-        ]
-
     def once() -> Stroke:
-        stroke = Stroke(axis, _held(ui, source, config, move, so_far).positions)
+        stroke = Stroke(axis, _held(ui, source, config, move).positions)
         check_line(fit_line(stroke))
         return stroke
 
-    return ask_again(ui, once)
+    return repeated(ui, once)
 
 
 def ask_touches(
@@ -74,30 +60,19 @@ def ask_touches(
 ) -> list[Touch]:
     """One good touch of each point [m]."""
 
-    def so_far(number: int, held: Held | None) -> list[tuple[str, str]]:
-        samples = 0 if held is None else len(held.poses)
-        return [(f"point {number}", f"{samples} samples" if samples else "squeeze to begin")]
-
     def once(point: Reach) -> Touch:
-        held = _held(ui, source, config, point, partial(so_far, point.number))
-        return touch_of(held, point.robot, point.number)
+        return touch_of(_held(ui, source, config, point), point.robot, point.number)
 
     touches = []
     for number, robot in enumerate(points, start=1):
         place = ", ".join(f"{1000 * value:.0f}" for value in robot)
         ui.print(f"Touch point {number} ({place} mm), squeeze the trigger, wait, let go.")
-        touches.append(ask_again(ui, partial(once, Reach(robot, number))))
+        touches.append(repeated(ui, partial(once, Reach(robot, number))))
     return touches
 
 
-def _held(
-    ui: WizardUI,
-    source: HandSource,
-    config: Config,
-    prompt: Prompt,
-    so_far: Callable[[Held | None], list[tuple[str, str]]],
-) -> Held:
-    """Ask for it, and wait until the trigger has been held and let go; shows what is `so_far`."""
+def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move | Reach) -> Held:
+    """Ask for it, and wait until the trigger has been held and let go; shows what there is."""
     source.ask(prompt)
     capture, count = StrokeCapture(config), 0
     while True:
@@ -107,37 +82,53 @@ def _held(
             return held
         count += 1
         if count % SHOW_EVERY == 0:
-            ui.show(live_table([("controller", sample.status.value), *so_far(capture.so_far)]))
+            rows = _progress(prompt, capture.so_far)
+            ui.show(live_table([("controller", sample.status.value), *rows]))
+
+
+def _progress(prompt: Move | Reach, held: Held | None) -> list[tuple[str, str]]:
+    """What there is of a stroke or touch, name and value; None while the trigger is up."""
+    if isinstance(prompt, Reach):
+        samples = 0 if held is None else len(held.poses)
+        return [(f"point {prompt.number}", f"{samples} samples" if samples else "squeeze to begin")]
+    if held is None:
+        return [("trigger", "up: squeeze it to begin")]
+    try:
+        line = fit_line(Stroke(prompt.axis, held.positions))
+    except RefusedError:  # too few samples to say anything yet
+        return [("trigger", "held: move")]
+    return [
+        ("travel", f"{bar(line.length_m / ASKED_LENGTH_M)} {1000 * line.length_m:.0f} mm"),
+        ("straightness", f"{bar(line.straightness)} {line.straightness:.0%}"),
+        ("samples", f"{bar(line.samples / MIN_SAMPLES)} {line.samples}"),
+    ]
 
 
 def repeated(
+    ui: WizardUI,
     once: Callable[[], Result],
-    attempts: int,
-    mended_by: Callable[[StrokeFault], bool],
-    again: Callable[[RefusedError], None],
+    attempts: int = ATTEMPTS,
+    final: Collection[StrokeFault] = (StrokeFault.FRAME_CHANGED, StrokeFault.WRONG_BUTTON),
+    then: str = "",
+    steady: HandSource | None = None,
 ) -> Result:
-    """Until it goes well, with `again` before each repetition.
+    """One measurement, repeated until it goes well; each refusal is printed, and `then` after it.
 
-    RefusedError: The last one, or one whose reason is not `mended_by` another attempt.
+    `steady`: until its tracking frame no longer changes, no other attempt begins.
+
+    RefusedError: The last one, or one for a reason in `final`, which another attempt does not mend.
     """
     for left in reversed(range(attempts)):
         try:
             return once()
         except RefusedError as error:
-            if left == 0 or not mended_by(error.reason):
+            if left == 0 or error.reason in final:
                 raise
-            again(error)
+            ui.print(f"{error}{then}")
+        if steady is not None:
+            while steady.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
+                pass
     raise AssertionError("the last attempt returns or raises")
-
-
-def ask_again(ui: WizardUI, once: Callable[[], Result]) -> Result:
-    """One measurement, repeated until it goes well."""
-    return repeated(
-        once,
-        ATTEMPTS,
-        lambda reason: reason not in (StrokeFault.FRAME_CHANGED, StrokeFault.WRONG_BUTTON),
-        lambda error: ui.print(str(error)),
-    )
 
 
 def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -152,15 +143,9 @@ def fit_touched(
     return _anew(ui, source, lambda: fit_touches(ask_touches(ui, source, config, points)))
 
 
-def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Fit]) -> Fit:
-    def again(error: RefusedError) -> None:
-        ui.print(f"{error}\nFrom the beginning, then.")
-        while source.next()[1].status is ControllerStatus.TRACKING_FRAME_CHANGED:
-            pass  # until the new frame is steady
-
-    return repeated(
-        once, _BEGINNINGS, lambda reason: reason is not StrokeFault.IMPOSSIBLE_SCALE, again
-    )
+def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Result]) -> Result:
+    wrong_list, then = (StrokeFault.IMPOSSIBLE_SCALE,), "\nFrom the beginning, then."
+    return repeated(ui, once, _BEGINNINGS, wrong_list, then, source)
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:

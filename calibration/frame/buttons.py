@@ -8,7 +8,7 @@ from functools import partial
 
 from rich.table import Table
 
-from calibration.frame.asking import ATTEMPTS, ask_again, repeated
+from calibration.frame.asking import repeated
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
 from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.ui import WizardUI, bar, plain_table
@@ -115,37 +115,38 @@ def settle(
 def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
     """Every part pressed once; begun anew when a component comes for two of them."""
     return repeated(
-        lambda: _press_all(ui, source, config),
-        ATTEMPTS,
-        lambda reason: reason is StrokeFault.WRONG_BUTTON,
-        lambda error: ui.print(f"{error} All the buttons once more."),
+        ui,
+        partial(_press_all, ui, source, config),
+        final=(StrokeFault.NO_BUTTON, StrokeFault.TWO_BUTTONS),  # each was asked for again already
+        then=" All the buttons once more.",
     )
 
 
 def _press_all(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFinding:
     found: dict[str, str] = {}
     kind = ""
-
-    def once(role: str) -> str:
-        nonlocal kind
-        source.ask(Press(role))
-        watch = PressWatch(role, {path: taken for taken, path in found.items()})
-        path, count = None, 0
-        while path is None:
-            now_ns, reading = source.next()
-            kind = reading.controller_type if reading else kind
-            path = watch.take(reading, now_ns)
-            count += 1
-            if count % SHOW_EVERY == 0:
-                ui.show(_button_table(reading, role, found))
-        return path
-
     for role in ROLES:
         ui.print(f"Press and let go {PARTS[role]}.")
-        found[role] = ask_again(ui, partial(once, role))
+        found[role], kind = repeated(ui, partial(_press, ui, source, role, found))
     hand = config.controller.hand
     mapped = configured_role_map(kind, hand, config.controller)
     return settle(kind, hand, found, {role: mapped[role].path for role in ROLES})
+
+
+def _press(
+    ui: WizardUI, source: ButtonSource, role: str, found: Mapping[str, str]
+) -> tuple[str, str]:
+    """The component that is pressed for `role`, and the type of the controller."""
+    source.ask(Press(role))
+    watch, count = PressWatch(role, {path: taken for taken, path in found.items()}), 0
+    while True:
+        now_ns, reading = source.next()
+        path = watch.take(reading, now_ns)
+        if path is not None and reading is not None:
+            return path, reading.controller_type
+        count += 1
+        if count % SHOW_EVERY == 0:
+            ui.show(_button_table(reading, role, found))
 
 
 def _button_table(reading: ComponentReading | None, role: str, found: Mapping[str, str]) -> Table:
