@@ -44,14 +44,12 @@ class LiveBench:
     def __init__(
         self,
         video: VideoConfig,
+        arm: ArmConfig,
         clock: Clock,
         find: Callable[[], list[CameraInfo]] = list_cameras,
-        watch: Callable[[], ReportWatch] | None = None,
     ) -> None:
-        """`watch`: makes what listens to the arm, which the step `mount` needs."""
-        self._watch = watch
         self.fps, self.width, self.height = video.fps, video.width, video.height
-        self._video, self._clock, self._find = video, clock, find
+        self._video, self._arm, self._clock, self._find = video, arm, clock, find
         self._plugged: dict[str, _Plugged] = {}
         self._refused: list[str] = []
         try:
@@ -104,8 +102,8 @@ class LiveBench:
 
     @contextmanager
     def arm(self) -> Iterator[Arm]:
-        assert self._watch is not None, "asked for a mount, the wizard gives it"
-        watch = self._watch()
+        watch_type = pkgutil.resolve_name(arm_kind(self._arm.model).report_watch)
+        watch: ReportWatch = watch_type(self._arm.host, self._arm.report_port)
         watch.start()
         joints: Vector | None = None
         heard_ns = self._clock.now_ns()
@@ -140,14 +138,6 @@ class LiveBench:
             self._refused.append(str(error))
         else:
             self._plugged[name] = _Plugged(info, config, camera)
-
-
-def watch_of(config: ArmConfig) -> ReportWatch:
-    """What listens to the configured arm's reports, not connected yet."""
-    watch: ReportWatch = pkgutil.resolve_name(arm_kind(config.model).report_watch)(
-        config.host, config.report_port
-    )
-    return watch
 
 
 def bind(info: CameraInfo, found: Sequence[CameraInfo], video: VideoConfig) -> CameraConfig:

@@ -11,7 +11,7 @@ from typing import Any
 import cv2
 from rich.text import Text
 
-from calibration.cameras.bench import Arm, Bench, Task, agreed, until_done
+from calibration.cameras.bench import Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import Latency, camera_latency
 from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
@@ -27,7 +27,7 @@ from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, 
 from calibration.ui import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
-from tams_app.records import ArmFigure, Image, Lens, Pose
+from tams_app.records import ArmFigure, Image, Lens
 from tams_app.report.plots import WIDE_IN, new_figure, save_figure, styled
 from tams_app.session.lenses import WRIST_VIEW
 
@@ -190,9 +190,7 @@ def measure_mounts(
     known = {each.view: each for each in views if each.view in lenses}
     cameras = {view: each.camera for view, each in known.items()}
     with bench.arm() as arm:
-        watcher = Watcher(
-            ui, bench, board, cameras, lenses, WRIST_VIEW, lambda: _flange(arm, figure)
-        )
+        watcher = Watcher(ui, bench, board, cameras, lenses, arm, figure)
         hand_eye = _on_the_arm(ui, bench, watcher, lenses[WRIST_VIEW])
         if hand_eye is None:
             return
@@ -258,11 +256,6 @@ def _beside_it(
             ui.print(f"{view.upper()}: no mount: {error}.")
         else:
             ui.print(f"{view.upper()}: {mount_words(found.mount)}.")
-
-
-def _flange(arm: Arm, figure: ArmFigure) -> Pose | None:
-    joints = arm()
-    return None if joints is None else figure.place(joints)[figure.flange]
 
 
 def lens_words(fit: LensFit) -> str:

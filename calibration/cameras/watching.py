@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 import numpy as np
 from rich.text import Text
 
-from calibration.cameras.bench import Bench, until_done
+from calibration.cameras.bench import Arm, Bench, until_done
 from calibration.cameras.board import Board, BoardView
 from calibration.cameras.mount_fit import ArmView, board_in_camera, turns_problem
 from calibration.ui import WizardUI
 from tams_app.prediction.plane_warp import mounted
-from tams_app.records import Frame, Lens, Pose
+from tams_app.records import ArmFigure, Frame, Lens, Pose
+from tams_app.session.lenses import WRIST_VIEW
 
 EVERY = 5  # frames: corners cost tens of milliseconds each
 _MOVING_S, _PLACING_S = 900.0, 180.0
@@ -97,7 +98,7 @@ def _third(share: float) -> int:
 
 
 class Watcher:
-    """Watches the cameras of `lenses`, by view; `wrist` names the one on the arm."""
+    """Watches the cameras of `lenses`, by view, and the arm that the one of WRIST_VIEW is on."""
 
     def __init__(
         self,
@@ -106,13 +107,13 @@ class Watcher:
         board: Board,
         cameras: Mapping[str, str],
         lenses: Mapping[str, Lens],
-        wrist: str,
-        flange: Callable[[], Pose | None],
+        arm: Arm,
+        figure: ArmFigure,
     ) -> None:
-        """`cameras`: by view, as the bench calls them. `flange`: where it is; None: not known."""
+        """`cameras`: by view, as the bench calls them."""
         self._ui, self._bench, self._board = ui, bench, board
         self._views = {cameras[view]: view for view in lenses}
-        self._lenses, self._wrist, self._flange = lenses, wrist, flange
+        self._lenses, self._arm, self._figure = lenses, arm, figure
         self._still: dict[str, Still] = {}
         self._rested: Pose | None = None  # the flange, when the camera on the arm saw it last
         self._seen: dict[str, BoardView] = {}  # by view, while it holds still
@@ -124,9 +125,9 @@ class Watcher:
         self.beside = {}
         said = "no board yet"
         for frame in self._shots(_MOVING_S):
-            if self._views[frame.view] != self._wrist:
+            if self._views[frame.view] != WRIST_VIEW:
                 continue
-            view = self._seen.get(self._wrist)
+            view = self._seen.get(WRIST_VIEW)
             if self._rested is None:
                 said = "nothing is heard of the arm"
             elif view is None:
@@ -138,7 +139,7 @@ class Watcher:
             else:
                 taken.append(ArmView(self._rested, view))
                 said = "taken"
-            self._ui.show(Text(f"{self._wrist.upper()} {len(taken)} of {wanted} poses; {said}"))
+            self._ui.show(Text(f"{WRIST_VIEW.upper()} {len(taken)} of {wanted} poses; {said}"))
             if len(taken) >= wanted and not turns_problem([one.flange for one in taken]):
                 break
         return taken
@@ -159,14 +160,14 @@ class Watcher:
         return place
 
     def _place(self, mount: Pose, before: Sequence[Pose]) -> Place | None:
-        view = self._seen.get(self._wrist)
+        view = self._seen.get(WRIST_VIEW)
         if view is None or self._rested is None or len(self._seen) < 2:
             return None
         camera = mounted(self._rested, mount)
-        board = mounted(camera, board_in_camera(self._lenses[self._wrist], view))
+        board = mounted(camera, board_in_camera(self._lenses[WRIST_VIEW], view))
         if any(_near(board, one, _ELSEWHERE_M, _ELSEWHERE_DEG) for one in before):
             return None
-        return board, {name: seen for name, seen in self._seen.items() if name != self._wrist}
+        return board, {name: seen for name, seen in self._seen.items() if name != WRIST_VIEW}
 
     def _shots(self, most_s: float) -> Iterator[Frame]:
         """Each frame, after it was looked at."""
@@ -180,8 +181,9 @@ class Watcher:
             self._still[view] = Still(image.shape[1])
         seen = self._board.find(image)
         rests = self._still[view].holds(seen)
-        if view == self._wrist:
-            flange, before = self._flange(), self._rested
+        if view == WRIST_VIEW:
+            joints, before = self._arm(), self._rested
+            flange = None if joints is None else self._figure.place(joints)[self._figure.flange]
             self._rested = flange
             rests &= (
                 flange is not None
@@ -190,7 +192,7 @@ class Watcher:
             )
         if rests and seen is not None:
             self._seen[view] = seen
-            self.beside |= {} if view == self._wrist else {view: seen}
+            self.beside |= {} if view == WRIST_VIEW else {view: seen}
         else:
             self._seen.pop(view, None)
 

@@ -207,8 +207,8 @@ def _bench(config: Config, options: CameraOptions) -> Bench:
         from calibration.cameras.simulated_bench import SimulatedBench  # only this needs MuJoCo
 
         return SimulatedBench(config, options.seed)
-    from calibration.cameras.live_bench import LiveBench, watch_of
+    from calibration.cameras.live_bench import LiveBench
 
     if LATENCY in chosen_steps(options.only):
         check_display()
-    return LiveBench(config.video, MonotonicClock(), watch=lambda: watch_of(config.arm))
+    return LiveBench(config.video, config.arm, MonotonicClock())

@@ -51,7 +51,7 @@ def main() -> None:
 
     def make_bench(settings, options) -> Bench:  # type: ignore[no-untyped-def]
         find = lambda: list_cameras(dev, sys_folder)  # noqa: E731
-        return LiveBench(settings.video, MonotonicClock(), find)
+        return LiveBench(settings.video, settings.arm, MonotonicClock(), find)
 
     code = CameraWizard(ui, CameraOptions(config=config, only="which"), make_bench).run()
     print("\n".join(ui.said))  # noqa: T201

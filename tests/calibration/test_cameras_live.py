@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.cameras.live_bench import LiveBench, bind, watch_of
+from calibration.cameras.live_bench import LiveBench, bind
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
@@ -142,13 +142,13 @@ def test_waving_binds_each_view_to_its_camera_and_a_session_opens_those(tmp_path
 def test_the_arm_is_only_listened_to():
     with controller() as served:
         config = served.config().model_copy(update={"host": "127.0.0.1"})
-        bench = LiveBench(VideoConfig(), MonotonicClock(), list, lambda: watch_of(config))
+        bench = LiveBench(VideoConfig(), config, MonotonicClock(), list)
         with bench.arm() as arm:
             assert until(lambda: arm() is not None)
             assert arm() == pytest.approx(served.model.joints)
             before = served.model.joints
         bench.close()
         assert served.model.joints == before
-    bench = LiveBench(VideoConfig(), MonotonicClock(), list, lambda: watch_of(config))
+    bench = LiveBench(VideoConfig(), config, MonotonicClock(), list)
     with pytest.raises(DeviceError, match="sends no reports"), bench.arm():
         pass
