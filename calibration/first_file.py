@@ -50,15 +50,15 @@ def write_first_file(
     ours = load_config(TEMPLATE)
     cameras = _given_cameras(given.cameras, ours)
     if not ui.attended:
-        _require_all(given, cameras, ours, look)
+        _require_all(given, cameras, ours, look())
     model = given.model or _ask_model(ui)
     host = given.host or _ask_host(ui, ours, model)
     hand = given.hand or _ask_hand(ui, ours)
     side = given.side
     if side is None and ui.attended and hand in ("auto", "openvr"):
         side = ui.choice("Which hand holds it?", {side: side for side in SIDES})
-    cameras |= _ask_cameras(ui, ours, cameras, look)
-    found = look() if cameras else []
+    found = look()
+    cameras |= _ask_cameras(ui, ours, cameras, found)
     values = {
         "arm.model": ("model", json.dumps(model)),
         "arm.host": ("host", json.dumps(host)),
@@ -94,7 +94,7 @@ def _given_cameras(given: Sequence[str], ours: Config) -> dict[str, str]:
 
 
 def _require_all(
-    given: Answers, cameras: dict[str, str], ours: Config, look: Callable[[], list[CameraInfo]]
+    given: Answers, cameras: dict[str, str], ours: Config, found: list[CameraInfo]
 ) -> None:
     """ConfigError with the options that are needed where nobody can be asked."""
     needed = [
@@ -103,10 +103,9 @@ def _require_all(
         *(f"--camera {view}=…" for view in ours.video.views if view not in cameras),
     ]
     if needed:
-        found = "; ".join(map(str, look())) or "none"
         raise ConfigError(
-            f"there is no terminal to ask at: give {', '.join(needed)}; cameras found: {found} "
-            f"(VIEW={LATER} leaves one for later)"
+            f"there is no terminal to ask at: give {', '.join(needed)}; cameras found: "
+            f"{'; '.join(map(str, found)) or 'none'} (VIEW={LATER} leaves one for later)"
         )
 
 
@@ -142,15 +141,13 @@ def _ask_hand(ui: WizardUI, ours: Config) -> str:
 
 
 def _ask_cameras(
-    ui: WizardUI,
-    ours: Config,
-    given: dict[str, str],
-    look: Callable[[], list[CameraInfo]],
+    ui: WizardUI, ours: Config, given: dict[str, str], found: list[CameraInfo]
 ) -> dict[str, str]:
     """A serial number or path for each view that has none yet, or LATER."""
     wanted = [view for view in ours.video.views if view not in given]
-    found = look() if wanted else []
-    if wanted and not found:
+    if not wanted:
+        return {}
+    if not found:
         ui.print("No camera is plugged in: the cameras are left for later.")
         return dict.fromkeys(wanted, LATER)
     for number, info in enumerate(found, start=1):
