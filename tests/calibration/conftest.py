@@ -2,15 +2,14 @@
 
 import pytest
 
+from tests.calibration.lab import write_lab
 from tests.faces.window.xvfb import virtual_screen
 
 
 @pytest.fixture
 def config_path(tmp_path):
     """A configuration of the rig whose set of calibrations is `lab`."""
-    path = tmp_path / "lab.yaml"
-    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: lab\n")
-    return path
+    return write_lab(tmp_path)
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from typer.testing import CliRunner
 
 from calibration.cameras import measuring
@@ -25,6 +24,7 @@ from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras
 from tams_app.session.viewing import scene_of
+from tests.calibration.lab import in_force, write_lab
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -47,14 +47,12 @@ class Calibrated:
 
     @property
     def quality(self):
-        (file,) = (self.path.parent / "calibration/rig").glob("cameras-*.yaml")
-        return yaml.safe_load(file.read_text())["calibration"]["quality"]
+        return in_force(self.path)[1]["calibration"]["quality"]
 
 
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory) -> Calibrated:
-    path = tmp_path_factory.mktemp("rig") / "rig.yaml"
-    path.write_text("version: 1\ninclude: [networks.yaml, weights.yaml]\ncalibration: rig\n")
+    path = write_lab(tmp_path_factory.mktemp("lab"))
     benches, ui, figure = [], ScriptedUI(), path.with_name("found.png")
 
     def make_bench(config, options):

@@ -4,7 +4,6 @@ import io
 
 import cv2
 import pytest
-import yaml
 
 from calibration.cameras import binding, measuring, simulated_bench
 from calibration.cameras.bench import Task
@@ -18,6 +17,7 @@ from tams_app.config import load_config
 from tams_app.errors import ConfigError, DeviceError, TamsError
 from tams_app.printing import Console
 from tams_app.report.plots import DPI, WIDE_IN
+from tests.calibration.lab import files, in_force
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -56,10 +56,6 @@ def run(path, ui=None, make_bench=None, **options):
     return CameraWizard(ui, options, make_bench).run(), ui
 
 
-def files(path):
-    return sorted((path.parent / "calibration/lab").glob("cameras-*.yaml"))
-
-
 @pytest.mark.verify
 def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses(
     config_path, bench, tmp_path
@@ -70,9 +66,7 @@ def test_the_simulated_rig_is_calibrated_into_a_file_that_the_configuration_uses
     for view in config.video.views:
         name, _ = truth_of(bench, view)
         assert config.cameras[view].serial == bench.binding(name)["serial"]
-    (written,) = files(config_path)
-    assert config.calibrated_by == (written.name,)
-    kept = yaml.safe_load(written.read_text())["calibration"]["quality"]["gt"]
+    kept = in_force(config_path)[1]["calibration"]["quality"]["gt"]
     assert kept == {"camera": truth_of(bench, "gt")[0]}
     assert cv2.imread(str(figure)).shape[1] == round(WIDE_IN * DPI)
 
@@ -86,7 +80,7 @@ def test_the_latency_measured_is_what_the_configuration_then_says(config_path, b
     # another calibration of the same cameras keeps it
     assert run(config_path, sim=True, yes=True, only="which")[0] == 0
     assert load_config(config_path).cameras == config.cameras
-    assert len(files(config_path)) == 2
+    assert len(files(config_path, "cameras")) == 2
 
 
 def test_unattended_and_without_yes_nothing_is_written(config_path, tmp_path):
@@ -147,7 +141,7 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
             only="which,latency",
         )
     assert f"Ended early: {str(how) or 'Ctrl-C'}" in "\n".join(ui.said)
-    (kept,) = files(config_path)
+    (kept,) = files(config_path, "cameras")
     assert f"Kept, but not in force: {kept}" in ui.said[-1]
     assert load_config(config_path).calibrated_by == ()
 

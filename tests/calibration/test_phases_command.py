@@ -26,6 +26,7 @@ from tams_app.errors import ConfigError, LogError, SetupError, TamsError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 from tams_app.units import NS_PER_S
+from tests.calibration.lab import files, in_force, write_lab
 from tests.calibration.phase_trials import PICK, PLACE, WHOLE, Leg, record, session, walk
 from tests.scripted_ui import ScriptedUI
 from tests.synthetic_session import START_NS
@@ -68,13 +69,6 @@ def own_logs(unlabelled, tmp_path) -> tuple[Path, ...]:
     return tuple(shutil.copytree(log, tmp_path / log.name) for log in unlabelled)
 
 
-@pytest.fixture
-def config_path(tmp_path: Path) -> Path:
-    path = tmp_path / "tams.yaml"
-    shutil.copy(DEFAULT_CONFIG, path)
-    return path
-
-
 def calibrate(config_path: Path, **options) -> int:
     options = PhaseOptions(config=config_path, **options)
     return PhaseWizard(ScriptedUI(), options).run()
@@ -92,9 +86,7 @@ def found(logs) -> PhaseFit:
 @pytest.fixture(scope="module")
 def written(logs, tmp_path_factory) -> tuple[Path, str]:
     """A configuration whose phases were calibrated from the logs, and what the command said."""
-    folder = tmp_path_factory.mktemp("written")
-    config_path = folder / "tams.yaml"
-    shutil.copy(DEFAULT_CONFIG, config_path)
+    config_path = write_lab(tmp_path_factory.mktemp("written"))
     arguments = ["calibrate", "phases", "--config", str(config_path)]
     arguments += [part for log in logs for part in ("--from", str(log))]
     with redirect_stdout(io.StringIO()) as said:
@@ -102,14 +94,9 @@ def written(logs, tmp_path_factory) -> tuple[Path, str]:
     return config_path, said.getvalue()
 
 
-def file_in_force(folder: Path) -> Path:
-    (name,) = load_config(folder / "tams.yaml").calibrated_by
-    return folder / "calibration" / "rig" / name
-
-
 def test_recorded_trials_become_thresholds_that_the_next_session_uses(written, found) -> None:
     config = load_config(written[0])
-    content = yaml.safe_load(file_in_force(written[0].parent).read_text(encoding="utf-8"))
+    _, content = in_force(written[0])
     chosen = content["config"]["policy"]["phases"]
     assert set(chosen) == set(PhasesConfig.model_fields) - {"inference", "smoothing_ms"}
     assert config.policy.phases == PhasesConfig(**chosen) != PhasesConfig()
@@ -142,8 +129,7 @@ def test_held_out_trials_are_judged_by_and_not_learned_from(
     options = {"sim": True, "trials": 3, "held_out": 1, "seed": 7}
     assert calibrate(config_path, **options) == 0
     assert learned == [trials]
-    content = yaml.safe_load(file_in_force(config_path.parent).read_text(encoding="utf-8"))
-    figures = content["calibration"]["quality"]
+    figures = in_force(config_path)[1]["calibration"]["quality"]
     for name, thresholds in (("", found.thresholds), ("_defaults", PhasesConfig())):
         accuracy = evaluate([trials[1]], thresholds).accuracy
         assert figures[f"accuracy_held_out{name}"] == pytest.approx(accuracy, abs=1e-4)
@@ -157,7 +143,7 @@ def test_no_thresholds_are_put_in_force_that_do_no_better_than_the_defaults(
     with pytest.raises(TamsError, match=r"do no better than the defaults .*--accept-unfounded"):
         calibrate(config_path, logs=logs)
     assert load_config(config_path).calibrated_by == ()
-    (kept,) = (config_path.parent / "calibration" / "rig").glob("phases-*.yaml")
+    (kept,) = files(config_path, "phases")
     assert "no better" in yaml.safe_load(kept.read_text())["calibration"]["unfounded"]
     assert calibrate(config_path, logs=logs, accept_unfounded=True) == 0
     assert len(load_config(config_path).calibrated_by) == 1

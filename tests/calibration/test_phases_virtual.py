@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import sys
 from itertools import islice
-from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from calibration.options import PhaseOptions
 from calibration.phases.labels import virtual_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
 from calibration.phases.wizard import PhaseWizard
-from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
+from tams_app.config import DEFAULT_CONFIG, Config, PhasesConfig, load_config
 from tams_app.records import Tick
 from tams_app.session.virtual import videoless
 from tams_app.session.virtual.videoless import VideolessTrial
+from tests.calibration.lab import in_force, write_lab
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = [
@@ -28,26 +26,19 @@ pytestmark = [
 ]  # simulating takes its time on a busy machine
 ROOT = DEFAULT_CONFIG.parent.parent
 SEED = 6  # it and the next two are quick ones
-RATE_HZ = 30.0  # of the control loop: a quarter of the usual, for the time that searching takes
-
-
-def write_config(folder: Path) -> Path:
-    path = folder / "tams.yaml"
-    shutil.copy(DEFAULT_CONFIG, path)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(f"\ncontrol: {{rate_hz: {RATE_HZ:g}}}\n")
-    return path
+# a quarter of the usual, for the time that searching takes
+SLOW = {"control": {"rate_hz": 30}}
 
 
 @pytest.fixture(scope="module")
-def config_path(tmp_path_factory) -> Path:
-    return write_config(tmp_path_factory.mktemp("simulated"))
+def config(tmp_path_factory) -> Config:
+    return load_config(write_lab(tmp_path_factory.mktemp("simulated"), **SLOW))
 
 
 @pytest.fixture(scope="module")
-def made(config_path) -> VideolessTrial:
+def made(config) -> VideolessTrial:
     """A trial to its end."""
-    trial = VideolessTrial(load_config(config_path), SEED)
+    trial = VideolessTrial(config, SEED)
     assert list(trial.perform())
     return trial
 
@@ -60,15 +51,13 @@ def places(ticks: list[Tick]) -> np.ndarray:
 def test_thresholds_from_simulated_trials_beat_the_defaults_on_a_trial_not_seen(
     tmp_path,
 ) -> None:
-    config_path = write_config(tmp_path)
+    config_path = write_lab(tmp_path, **SLOW)
     options = PhaseOptions(config=config_path, sim=True, trials=3, held_out=0, seed=SEED)
     assert PhaseWizard(ScriptedUI(), options).run() == 0
     config = load_config(config_path)
-    (name,) = config.calibrated_by
-    file = config_path.parent / "calibration" / "rig" / name
-    content = yaml.safe_load(file.read_text(encoding="utf-8"))
-    figures = content["calibration"]["quality"]
-    assert content["calibration"]["source"] == "simulated trials, seed 6 to seed 8"
+    calibration = in_force(config_path)[1]["calibration"]
+    figures = calibration["quality"]
+    assert calibration["source"] == "simulated trials, seed 6 to seed 8"
     assert figures["trials"] == 3
     assert figures["accuracy_leave_one_trial_out"] > figures["accuracy_defaults"]
     assert figures["mean_recall_leave_one_trial_out"] > figures["mean_recall_defaults"]
@@ -77,14 +66,12 @@ def test_thresholds_from_simulated_trials_beat_the_defaults_on_a_trial_not_seen(
 
 @pytest.mark.verify
 def test_simulated_trials_come_labelled_and_the_last_are_held_out(
-    config_path, made, monkeypatch
+    config, made, monkeypatch
 ) -> None:
     monkeypatch.setattr(videoless, "VideolessTrial", lambda *_: made)
     monkeypatch.setattr(made, "perform", lambda: iter([1.0]))
     seeds, told = (SEED, SEED + 1, SEED + 2), []
-    found = virtual_trials(
-        load_config(config_path), seeds, 1, lambda *progress: told.append(progress)
-    )
+    found = virtual_trials(config, seeds, 1, lambda *progress: told.append(progress))
     assert [trial.name for trial in found.trials] == ["seed 6", "seed 7"]
     assert [trial.name for trial in found.held_out] == ["seed 8"]
     assert found.source == "simulated trials, seed 6 to seed 7"
@@ -92,9 +79,9 @@ def test_simulated_trials_come_labelled_and_the_last_are_held_out(
     assert len(told) == 3
 
 
-def test_the_same_seed_gives_the_same_trial_and_another_seed_another(config_path, made) -> None:
+def test_the_same_seed_gives_the_same_trial_and_another_seed_another(config, made) -> None:
     def begun(seed: int) -> np.ndarray:
-        trial = VideolessTrial(load_config(config_path), seed)
+        trial = VideolessTrial(config, seed)
         for _ in islice(trial.perform(), 50):
             pass
         return places(trial.ticks)

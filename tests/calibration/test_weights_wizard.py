@@ -1,9 +1,6 @@
 """The wizard from a recorded session to a file that the configuration then uses."""
 
-import shutil
-
 import pytest
-import yaml
 from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
@@ -15,9 +12,10 @@ from calibration.weights.ratings import RatingFolder
 from calibration.weights.report import evidence_remarks, save_weights
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
-from tams_app.config import CONFIG_DIRECTORY, load_config
+from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
+from tests.calibration.lab import in_force
 from tests.calibration.weights_session import record_session
 from tests.scripted_ui import CTRL_C, ScriptedUI
 
@@ -25,16 +23,6 @@ pytestmark = pytest.mark.untimed
 
 VIEWS = ("eih", "gt", "gs")
 PNG = b"\x89PNG"
-
-
-@pytest.fixture
-def config(tmp_path):
-    """A copy of the configuration, so that the real one stays as it is."""
-    folder = tmp_path / "config"
-    folder.mkdir()
-    for file in CONFIG_DIRECTORY.glob("*.yaml"):
-        shutil.copy(file, folder)
-    return folder / "tams.yaml"
 
 
 @pytest.fixture(scope="module")
@@ -45,12 +33,12 @@ def session(tmp_path_factory):
 
 
 @pytest.fixture
-def calibrate(config, tmp_path):
+def calibrate(config_path, tmp_path):
     """Runs the wizard in the folder `work`: its exit code and what it said."""
 
     def run(answers=(), **options):
         ui = ScriptedUI([*answers])
-        options = {"config": config, "folder": tmp_path / "work"} | options
+        options = {"config": config_path, "folder": tmp_path / "work"} | options
         return WeightWizard(ui, WeightOptions(**options)).run(), "\n".join(ui.said)
 
     return run
@@ -71,24 +59,20 @@ def rated(tmp_path):
     return make
 
 
-def written(config):
-    index = yaml.safe_load((config.parent / "calibration/rig/in-force.yaml").read_text())
-    return config.parent / "calibration/rig" / index["weights"]
-
-
 def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_so(
-    config, session, tmp_path
+    config_path, session, tmp_path
 ):
-    before = load_config(config).policy.weights.matrix
-    arguments = ["calibrate", "weights", "--config", str(config), "--sim", "--from", str(session)]
-    arguments += ["--folder", str(tmp_path / "work"), "--seed", "1", "--panel", "paper", "--yes"]
+    before = load_config(config_path).policy.weights.matrix
+    arguments = ["calibrate", "weights", "--config", str(config_path), "--sim", "--yes"]
+    arguments += ["--from", str(session), "--folder", str(tmp_path / "work")]
+    arguments += ["--seed", "1", "--panel", "paper"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
-    matrix = load_config(config).policy.weights.matrix
+    matrix = load_config(config_path).policy.weights.matrix
     for phase in list(Phase)[:-1]:
         assert max(matrix[phase], key=lambda view: matrix[phase][view]) == PAPER_DOMINANT[phase]
     assert matrix[Phase.RELEASE] == before[Phase.RELEASE]
-    content = yaml.safe_load(written(config).read_text())
+    file, content = in_force(config_path)
     assert list(content["config"]) == ["policy"]
     assert list(content["config"]["policy"]) == ["weights"]
     assert "not of people" in content["calibration"]["source"]
@@ -96,36 +80,36 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
     assert quality["simulated_raters"] == 8
     assert "RELEASE: keeps its present row: no rater rated it" in quality["remarks"]
     assert list(quality["clips"]) == ["trial-1"]
-    assert written(config).with_suffix(".png").read_bytes().startswith(PNG)
+    assert file.with_suffix(".png").read_bytes().startswith(PNG)
     assert "5 clips" in result.output
     assert "No clip of RELEASE" in result.output
 
 
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
-    config, session, calibrate
+    config_path, session, calibrate
 ):
     options = {"sim": True, "logs": [session], "panel": "indifferent", "yes": True}
     with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
         calibrate(**options)
-    assert not (config.parent / "calibration/rig/in-force.yaml").exists()
+    assert load_config(config_path).calibrated_by == ()
     code, said = calibrate(**options, accept_unfounded=True)
     assert code == 0
     assert "too little to rely on" in said
-    content = yaml.safe_load(written(config).read_text())
-    assert "agree too little" in content["calibration"]["unfounded"]
-    remarks = content["calibration"]["quality"]["remarks"]
+    calibration = in_force(config_path)[1]["calibration"]
+    assert "agree too little" in calibration["unfounded"]
+    remarks = calibration["quality"]["remarks"]
     assert sum("too little to rely on" in remark for remark in remarks) == 2
-    assert content["calibration"]["quality"]["most_critical_alpha_nominal"] < 0.667
+    assert calibration["quality"]["most_critical_alpha_nominal"] < 0.667
 
 
 def test_ratings_in_files_make_the_weights_without_asking_anybody_once_yes_is_said(
-    config, calibrate, rated
+    config_path, calibrate, rated
 ):
     ratings = rated(3)
     assert calibrate(ratings=ratings, folder=None)[0] == 1
-    assert not (config.parent / "calibration").exists()
+    assert not (config_path.parent / "calibration").exists()
     assert calibrate(ratings=ratings, folder=None, yes=True, accept_unfounded=True)[0] == 0
-    calibration = yaml.safe_load(written(config).read_text())["calibration"]
+    calibration = in_force(config_path)[1]["calibration"]
     assert calibration["source"] == "ratings of 3 people, on unknown clips"
     assert "few raters: 3, where the paper asked 8" in calibration["quality"]["remarks"]
     assert "p3 has rated 4 of 6 phases" in calibration["quality"]["remarks"]
@@ -138,7 +122,9 @@ def no_display(monkeypatch):
 
 
 @pytest.mark.usefixtures("no_display")
-def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_path, calibrate):
+def test_a_person_rates_sees_the_result_and_may_refuse_it(
+    config_path, session, tmp_path, calibrate
+):
     five = ["r", "5", "3", "2", "eih", "y"] * 5
     answers = ["r", "Jane Doe", "r", "p01", *five, "b", "n", "unused"]
     code, said = calibrate(answers, logs=[session])
@@ -148,18 +134,18 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(config, session, tmp_p
     assert str(tmp_path / "work/clips/REACH-trial-1.mp4") in said
     assert "few raters: 1" in said
     assert "RELEASE: keeps its present row" in said
-    assert not (config.parent / "calibration").exists()
+    assert not (config_path.parent / "calibration").exists()
     # what was rated is kept: the next time it is built at once
     assert calibrate(["b", "y", "unused"], logs=[session])[0] == 0
-    assert load_config(config).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
+    assert load_config(config_path).policy.weights.matrix[Phase.REACH]["eih"] == 0.60
 
 
 @pytest.mark.usefixtures("no_display")
-def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path):
+def test_ctrl_c_keeps_what_was_rated_and_says_where(config_path, session, tmp_path):
     ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4", CTRL_C, "unused"])
     with pytest.raises(KeyboardInterrupt):
         WeightWizard(
-            ui, WeightOptions(config=config, logs=[session], folder=tmp_path / "work")
+            ui, WeightOptions(config=config_path, logs=[session], folder=tmp_path / "work")
         ).run()
     assert f"kept in {tmp_path / 'work'}" in ui.said[-1]
     (sheet,) = RatingFolder(tmp_path / "work/ratings", VIEWS).sheets()
@@ -167,7 +153,7 @@ def test_ctrl_c_keeps_what_was_rated_and_says_where(config, session, tmp_path):
 
 
 def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_has_answered(
-    config, session, tmp_path, calibrate
+    config_path, session, tmp_path, calibrate
 ):
     RatingFolder(tmp_path / "work/ratings", VIEWS).open("p01")  # and left again
     code, said = calibrate(["b", "s", "unused"], logs=[session])
@@ -175,7 +161,7 @@ def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_ha
     assert "select one of the available options" in said
     assert "There is no clip of RELEASE: W keeps its present row there." in said
     assert len(list((tmp_path / "work/clips").glob("*.mp4"))) == 5
-    assert not (config.parent / "calibration").exists()
+    assert not (config_path.parent / "calibration").exists()
     with pytest.raises(ConfigError, match="holds ratings of people: give another --folder"):
         calibrate(sim=True, logs=[session], yes=True)
 

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from scipy.spatial.transform import Rotation
 
 from calibration.frame import simulated_person as prompted
@@ -27,6 +26,7 @@ from tams_app.records import ControllerStatus
 from tams_app.units import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
 from tests.calibration.frame.test_frame_recorded import TRUTH, recorded_session
+from tests.calibration.lab import files, in_force, write_lab
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -37,12 +37,8 @@ SWAPPED = {"a": "b/click", "b": "a/click"}
 
 def write_rig(folder, rotation=TURNED, wiring=None, **more):
     """A configuration of a rig whose frame and buttons are as given; its path."""
-    path = folder / "lab.yaml"
-    content = {"version": 1, "include": ["networks.yaml", "weights.yaml"], "calibration": "lab"}
     turned = [list(row) for row in rows(rotation)]
-    content["rig"] = {"hand_rotation": turned, "wiring": wiring or {}}
-    path.write_text(yaml.safe_dump({**content, **more}))
-    return path
+    return write_lab(folder, rig={"hand_rotation": turned, "wiring": wiring or {}}, **more)
 
 
 @pytest.fixture
@@ -54,10 +50,6 @@ def calibrate(path, ui=None, **options):
     ui = ui or ScriptedUI()
     options = {"sim": True, "yes": True, "buttons": False} | options
     return FrameWizard(ui, FrameOptions(config=path, **options)).run(), ui
-
-
-def files(path):
-    return sorted((path.parent / "calibration" / "lab").glob("frame-*.yaml"))
 
 
 @dataclass(frozen=True)
@@ -96,15 +88,13 @@ def fitted(calibrated, monkeypatch):
 def test_a_turned_rig_is_found_right_and_its_directions_all_light_up(calibrated):
     assert turn_deg(np.array(load_config(calibrated.path).hand.rotation), TURNED) < 2.0
     assert any("6 of 6 directions lit up as asked for" in text for text in calibrated.ui.said)
-    (file,) = files(calibrated.path)
-    quality = yaml.safe_load(file.read_text())["calibration"]["quality"]
+    quality = in_force(calibrated.path)[1]["calibration"]["quality"]
     assert quality["true_error_deg"] <= quality["error_bound_95_deg"] <= 2.0
     assert quality["directions_lit"] == "6 of 6"
 
 
 def test_the_figure_is_drawn_where_it_is_asked_for_and_beside_the_file(calibrated):
-    (file,) = files(calibrated.path)
-    figure = file.with_suffix(".png").read_bytes()
+    figure = in_force(calibrated.path)[0].with_suffix(".png").read_bytes()
     assert figure.startswith(b"\x89PNG")
     assert figure == calibrated.path.with_name("fit.png").read_bytes()
 
@@ -127,7 +117,7 @@ def test_buttons_that_were_put_right_stay_so_when_only_the_frame_is_made_anew(ri
     calibrate(path, buttons=True)
     code, _ = calibrate(path, buttons=False, seed=1)
     assert code == 0
-    assert len(files(path)) == 2
+    assert len(files(path, "frame")) == 2
     mapping = load_config(path).controller.mapping["vive_focus3_controller"]
     assert (mapping.a, mapping.b) == ("b/click", "a/click")
 
@@ -154,7 +144,7 @@ def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monk
     path = rig()
     with pytest.raises(RefusedError, match=r"may be off by \d.*°, and more than 3° is no use"):
         calibrate(path)
-    assert files(path) == []
+    assert files(path, "frame") == []
 
 
 @pytest.mark.usefixtures("fitted")
@@ -164,9 +154,9 @@ def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch
     with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
         calibrate(path)
     assert calibrate(path, ScriptedUI(["n"]))[0] == 0
-    assert files(path) == []
+    assert files(path, "frame") == []
     assert calibrate(path, ScriptedUI(["y"]))[0] == 0
-    assert len(files(path)) == 1
+    assert len(files(path, "frame")) == 1
 
 
 class Watched:
@@ -264,7 +254,7 @@ def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeyp
     with pytest.raises(RefusedError, match=r"Another direction lit up for \+x") as caught:
         calibrate(path)
     assert caught.value.reason is StrokeFault.WRONG_DIRECTION
-    assert files(path) == []
+    assert files(path, "frame") == []
 
 
 @pytest.mark.usefixtures("fitted")
@@ -277,7 +267,7 @@ def test_ctrl_c_while_the_directions_are_tried_keeps_the_frame_out_of_force(rig,
     with pytest.raises(KeyboardInterrupt):
         calibrate(path, ui)
     assert "Kept, but not in force" in ui.said[-1]
-    assert len(files(path)) == 1
+    assert len(files(path, "frame")) == 1
     assert load_config(path).calibrated_by == ()
 
 
@@ -347,12 +337,12 @@ def test_neither_a_simulated_person_nor_strokes_of_the_rig_turn_a_real_arms_fram
     with pytest.raises(ConfigError, match="has real devices"):
         calibrate(lab, ui, sim=not recorded, logs=logs)
     assert ui.said == []  # told at once, not once everything is done
-    assert files(lab) == []
+    assert files(lab, "frame") == []
 
 
 def test_strokes_recorded_with_a_real_hand_turn_a_real_arms_frame(lab, tmp_path):
     assert calibrate(lab, sim=False, logs=(recorded_session(tmp_path, on_the_rig=False),))[0] == 0
-    assert len(files(lab)) == 1
+    assert len(files(lab, "frame")) == 1
 
 
 def test_without_a_terminal_no_person_is_waited_for(lab):
