@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.calibration.frame.test_frame_recorded import recorded_session
+from tests.calibration.frame.test_frame_capture import recorded_session
 
 pytestmark = pytest.mark.waiting
 

@@ -3,6 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -23,9 +24,10 @@ from hw.openvr.components import ROLES
 from tams_app.config import load_config
 from tams_app.errors import ConfigError
 from tams_app.records import ControllerStatus
+from tams_app.session.virtual.videoless import VideolessTrial
 from tams_app.units import NS_PER_S
 from tests.calibration.frame.synthetic import POINTS
-from tests.calibration.frame.test_frame_recorded import TRUTH, recorded_session
+from tests.calibration.frame.test_frame_capture import TRUTH, recorded_session
 from tests.calibration.lab import files, in_force, write_lab
 from tests.scripted_ui import ScriptedUI
 
@@ -396,3 +398,27 @@ def test_a_wrong_list_of_points_is_named_with_its_line(rig, tmp_path, text, word
     with pytest.raises(ConfigError, match=words):
         calibrate(rig(), ui, touch=points)
     assert ui.said == []
+
+
+QUICK_TRIAL = 6  # its seed
+
+
+@pytest.mark.verify
+@pytest.mark.timeout(900)
+def test_a_rig_turned_at_random_is_drivable_again_once_calibrated(tmp_path):
+    """What the calibration is for: without a known frame a rig cannot be driven."""
+    turned = Rotation.random(random_state=0).as_matrix()
+    # a quarter of the usual rate, for the time that it takes
+    path = write_rig(tmp_path, turned, SWAPPED, control={"rate_hz": 30})
+    uncalibrated = load_config(path)
+    assert calibrate(path, buttons=True)[0] == 0
+    config = load_config(path)
+    assert config.calibrated_by[0].startswith("frame-")
+
+    after = VideolessTrial(config, QUICK_TRIAL)
+    steps = len(list(after.perform()))
+    assert after._trial.outcome("").success
+
+    before = VideolessTrial(uncalibrated, QUICK_TRIAL)
+    assert len(list(islice(before.perform(), steps + 1))) > steps  # it goes on
+    assert not before._trial.outcome("").success
