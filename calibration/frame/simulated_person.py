@@ -1,4 +1,4 @@
-"""A person who moves the controller as they are asked to, about as well as people do.
+"""A person who moves the rig's controller as they are asked to, about as well as people do.
 
 They know where the robot's axes point, but not quite: each stroke sets out in a slightly wrong
 direction and is slightly bent. The hand trembles and the muscles add noise (`sim.operator.hand`).
@@ -7,15 +7,32 @@ direction and is slightly bent. The hand trembles and the muscles add noise (`si
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.frame.sources import (
+    SAMPLE_RATE_HZ,
+    ButtonSource,
+    HandSource,
+    Move,
+    Prompt,
+    Reach,
+    Reading,
+    Source,
+)
+from hw.openvr.components import ComponentReading
 from hw.sim.operator.hand import Hand, HandCommand, ThumbButton
+from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
+from tams_app.config import Config, ControllerConfig
+from tams_app.errors import DeviceError
 from tams_app.records import Haptic, Vector
 from tams_app.rotation import Rotation
+from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 # With something straight to move along, such as a table's edge: assumed, not measured.
@@ -33,6 +50,7 @@ _ARRIVED_M = 0.004
 _PAUSE_NS = 300 * NS_PER_MS
 _HOLD_NS = 500 * NS_PER_MS
 _LONGEST_NS = 5 * NS_PER_S  # for one movement, should it never arrive
+_GIVE_UP_NS = 30 * NS_PER_S  # what is asked is done at once
 
 Routine: TypeAlias = Iterator[HandCommand]
 
@@ -126,3 +144,61 @@ class PromptedPerson:
         until_ns = self._now_ns + duration_ns
         while self._now_ns < until_ns:
             yield wish or HandCommand.still()
+
+
+class SimulatedSetup:
+    """The rig's controller in the hand of a simulated person, in virtual time."""
+
+    def __init__(self, config: Config, seed: int) -> None:
+        self._config, self._seed = config, seed
+        self.description = f"the simulated rig and a simulated person, seed {seed}"
+        self.true_rotation = np.array(operator_hand(config).rotation)
+        self._clock = VirtualClock()
+
+    @contextmanager
+    def buttons(self) -> Iterator[ButtonSource]:
+        person, controller = self._make(self._config)
+
+        def read(now_ns: int) -> ComponentReading | None:
+            controller.sample(now_ns)
+            return controller.components()
+
+        yield self._source(person, read)
+
+    @contextmanager
+    def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
+        config = self._config.model_copy(update={"controller": controller})
+        person, device = self._make(config)
+        yield self._source(person, device.sample)
+
+    def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
+        operator = config.rig.operator
+        person = PromptedPerson(self.true_rotation, operator.arm_reach_m, self._seed)
+        controller = VirtualController(person, operator, self._seed, rig_wiring(config))
+        controller.start()
+        return person, controller
+
+    def _source(self, person: PromptedPerson, read: Callable[[int], Reading]) -> Source[Reading]:
+        asked_ns = self._clock.now_ns()
+
+        def ask(prompt: Prompt) -> None:
+            nonlocal asked_ns
+            asked_ns = self._clock.now_ns()
+            if isinstance(prompt, Move):
+                person.begin(person.stroke(prompt.direction))
+            elif isinstance(prompt, Reach):
+                person.begin(person.touch(prompt.robot))
+            else:
+                person.begin(person.press(prompt.role))
+
+        def following() -> tuple[int, Reading]:
+            self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
+            now_ns = self._clock.now_ns()
+            if now_ns - asked_ns > _GIVE_UP_NS:
+                raise DeviceError(
+                    "Nothing came of what the simulated person did: look at rig.wiring and at "
+                    "rig.operator in the configuration."
+                )
+            return now_ns, read(now_ns)
+
+        return Source(ask, following)

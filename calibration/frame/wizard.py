@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,7 +14,7 @@ from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, FrameResult, save_fit
-from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup, SimulatedSetup
+from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
 from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
@@ -25,6 +24,9 @@ from calibration.wizard import Wizard
 from tams_app.errors import ConfigError
 from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock
+
+if TYPE_CHECKING:
+    from calibration.frame.simulated_person import SimulatedSetup
 
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
@@ -67,8 +69,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if self.options.logs:
             self._fit_logs()
         else:
-            with ExitStack() as stack:
-                self._measure(self._setup(), stack)
+            self._measure(self._setup())
         assert self._outcome is not None
         doubt = result.doubt(self._outcome.frame)
         if doubt and not self._is_kept(doubt):
@@ -98,6 +99,8 @@ class FrameWizard(Wizard[FrameOptions]):
 
     def _setup(self) -> LiveSetup | SimulatedSetup:
         if self.options.sim:
+            from calibration.frame.simulated_person import SimulatedSetup
+
             return SimulatedSetup(self.config, self.options.seed)
         if self.config.rig.enabled:
             raise ConfigError(
@@ -107,7 +110,7 @@ class FrameWizard(Wizard[FrameOptions]):
         self.require_person()
         return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.print(text))
 
-    def _measure(self, setup: LiveSetup | SimulatedSetup, stack: ExitStack) -> None:
+    def _measure(self, setup: LiveSetup | SimulatedSetup) -> None:
         options, points = self.options, self._points
         tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
         self.ui.print(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
@@ -119,17 +122,17 @@ class FrameWizard(Wizard[FrameOptions]):
                 buttons = ask_buttons(self.ui, components, self.config)
             self.ui.print(as_text(finding_table(buttons)))
         config = result.mapped(self.config, buttons)
-        source = stack.enter_context(setup.hand(config.controller))
-        frame: FrameFit | TouchFit
-        if points:
-            frame = fit_touched(self.ui, source, config, points)
-        else:
-            frame = fit_moves(self.ui, source, config, options.rounds)
-        self._show(frame)
-        result.doubt(frame)  # what is no use needs no trying
-        how = f"{'touches' if points else 'strokes'} by {setup.description}"
-        self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
-        self._try(source, self._outcome)
+        with setup.hand(config.controller) as source:
+            frame: FrameFit | TouchFit
+            if points:
+                frame = fit_touched(self.ui, source, config, points)
+            else:
+                frame = fit_moves(self.ui, source, config, options.rounds)
+            self._show(frame)
+            result.doubt(frame)  # what is no use needs no trying
+            how = f"{'touches' if points else 'strokes'} by {setup.description}"
+            self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
+            self._try(source, self._outcome)
 
     def _show(self, frame: FrameFit | TouchFit) -> None:
         self.ui.print(as_text(result.result_table(frame)))

@@ -16,7 +16,8 @@ from calibration.frame.asking import ATTEMPTS, fit_moves, fit_touched, try_six_d
 from calibration.frame.buttons import ask_buttons
 from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
-from calibration.frame.sources import SIX_DIRECTIONS, Press, SimulatedSetup
+from calibration.frame.simulated_person import SimulatedSetup
+from calibration.frame.sources import SIX_DIRECTIONS, Press
 from calibration.frame.stroke import RefusedError, StrokeFault
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
