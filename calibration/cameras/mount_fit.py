@@ -47,6 +47,11 @@ class ArmView:
     flange: Pose
     view: BoardView
 
+    def off_px(self, lens: Lens, mount: Pose, board: Pose) -> Points:
+        """How far corners of `board` (base frame) are from where they were seen, shape (2n,)."""
+        points = board.position + board.rotation.apply(self.view.points)
+        return _off_px(lens, mounted(self.flange, mount), points, self.view)
+
 
 @dataclass(frozen=True, slots=True)
 class Placed:
@@ -54,6 +59,10 @@ class Placed:
 
     points: Points
     view: BoardView
+
+    def off_px(self, lens: Lens, camera: Pose) -> Points:
+        """How far the corners are from where they were seen, shape (2n,)."""
+        return _off_px(lens, camera, self.points, self.view)
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +111,7 @@ def fit_hand_eye(lens: Lens, views: Sequence[ArmView]) -> HandEye:
         raise NoMountError(f"{len(views)} poses of the arm, {FEWEST_POSES} are needed")
     if problem := turns_problem([view.flange for view in views]):
         raise NoMountError(problem)
-    mount, (board,) = _judged(lens, views, _FOLDS, _fit_arm, _arm_residuals)
+    mount, (board,) = _judged(lens, views, _FOLDS, _fit_arm)
     return HandEye(mount, board)
 
 
@@ -110,7 +119,7 @@ def fit_fixed(lens: Lens, places: Sequence[Placed]) -> MountFit:
     """The pose of a camera that stands still, base frame; NoMountError if they are too few."""
     if len(places) < FEWEST_PLACES:
         raise NoMountError(f"{len(places)} places of the board, {FEWEST_PLACES} are needed")
-    return _judged(lens, places, len(places), _fit_placed, _placed_residuals)[0]
+    return _judged(lens, places, len(places), _fit_placed)[0]
 
 
 def board_in_camera(lens: Lens, view: BoardView) -> Pose:
@@ -123,14 +132,13 @@ def _judged(
     views: Sequence[View],
     folds: int,
     fit: Callable[[Lens, Sequence[View]], _Fitted],
-    residuals: Callable[..., Points],
 ) -> tuple[MountFit, tuple[Pose, ...]]:
     """The first pose that `fit` gives, judged on each fold by fits to the others; further poses."""
     squares, count = 0.0, 0
     for fold in range(folds):
         fitted = fit(lens, [view for number, view in enumerate(views) if number % folds != fold])
         for view in views[fold::folds]:
-            off = residuals(lens, (view,), *fitted.poses)
+            off = view.off_px(lens, *fitted.poses)
             squares, count = squares + float(off @ off), count + len(off) // 2
     error_px = float(np.sqrt(squares / count))
     worst_px = _WORST_PX * max(1.0, lens.width / _ACCURACY_PX)
@@ -151,7 +159,7 @@ class _Fitted:
 
 
 def _fit_arm(lens: Lens, views: Sequence[ArmView]) -> _Fitted:
-    return _nearest(lambda poses: _arm_residuals(lens, views, *poses), _start(lens, views))
+    return _nearest(lens, views, _start(lens, views))
 
 
 def _start(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
@@ -174,7 +182,7 @@ def _start(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
             mounted(mounted(flange, mount), one) for flange, one in zip(flanges, seen, strict=True)
         ]
         board = Pose(np.median([one.position for one in boards], axis=0), _middle(boards))
-        off = _arm_residuals(lens, views, mount, board)
+        off = _all_off_px(lens, views, (mount, board))
         candidates.append((float(off @ off), len(candidates), (mount, board)))
     if not candidates:
         raise NoMountError("none of the methods for hand and eye found a mount")
@@ -194,11 +202,11 @@ def _fit_placed(lens: Lens, places: Sequence[Placed]) -> _Fitted:
         points, pixels, lens.matrix(), np.array(lens.distortion), flags=cv2.SOLVEPNP_SQPNP
     )
     base = Pose(np.ravel(way), Rotation.from_rotvec(np.ravel(turn).tolist()))
-    return _nearest(lambda poses: _placed_residuals(lens, places, *poses), (inverse(base),))
+    return _nearest(lens, places, (inverse(base),))
 
 
-def _nearest(residuals: Callable[[tuple[Pose, ...]], Points], start: tuple[Pose, ...]) -> _Fitted:
-    """The poses for which `residuals` are least, from `start` on; far ones count less."""
+def _nearest(lens: Lens, views: Sequence[ArmView | Placed], start: tuple[Pose, ...]) -> _Fitted:
+    """The poses by which corners are least off, from `start` on; far ones count less."""
 
     def moved(steps: Points) -> tuple[Pose, ...]:
         return tuple(
@@ -207,7 +215,7 @@ def _nearest(residuals: Callable[[tuple[Pose, ...]], Points], start: tuple[Pose,
         )
 
     found = least_squares(
-        lambda steps: residuals(moved(steps)),
+        lambda steps: _all_off_px(lens, views, moved(steps)),
         np.zeros(6 * len(start)),
         loss="soft_l1",
         x_scale="jac",
@@ -222,26 +230,11 @@ def _nearest(residuals: Callable[[tuple[Pose, ...]], Points], start: tuple[Pose,
     return _Fitted(moved(found.x), spread)
 
 
-def _arm_residuals(lens: Lens, views: Sequence[ArmView], mount: Pose, board: Pose) -> Points:
-    """By how far corners are off, shape (2n,) [px]."""
-    return np.concatenate(
-        [
-            _off(
-                lens,
-                mounted(view.flange, mount),
-                board.position + board.rotation.apply(view.view.points),
-                view.view,
-            )
-            for view in views
-        ]
-    )
+def _all_off_px(lens: Lens, views: Sequence[ArmView | Placed], poses: tuple[Pose, ...]) -> Points:
+    return np.concatenate([view.off_px(lens, *poses) for view in views])
 
 
-def _placed_residuals(lens: Lens, places: Sequence[Placed], camera: Pose) -> Points:
-    return np.concatenate([_off(lens, camera, place.points, place.view) for place in places])
-
-
-def _off(lens: Lens, camera: Pose, points: Points, view: BoardView) -> Points:
+def _off_px(lens: Lens, camera: Pose, points: Points, view: BoardView) -> Points:
     """By how far `points` of the base frame are from where `camera` saw them, shape (2n,) [px]."""
     seen = (points - camera.position) @ camera.rotation.as_matrix()
     depth = seen[:, 2:]
