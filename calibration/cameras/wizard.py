@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -41,15 +41,15 @@ class CameraWizard(Wizard[CameraOptions]):
     """`make_bench`: another source of cameras than the options name."""
 
     figure_beside = False
+    _steps: tuple[str, ...]
+    _bench: Bench  # open while it measures
+    _found: Sequence[Findings] = ()  # of each view, once its camera is known
 
     def __init__(
         self, ui: WizardUI, options: CameraOptions, make_bench: MakeBench | None = None
     ) -> None:
         super().__init__(ui, options)
         self._make_bench = make_bench or _bench
-        self._steps: tuple[str, ...] = ()
-        self._bench: Bench | None = None
-        self._found: list[Findings] = []
 
     def check(self) -> None:
         self._steps = chosen_steps(self.options.only)
@@ -74,18 +74,18 @@ class CameraWizard(Wizard[CameraOptions]):
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)
                 if WHICH in self._steps
-                else self._bound(bench)
+                else self._bound()
             )
             self._found = [Findings(view, cameras[view]) for view in self.config.video.views]
-            self._measure(bench)
+            self._measure()
             return self.partial()
 
     def partial(self) -> Calibration | None:
-        if self._bench is None or not self._found:
+        if not self._found:
             return None
         return Calibration(
             KIND,
-            {"cameras": {each.view: self._keys(self._bench, each) for each in self._found}},
+            {"cameras": {each.view: self._keys(each) for each in self._found}},
             self._bench.source,
             {each.view: each.quality() for each in self._found},
             not self._bench.attended,
@@ -94,8 +94,8 @@ class CameraWizard(Wizard[CameraOptions]):
     def draw(self, path: Path) -> None:
         draw_findings(self._found, path)
 
-    def _measure(self, bench: Bench) -> None:
-        steps, ui = self._steps, self.ui
+    def _measure(self) -> None:
+        steps, ui, bench = self._steps, self.ui, self._bench
         if self.options.figure is not None:
             bench.prompt(Task.REST, "")
             for each in self._found:
@@ -108,48 +108,50 @@ class CameraWizard(Wizard[CameraOptions]):
                 measuring.measure_latency(ui, bench, self._found)
             except SetupError as error:
                 ui.print(f"Left out: {error}.")
-        self._measure_with_board(bench)
+        self._measure_with_board()
 
-    def _measure_with_board(self, bench: Bench) -> None:
+    def _measure_with_board(self) -> None:
         """Lenses and mounts; TamsError if they alone were asked for, and none was found."""
-        steps, ui, board = self._steps, self.ui, Board(self.options.square_mm)
+        steps, ui, bench = self._steps, self.ui, self._bench
+        board = Board(self.options.square_mm)
         if LENS in steps:
             for each in self._found:
                 measuring.measure_lens(ui, bench, board, each)
         if MOUNT in steps:
             figure = arm_kind(self.config.arm.model).figure()
-            lenses = self._lenses(bench)
             try:
-                measuring.measure_mounts(ui, bench, board, self._found, lenses, figure)
+                measuring.measure_mounts(ui, bench, board, self._found, self._lenses(), figure)
             except SetupError as error:
                 ui.print(f"No mount: {error}.")
         nothing = all(each.lens is None and each.mount is None for each in self._found)
         if nothing and set(steps) <= {WHICH, LENS, MOUNT} and {LENS, MOUNT} & set(steps):
             raise TamsError("no lens and no mount was found: nothing is written")
 
-    def _lenses(self, bench: Bench) -> dict[str, Lens]:
+    def _lenses(self) -> dict[str, Lens]:
         """By view, for the bench's pictures: measured now, else of the configuration."""
         lenses = {}
         for each in self._found:
             lens = None if each.lens is None else each.lens.lens
-            before = self._before(bench, each)
+            before = self._before(each)
             if lens is None and before is not None and before.lens is not None:
-                lens = before.lens.at(_NOWHERE, "").scaled_to(bench.width, bench.height)
+                size = self._bench.width, self._bench.height
+                lens = before.lens.at(_NOWHERE, "").scaled_to(*size)
             if lens is not None:
                 lenses[each.view] = lens
         return lenses
 
-    def _before(self, bench: Bench, found: Findings) -> CameraConfig | None:
+    def _before(self, found: Findings) -> CameraConfig | None:
         """What the configuration has of the view's camera, if it is the same one."""
         before = self.config.cameras.get(found.view)
-        return before if before is not None and bench.camera_of(before) == found.camera else None
+        same = before is not None and self._bench.camera_of(before) == found.camera
+        return before if same else None
 
-    def _bound(self, bench: Bench) -> dict[str, str]:
+    def _bound(self) -> dict[str, str]:
         """The cameras that the configuration names; ConfigError if one is not there."""
         cameras = {}
         for view in self.config.video.views:
             configured = self.config.cameras.get(view)
-            camera = bench.camera_of(configured) if configured is not None else ""
+            camera = self._bench.camera_of(configured) if configured is not None else ""
             if not camera:
                 raise ConfigError(
                     f"no camera that is plugged in is cameras.{view}: add which to --only, so that "
@@ -158,15 +160,15 @@ class CameraWizard(Wizard[CameraOptions]):
             cameras[view] = camera
         return cameras
 
-    def _keys(self, bench: Bench, found: Findings) -> dict[str, Any]:
+    def _keys(self, found: Findings) -> dict[str, Any]:
         """All keys of a view's camera that this kind of calibration knows.
 
         All of them each time: the new file replaces the old one. What was not measured now stays
         as the configuration has it; latency, lens and mount only if they are of the same camera,
         a mount only with the lens through which it was found.
         """
-        before, same = self.config.cameras.get(found.view), self._before(bench, found)
-        keys: dict[str, Any] = dict(bench.binding(found.camera))
+        before, same = self.config.cameras.get(found.view), self._before(found)
+        keys: dict[str, Any] = dict(self._bench.binding(found.camera))
         if before is not None:
             keys["exposure_us"] = before.exposure_us
             keys["white_balance_k"] = before.white_balance_k

@@ -150,17 +150,17 @@ def test_what_was_found_stays_when_other_things_of_the_same_camera_are_measured(
     before = calibrated.config.cameras[view].model_copy(update={"latency_ms": 30.0})
     cameras = calibrated.config.cameras | {view: before}
     wizard.config = calibrated.config.model_copy(update={"cameras": cameras})
-    bench = SimulatedBench(calibrated.config, SEED)
+    bench = wizard._bench = SimulatedBench(calibrated.config, SEED)
     camera, other = bench.camera_of(before), bench.camera_of(calibrated.config.cameras["gs"])
-    kept = wizard._keys(bench, Findings(view, camera))
+    kept = wizard._keys(Findings(view, camera))
     assert LensConfig(**kept["lens"]) == before.lens
     assert MountConfig(**kept["mount"]) == before.mount
     assert kept["latency_ms"] == 30.0
-    changed = wizard._keys(bench, Findings(view, other))
+    changed = wizard._keys(Findings(view, other))
     assert (changed["lens"], changed["mount"], "latency_ms" in changed) == (None, None, False)
     anew = Findings(view, camera)
     anew.lens = measuring.LensFit(calibrated.true[view], 0.1, 0.001, 20)
-    renewed = wizard._keys(bench, anew)
+    renewed = wizard._keys(anew)
     assert LensConfig(**renewed["lens"]).fx == pytest.approx(calibrated.true[view].fx, abs=1e-3)
     assert renewed["mount"] is None  # found through the lens before
 
