@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.frame.sources import (
-    SAMPLE_RATE_HZ,
     ButtonSource,
     HandSource,
     Move,
@@ -146,6 +145,34 @@ class PromptedPerson:
             yield wish or HandCommand.still()
 
 
+class PromptedSource(Source[Reading]):
+    """What is read while a simulated person, in virtual time, begins what they are asked."""
+
+    def __init__(
+        self, clock: VirtualClock, read: Callable[[int], Reading], person: PromptedPerson
+    ) -> None:
+        super().__init__(clock, read)
+        self._person, self._asked_ns = person, clock.now_ns()
+
+    def ask(self, prompt: Prompt) -> None:
+        self._asked_ns, person = self._clock.now_ns(), self._person
+        if isinstance(prompt, Move):
+            person.begin(person.stroke(prompt.direction))
+        elif isinstance(prompt, Reach):
+            person.begin(person.touch(prompt.robot))
+        else:
+            person.begin(person.press(prompt.role))
+
+    def next(self) -> tuple[int, Reading]:
+        now_ns, reading = super().next()
+        if now_ns - self._asked_ns > _GIVE_UP_NS:
+            raise DeviceError(
+                "Nothing came of what the simulated person did: look at rig.wiring and at "
+                "rig.operator in the configuration."
+            )
+        return now_ns, reading
+
+
 class SimulatedSetup:
     """The rig's controller in the hand of a simulated person, in virtual time."""
 
@@ -163,13 +190,13 @@ class SimulatedSetup:
             controller.sample(now_ns)
             return controller.components()
 
-        yield self._source(person, read)
+        yield PromptedSource(self._clock, read, person)
 
     @contextmanager
     def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
         config = self._config.model_copy(update={"controller": controller})
         person, device = self._make(config)
-        yield self._source(person, device.sample)
+        yield PromptedSource(self._clock, device.sample, person)
 
     def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
         operator = config.rig.operator
@@ -177,28 +204,3 @@ class SimulatedSetup:
         controller = VirtualController(person, operator, self._seed, rig_wiring(config))
         controller.start()
         return person, controller
-
-    def _source(self, person: PromptedPerson, read: Callable[[int], Reading]) -> Source[Reading]:
-        asked_ns = self._clock.now_ns()
-
-        def ask(prompt: Prompt) -> None:
-            nonlocal asked_ns
-            asked_ns = self._clock.now_ns()
-            if isinstance(prompt, Move):
-                person.begin(person.stroke(prompt.direction))
-            elif isinstance(prompt, Reach):
-                person.begin(person.touch(prompt.robot))
-            else:
-                person.begin(person.press(prompt.role))
-
-        def following() -> tuple[int, Reading]:
-            self._clock.advance_ns(round(NS_PER_S / SAMPLE_RATE_HZ))
-            now_ns = self._clock.now_ns()
-            if now_ns - asked_ns > _GIVE_UP_NS:
-                raise DeviceError(
-                    "Nothing came of what the simulated person did: look at rig.wiring and at "
-                    "rig.operator in the configuration."
-                )
-            return now_ns, read(now_ns)
-
-        return Source(ask, following)

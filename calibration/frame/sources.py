@@ -73,16 +73,22 @@ Prompt: TypeAlias = Move | Reach | Press
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 
-@dataclass(frozen=True, slots=True)
 class Source(Generic[Reading]):
-    """What is read of the controller while a person does what they are asked.
+    """What is read of the controller while a person does what they are asked."""
 
-    `ask`: what the person has just been asked to do. `next`: the time [ns] and the newest reading,
-    at `SAMPLE_RATE_HZ`.
-    """
+    def __init__(self, clock: Clock, read: Callable[[int], Reading]) -> None:
+        """`read`: the newest reading at a time [ns]."""
+        self._clock, self._read = clock, read
+        self._rate = FixedRate(clock, SAMPLE_RATE_HZ)
 
-    ask: Callable[[Prompt], None]
-    next: Callable[[], tuple[int, Reading]]
+    def ask(self, prompt: Prompt) -> None:
+        """Take note of what the person has just read at the terminal."""
+
+    def next(self) -> tuple[int, Reading]:
+        """The time [ns] and the newest reading, at `SAMPLE_RATE_HZ`."""
+        self._rate.wait()
+        now_ns = self._clock.now_ns()
+        return now_ns, self._read(now_ns)
 
 
 HandSource: TypeAlias = Source[ControllerSample]  # pose and trigger
@@ -102,7 +108,7 @@ class LiveSetup:
     def buttons(self) -> Iterator[ButtonSource]:
         """The components; closed before `hand` is opened."""
         with closing(ComponentReader(self._config.controller)) as components:
-            yield self._source(lambda _: components.read())
+            yield Source(self._clock, lambda _: components.read())
 
     @contextmanager
     def hand(self, controller: ControllerConfig) -> Iterator[HandSource]:
@@ -116,14 +122,4 @@ class LiveSetup:
             return device.sample(now_ns)
 
         with closing(device):
-            yield self._source(sample)
-
-    def _source(self, read: Callable[[int], Reading]) -> Source[Reading]:
-        rate = FixedRate(self._clock, SAMPLE_RATE_HZ)
-
-        def following() -> tuple[int, Reading]:
-            rate.wait()
-            now_ns = self._clock.now_ns()
-            return now_ns, read(now_ns)
-
-        return Source(lambda _prompt: None, following)  # the person reads it at the terminal
+            yield Source(self._clock, sample)
