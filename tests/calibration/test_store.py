@@ -11,7 +11,7 @@ from calibration.store import Calibration, CalibrationSet
 from tams_app import cli
 from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError, TamsError
-from tests.scripted_ui import ScriptedUI
+from tests.scripted_ui import CTRL_C, ScriptedUI
 
 pytestmark = pytest.mark.untimed
 
@@ -159,21 +159,13 @@ def test_without_a_terminal_only_yes_writes(store):
     assert store.propose(ui, frame(), yes=True) is not None
 
 
-class Leaving(ScriptedUI):
-    """A person who presses Ctrl-C, or closes the terminal, instead of answering."""
-
-    def __init__(self, how):
-        super().__init__(["never given"])
-        self._how = how
-
-    def _ask(self, *_, **__):
-        raise self._how
-
-
-@pytest.mark.parametrize("how", [KeyboardInterrupt(), ConfigError("the terminal was closed")])
-def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(store, how):
-    old, ui = store.write(frame()), Leaving(how)
-    with pytest.raises(type(how)):
+@pytest.mark.parametrize(
+    ("instead", "error"),
+    [(CTRL_C, KeyboardInterrupt), ("perhaps", ConfigError)],  # and then the terminal is closed
+)
+def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(store, instead, error):
+    old, ui = store.write(frame()), ScriptedUI([instead])
+    with pytest.raises(error):
         store.propose(ui, frame(OTHER), yes=False)
     assert store.in_force("frame") == old
     (kept,) = set(store.folder.glob("frame-*.yaml")) - {old}
