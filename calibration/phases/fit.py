@@ -51,6 +51,11 @@ DEFAULT_POINT = point_of(PhasesConfig())
 
 # How good a point is: fewer misses first, then nearer to the defaults, then smaller numbers.
 _Rank: TypeAlias = tuple[int, float, Point]
+Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
+
+
+def quiet(_doing: str, _part: float) -> None:
+    """Progress that is not shown."""
 
 
 class Search:
@@ -75,22 +80,22 @@ class Search:
             for trial in chosen
         )
 
-    def best(self, chosen: Sequence[int], progress: Callable[[float], None]) -> Point:
+    def best(self, chosen: Sequence[int], progress: Progress = quiet) -> Point:
         """The point with the most hits over `chosen`; of equals the nearest to the defaults.
 
         A coarse grid, then from its best points downhill with shrinking strides. Nothing of the
-        trials that are not chosen is looked at. `progress` receives the part of the grid done.
+        trials that are not chosen is looked at. `progress` is of the grid.
         """
         starts = sorted(self._grid(chosen, progress))[:_STARTS]
         return min(self._descend(start, chosen) for start in starts)[2]
 
-    def _grid(self, chosen: Sequence[int], progress: Callable[[float], None]) -> Iterator[_Rank]:
+    def _grid(self, chosen: Sequence[int], progress: Progress) -> Iterator[_Rank]:
         """For each pair of speeds of the grid the best dwell times; the defaults besides."""
         yield self._rank(DEFAULT_POINT, chosen)
         pairs = list(product(_V_EPS, _VZ_MIN))
         for done, (v_eps, vz_min) in enumerate(pairs, start=1):
             yield self._with_best_dwells(v_eps, vz_min, _DWELLS, _DWELLS, chosen)
-            progress(done / len(pairs))
+            progress("searching", done / len(pairs))
 
     def _descend(self, start: _Rank, chosen: Sequence[int]) -> _Rank:
         """From `start` to the best neighbour, and so on, until none is better at any stride."""
@@ -152,7 +157,6 @@ def _window(dwell: int, stride: int) -> list[int]:
 
 
 LEAST_TRIALS = 3
-Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,7 +181,7 @@ class PhaseFit:
 
 
 def fit_thresholds(
-    trials: Sequence[Trial], smoothing_ms: float, progress: Progress = lambda *_: None
+    trials: Sequence[Trial], smoothing_ms: float, progress: Progress = quiet
 ) -> PhaseFit:
     """Search over all trials, then once more without each of them.
 
@@ -186,11 +190,11 @@ def fit_thresholds(
     """
     check_trials(trials)
     search, everything = Search(trials), range(len(trials))
-    best = search.best(everything, lambda part: progress("searching", part))
+    best = search.best(everything, progress)
     folds = []
     for out in everything:
         others = [place for place in everything if place != out]
-        folds.append(thresholds_at(search.best(others, lambda _: None), smoothing_ms))
+        folds.append(thresholds_at(search.best(others), smoothing_ms))
         progress("leaving out each trial in turn", (out + 1) / len(trials))
     chosen = thresholds_at(best, smoothing_ms)
     pairs = zip(trials, folds, strict=True)

@@ -15,7 +15,7 @@ import yaml
 
 from calibration.options import PhaseOptions
 from calibration.phases import wizard
-from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
+from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds, quiet
 from calibration.phases.labels import Material, logged_trials
 from calibration.phases.trials import CODE, NOT_COUNTED, Trial
 from calibration.phases.wizard import PhaseWizard
@@ -75,7 +75,7 @@ def calibrate(config_path: Path, **options) -> int:
 
 
 def labelled(folders: tuple[Path, ...]) -> Material:
-    return logged_trials(folders, 100.0, lambda *_: None)
+    return logged_trials(folders, 100.0, quiet)
 
 
 @pytest.fixture(scope="module")

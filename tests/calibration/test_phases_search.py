@@ -46,10 +46,6 @@ def labelled(truth: PhasesConfig, noise_mm_s: float = 0.0) -> list[Trial]:
     return [Trial(each, infer(each, truth)) for each in motions]
 
 
-def ignore(_part: float) -> None:
-    """The progress is not watched."""
-
-
 def hidden(trials: Sequence[Trial], share: float) -> list[Trial]:
     """The trials with a share of their labels changed at random."""
     random = np.random.default_rng(5)
@@ -85,7 +81,7 @@ def fitted_to_noise() -> PhaseFit:
 @pytest.mark.parametrize("known", KNOWN)
 def test_without_noise_the_labels_are_met_exactly(known: PhasesConfig) -> None:
     trials = labelled(known)
-    best = thresholds_at(Search(trials).best([0, 1, 2], ignore), SMOOTHING_MS)
+    best = thresholds_at(Search(trials).best([0, 1, 2]), SMOOTHING_MS)
     assert evaluate(trials, best).accuracy == 1.0
     assert evaluate(trials, PhasesConfig()).accuracy < 1.0
 
@@ -106,7 +102,7 @@ def test_with_noise_it_does_at_least_as_well_as_the_thresholds_that_made_the_lab
 
 def test_of_equally_good_thresholds_those_nearest_to_the_defaults_are_taken() -> None:
     trials = defaults_trials()
-    assert thresholds_at(Search(trials).best([0, 1, 2], ignore), SMOOTHING_MS) == PhasesConfig()
+    assert thresholds_at(Search(trials).best([0, 1, 2]), SMOOTHING_MS) == PhasesConfig()
 
 
 def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
@@ -114,7 +110,7 @@ def test_a_dwell_of_zero_which_abolishes_a_phase_is_never_taken() -> None:
     trials = labelled(none)
     moving = [trial.labels[1:] for trial in trials]
     assert not any((labels == CODE[Phase.TRANSPORT]).any() for labels in moving)
-    *_, align, pre = Search(trials).best([0, 1, 2], ignore)
+    *_, align, pre = Search(trials).best([0, 1, 2])
     assert min(align, pre) >= 1
 
 
@@ -122,19 +118,19 @@ def test_a_fold_looks_at_nothing_of_the_trial_left_out() -> None:
     trials = labelled(KNOWN[0])
     unreadable = replace(trials[2], motion=replace(trials[2].motion, inputs=((None,) * 4,)))
     search = Search([*trials[:2], unreadable])
-    search.best([0, 1], ignore)
+    search.best([0, 1])
     with pytest.raises(TypeError):
         search.hits(DEFAULT_POINT, [2])
 
 
 def test_each_fold_has_the_thresholds_that_the_other_trials_alone_give() -> None:
     others = [trial for place, trial in enumerate(noisy_trials()) if place != 1]
-    alone = thresholds_at(Search(others).best([0, 1], ignore), SMOOTHING_MS)
+    alone = thresholds_at(Search(others).best([0, 1]), SMOOTHING_MS)
     assert fitted_to_noise().folds[1] == alone
 
 
 def test_the_same_trials_give_the_same_thresholds_in_any_order() -> None:
-    backwards = Search(noisy_trials()[::-1]).best([0, 1, 2], ignore)
+    backwards = Search(noisy_trials()[::-1]).best([0, 1, 2])
     assert thresholds_at(backwards, SMOOTHING_MS) == fitted_to_noise().thresholds
 
 
