@@ -43,7 +43,7 @@ def write_first_file(
     """Ask `ui` for what is not given, and write the template with the answers to `path`.
 
     `look` lists the cameras that are plugged in. ConfigError if `path` is there already, for an
-    answer that cannot be, and, where there is nobody to ask, with what has to be given.
+    answer that cannot be, and, where there is no terminal, with what has to be given.
     """
     if path.exists() or path.is_symlink():
         raise ConfigError(f"{path}: is there already; give another name, or delete it")
@@ -96,7 +96,7 @@ def _given_cameras(given: Sequence[str], ours: Config) -> dict[str, str]:
 def _require_all(
     given: Answers, cameras: dict[str, str], ours: Config, found: list[CameraInfo]
 ) -> None:
-    """ConfigError with the options that are needed where nobody can be asked."""
+    """ConfigError with the options that are needed where there is no terminal to ask at."""
     needed = [
         *([] if given.host else ["--host ADDRESS"]),
         *([] if given.hand else [f"--hand DEVICE ({', '.join(DEVICES)})"]),
@@ -174,7 +174,7 @@ def _key_of(chosen: str, found: Sequence[CameraInfo], ours: Config) -> tuple[str
             for mjpeg, pixel_format in ((True, "mjpeg"), (False, "raw")):
                 try:
                     choose_mode(info, mjpeg, video.width, video.height, video.fps)
-                except DeviceError:  # the other one, or the doctor tells which modes there are
+                except DeviceError:  # the other one, or the doctor lists the modes that there are
                     continue
                 return key, pixel_format
     return key, "mjpeg"

@@ -39,8 +39,8 @@ class Wizard(ABC, Generic[Options]):
 
         Raises:
             ConfigError: Options or configuration make no sense; nothing was measured.
-            TamsError: What was measured is no use, cannot be written, or is unfounded and nobody
-                was to be asked.
+            TamsError: What was measured is no use, cannot be written, or is unfounded and no
+                question was to be asked.
         """
         options = self.options
         if options.figure is not None:

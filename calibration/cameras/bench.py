@@ -15,7 +15,7 @@ from tams_app.records import Frame, Vector
 _CHUNK_S = 0.5
 
 Arm: TypeAlias = Callable[[], Vector | None]
-"""Tells the arm's newest joints [rad], shape (6,); None: nothing was heard of it lately."""
+"""The arm's newest joints [rad], shape (6,); None: it has not reported lately."""
 
 
 class Task(Enum):
@@ -90,5 +90,5 @@ def until_done(
 
 
 def agreed(ui: WizardUI, bench: Bench, question: str) -> bool:
-    """The person's answer; no where there is no one to be asked."""
+    """The person's answer; no where only a simulated person or no terminal is there."""
     return bench.attended and ui.attended and ui.yes(question)

@@ -27,7 +27,7 @@ _MODELS = (_ALL_FIXED, cv2.CALIB_FIX_K3, 0)
 
 
 class NoLensError(ValueError):
-    """The views do not tell the lens, in one clause."""
+    """The views do not determine the lens; why, in one clause."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -77,7 +77,7 @@ class LiveBench:
         try:
             found = [plugged.info for plugged in self._plugged.values()]
             info = choose_camera(found, config.name, config.serial, config.path)
-        except DeviceError:  # the wizard says which one is missing
+        except DeviceError:  # the wizard names the one that is missing
             return ""
         return next(name for name, plugged in self._plugged.items() if plugged.info is info)
 

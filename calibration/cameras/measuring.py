@@ -119,7 +119,7 @@ def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> No
 
 
 def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> None:
-    """The lens of one camera, from views of the board; one that cannot be told is left out."""
+    """The lens of one camera, from views of the board; left out if they do not determine it."""
     view = found.view.upper()
     while True:
         ui.print(

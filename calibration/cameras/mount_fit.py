@@ -1,4 +1,4 @@
-"""Where cameras are: on the arm by hand and eye, beside it by a board whose place the arm tells.
+"""Where cameras are: on the arm by hand and eye, beside it by a board whose place the arm gives.
 
 With flange F, mount X, board B (base frame) and the board's pose Z in the camera, F X Z = B for
 every pose of the arm. OpenCV's `calibrateHandEye` gives a start (Tsai, Park, Horaud, Andreff,
@@ -37,7 +37,7 @@ _NEAR_M = 1e-3
 
 
 class NoMountError(ValueError):
-    """The views do not tell where the camera is, in one clause."""
+    """The views do not determine where the camera is; why, in one clause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ View = TypeVar("View", ArmView, Placed)
 
 
 def turns_problem(flanges: Sequence[Pose]) -> str:
-    """Why these poses of the arm do not tell a mount, a clause; "" if they do."""
+    """Why these poses of the arm do not determine a mount, a clause; "" if they do."""
     turns = np.degrees([flanges[0].rotation.turn_to(one.rotation) for one in flanges])
     turns -= turns.mean(axis=0)
     spread = np.linalg.svd(turns, compute_uv=False) / np.sqrt(len(flanges))
@@ -106,7 +106,7 @@ def turns_problem(flanges: Sequence[Pose]) -> str:
 
 
 def fit_hand_eye(lens: Lens, views: Sequence[ArmView]) -> HandEye:
-    """The mount of a camera on the flange; NoMountError if the views do not tell it."""
+    """The mount of a camera on the flange; NoMountError if the views do not determine it."""
     if len(views) < FEWEST_POSES:
         raise NoMountError(f"{len(views)} poses of the arm, {FEWEST_POSES} are needed")
     if problem := turns_problem([view.flange for view in views]):

@@ -175,7 +175,7 @@ class SimulatedBench:
 def _draw_truth(
     views: Sequence[str], random: np.random.Generator, fps: int
 ) -> dict[str, CameraTruth]:
-    """Cameras named A, B, C in an order that says nothing of the views."""
+    """Cameras named A, B, C in an order that has nothing to do with the views."""
     return {
         f"camera {letter}": CameraTruth(
             view=str(view),

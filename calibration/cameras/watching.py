@@ -34,7 +34,7 @@ Place = tuple[Pose, dict[str, BoardView]]
 
 
 class Still:
-    """Tells of one camera's views of the board whether it held still since the view before."""
+    """Whether the board holds still before one camera, by each view and the one before it."""
 
     def __init__(self, width: int) -> None:
         self._bound_px = _STILL_PX * max(1.0, width / _FULL_PX)
@@ -123,23 +123,23 @@ class Watcher:
         """The board from several poses of the arm, each as both rest; until it is enough."""
         taken: list[ArmView] = []
         self.beside = {}
-        said = "no board yet"
+        state = "no board yet"
         for frame in self._shots(_MOVING_S):
             if self._views[frame.view] != WRIST_VIEW:
                 continue
             view = self._seen.get(WRIST_VIEW)
             if self._rested is None:
-                said = "nothing is heard of the arm"
+                state = "nothing is heard of the arm"
             elif view is None:
-                said = "no board, or not at rest"
+                state = "no board, or not at rest"
             elif any(
                 _near(self._rested, one.flange, _OTHERWISE_M, _OTHERWISE_DEG) for one in taken
             ):
-                said = "taken; now another pose"
+                state = "taken; now another pose"
             else:
                 taken.append(ArmView(self._rested, view))
-                said = "taken"
-            self._ui.show(Text(f"{WRIST_VIEW.upper()} {len(taken)} of {wanted} poses; {said}"))
+                state = "taken"
+            self._ui.show(Text(f"{WRIST_VIEW.upper()} {len(taken)} of {wanted} poses; {state}"))
             if len(taken) >= wanted and not turns_problem([one.flange for one in taken]):
                 break
         return taken

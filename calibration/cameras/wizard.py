@@ -70,7 +70,7 @@ class CameraWizard(Wizard[CameraOptions]):
                 self.ui.print("A simulated person does what is asked for here.")
             if MOUNT in self._steps:
                 with bench.arm():
-                    pass  # one that does not report is told before anything is measured
+                    pass  # one that does not report is refused before anything is measured
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)
                 if WHICH in self._steps

@@ -72,7 +72,7 @@ def ask_touches(
 
 
 def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move | Reach) -> Held:
-    """Ask for it, and wait until the trigger has been held and let go; shows what there is."""
+    """Ask for it, and wait until the trigger has been held and released; shows what there is."""
     source.ask(prompt)
     capture, count = StrokeCapture(config), 0
     while True:

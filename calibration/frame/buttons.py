@@ -44,17 +44,17 @@ class ButtonFinding:
 
 
 class PressWatch:
-    """Waits for exactly one component to be pressed and let go again."""
+    """Waits for exactly one component to be pressed and released."""
 
     def __init__(self, role: str, taken: Mapping[str, str]) -> None:
         """`taken`: component → the role it has been pressed for."""
         self._role, self._taken = role, taken
         self._since_ns: int | None = None
-        self._free = False  # everything was let go once
+        self._free = False  # everything was released once
         self._pressed: set[str] = set()
 
     def take(self, reading: ComponentReading | None, now_ns: int) -> str | None:
-        """The component, once it was let go; Refused if none came, two did, or it is taken."""
+        """The component, once released; RefusedError if none came, two did, or it is taken."""
         if self._since_ns is None:
             self._since_ns = now_ns
         values = reading.values if reading is not None else {}
@@ -104,7 +104,7 @@ class PressWatch:
 def settle(
     controller_type: str, hand: str, paths: Mapping[str, str], believed: Mapping[str, str]
 ) -> ButtonFinding:
-    """The finding; Refused if a component cannot play the part it was pressed for."""
+    """The finding; RefusedError if a component cannot play the part it was pressed for."""
     try:
         role_map(controller_type, hand, paths)
     except ConfigError as error:

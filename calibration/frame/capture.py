@@ -50,7 +50,7 @@ class StrokeCapture:
     def take(self, sample: ControllerSample, now_ns: int) -> Held | None:
         """Take in the newest sample; all of them at the release, else None.
 
-        Refused if the tracking was lost meanwhile, or its frame changed at any time.
+        RefusedError if the tracking was lost meanwhile, or its frame changed at any time.
         """
         buttons = self._clutch.update(sample, now_ns)
         if sample.status is ControllerStatus.TRACKING_FRAME_CHANGED:
@@ -83,7 +83,7 @@ class StrokeCapture:
 
 
 def touch_of(held: Held, robot: Vector, number: int) -> Touch:
-    """The touch of one of the robot's points [m]; Refused if the hand did not keep still."""
+    """The touch of one of the robot's points [m]; RefusedError if the hand did not keep still."""
     if len(held.poses) < MIN_TOUCH_SAMPLES:
         raise RefusedError(
             StrokeFault.TOO_FEW_SAMPLES,
@@ -121,7 +121,7 @@ def was_simulated(folder: Path) -> bool:
 def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     """Each stretch with the trigger held is the next stroke, if the hand went somewhere.
 
-    Refused for a session in which the arm was driven. There the arm follows the hand by the
+    RefusedError for a session in which the arm was driven. There the arm follows the hand by the
     rotation in force, so the pairs of their travels give that rotation and nothing of how the
     frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
     """

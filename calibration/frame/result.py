@@ -113,7 +113,7 @@ def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
 
 
 def doubt(frame: FrameFit | TouchFit) -> str:
-    """Why the result needs a second thought, "" if it does not; Refused if it is no use."""
+    """Why the result needs a second thought, "" if it does not; RefusedError if it is no use."""
     bound = frame.error_bound_deg
     if bound > BAD_DEG:
         raise RefusedError(

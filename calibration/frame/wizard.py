@@ -140,7 +140,7 @@ class FrameWizard(Wizard[FrameOptions]):
             self.ui.print(remark)
 
     def _try(self, source: HandSource, outcome: FrameResult) -> None:
-        """Refused unless each direction that was tried lit up."""
+        """RefusedError unless each direction that was tried lit up."""
         self.ui.print(
             "Now try it: no arm is connected, the table shows where it would go. Move some 200 mm "
             "each time; Enter skips a direction."

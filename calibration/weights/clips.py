@@ -212,7 +212,7 @@ def play(path: Path) -> None:
             pass
         if message.type == Gst.MessageType.ERROR:
             error, _ = message.parse_error()
-            # what every sink says of a window that was closed; a file that is gone is found before
+            # what every sink reports of a closed window; a file that is gone is found before
             if not error.matches(Gst.ResourceError.quark(), Gst.ResourceError.NOT_FOUND):
                 raise SetupError(
                     f"{path}: cannot be shown: {error.message}; if the file is broken, delete it "

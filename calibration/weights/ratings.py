@@ -1,4 +1,4 @@
-"""What raters say of each view in each phase: asked at the terminal, kept in a YAML file each.
+"""What raters answer about each view in each phase, at the terminal, and the YAML file of each.
 
 rater: p01
 simulated: false
