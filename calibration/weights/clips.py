@@ -30,7 +30,6 @@ class Clip:
 
     path: Path
     phase: Phase
-    session: str
     seconds: float
 
 
@@ -104,7 +103,7 @@ class ClipFolder:
         """Every clip that is there, by phase and session."""
         there = sorted(self.there().items())
         return [
-            Clip(self.file(phase, name), phase, name, session.clips[phase].seconds)
+            Clip(self.file(phase, name), phase, session.clips[phase].seconds)
             for phase in Phase
             for name, session in there
             if phase in session.clips

@@ -24,7 +24,7 @@ def folder(tmp_path):
 
 def clips(tmp_path, sessions=("a", "b", "c"), phases=tuple(Phase)):
     return [
-        Clip(tmp_path / f"{phase.value}-{session}.mp4", phase, session, 1.0)
+        Clip(tmp_path / f"{phase.value}-{session}.mp4", phase, 1.0)
         for phase in phases
         for session in sessions
     ]
