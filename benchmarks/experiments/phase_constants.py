@@ -16,6 +16,7 @@ from pathlib import Path
 
 from rich.table import Table
 
+from calibration.phases.fit import quiet
 from calibration.phases.labels import LabelRules, logged_trials
 from calibration.phases.trials import PHASES, Scores, infer, score
 from tams_app.config import PhasesConfig, load_config
@@ -31,7 +32,7 @@ def variants() -> dict[str, PhasesConfig]:
 
 def scores(folders: list[Path], constants: PhasesConfig, rules: LabelRules) -> Scores:
     """Over all sessions together."""
-    material = logged_trials(folders, constants.smoothing_ms, rules, lambda *_: None)
+    material = logged_trials(folders, constants.smoothing_ms, quiet, rules)
     return score(material.trials, [infer(one.motion, constants) for one in material.trials])
 
 

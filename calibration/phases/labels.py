@@ -138,6 +138,7 @@ def true_labels(
     ticks: Sequence[Tick],
     scene: Sequence[SceneTruth],
     sizes: TaskGeometry,
+    rules: LabelRules = DEFAULT_RULES,
 ) -> Codes:
     """The phase of every tick by geometry, shape (n,); what precedes the trial is not counted.
 
@@ -156,7 +157,7 @@ def true_labels(
         raise UnreadableLogError(
             f"{name}: has no record of {missing}: its phases cannot be told from it"
         )
-    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes))
+    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes), rules)
     return labels
 
 
@@ -201,7 +202,12 @@ class Material:
     simulated: bool
 
 
-def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progress) -> Material:
+def logged_trials(
+    folders: Sequence[Path],
+    smoothing_ms: float,
+    progress: Progress,
+    rules: LabelRules = DEFAULT_RULES,
+) -> Material:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
@@ -214,7 +220,7 @@ def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progre
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
         log, marked = read_log(folder / LOG_NAME), (folder / FILE_NAME).is_file()
-        trials.append(_logged_trial(folder, log, smoothing_ms))
+        trials.append(_logged_trial(folder, log, smoothing_ms, rules))
         names.append(folder.name + (_MARKED if marked else ""))
         simulated |= bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
     for (one, a), (other, b) in combinations(zip(folders, trials, strict=True), 2):
@@ -250,7 +256,7 @@ def virtual_trials(
     return Material(trials[:known], trials[known:], source, True)
 
 
-def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
+def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: LabelRules) -> Trial:
     name = folder.name
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
@@ -261,4 +267,4 @@ def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
             f"{folder}: its phases are not known: mark them with "
             f"`run_tams.py replay {folder} --mark`"
         )
-    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry()))
+    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry(), rules))
