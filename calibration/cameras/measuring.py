@@ -140,10 +140,9 @@ def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> N
 
 
 def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
-    taker: ViewTaker | None = None
+    taker = ViewTaker(bench.width, bench.height)
     for frame in until_done(ui, bench, [found.camera], _SHOWING_S, EVERY):
-        height, width = frame.image.shape[:2]
-        taker, found.image = taker or ViewTaker(width, height), frame.image
+        found.image = frame.image
         outcome = taker.offer(board.find(frame.image))
         left = ", ".join(taker.open_edges) or "none"
         ui.show(
@@ -154,14 +153,14 @@ def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
         )
         if taker.is_complete:
             break
-    if taker is None or not taker.views:
+    if not taker.views:
         raise NoLensError("the board was not seen at rest: is it sharp, well lit, large enough?")
     if len(taker.views) >= FEWEST_VIEWS and taker.open_edges:
         raise NoLensError(
             "no corner of the board came near these parts of the picture's edge: "
             + ", ".join(taker.open_edges)
         )
-    return fit_lens(taker.views, width, height)
+    return fit_lens(taker.views, bench.width, bench.height)
 
 
 def measure_mounts(

@@ -114,7 +114,7 @@ class Watcher:
         self._ui, self._bench, self._board = ui, bench, board
         self._views = {cameras[view]: view for view in lenses}
         self._lenses, self._arm, self._figure = lenses, arm, figure
-        self._still: dict[str, Still] = {}
+        self._still = {view: Still(bench.width) for view in lenses}
         self._rested: Pose | None = None  # the flange, when the camera on the arm saw it last
         self._seen: dict[str, BoardView] = {}  # by view, while it holds still
         self.beside: dict[str, BoardView] = {}  # what the others saw last, since `poses` began
@@ -176,10 +176,8 @@ class Watcher:
             yield frame
 
     def _look(self, frame: Frame) -> None:
-        view, image = self._views[frame.view], frame.image
-        if view not in self._still:
-            self._still[view] = Still(image.shape[1])
-        seen = self._board.find(image)
+        view = self._views[frame.view]
+        seen = self._board.find(frame.image)
         rests = self._still[view].holds(seen)
         if view == WRIST_VIEW:
             joints, before = self._arm(), self._rested
