@@ -25,11 +25,13 @@ class Wizard(ABC, Generic[Options]):
     """
 
     figure_beside: ClassVar[bool] = True  # whether the figure is drawn beside the file written
+    overrides: dict[str, Any] | None = None  # dotted keys laid over the configuration
     config: Config
     store: CalibrationSet
 
     def __init__(self, ui: WizardUI, options: Options) -> None:
         self.ui, self.options = ui, options
+        self.simulated = options.sim  # whether anything simulated has a part in the result
 
     def run(self) -> int:
         """Calibrate.
@@ -65,7 +67,10 @@ class Wizard(ABC, Generic[Options]):
 
     @abstractmethod
     def check(self) -> None:
-        """ConfigError for options that make no sense or could only fail after measuring."""
+        """ConfigError for options that make no sense or could only fail after measuring.
+
+        Sets `overrides` and `simulated` where the options ask for others.
+        """
 
     @abstractmethod
     def measure(self) -> Calibration | None:
@@ -81,16 +86,6 @@ class Wizard(ABC, Generic[Options]):
     def partial(self) -> Calibration | None:
         """What is worth keeping when `measure` is interrupted."""
         return None
-
-    @property
-    def overrides(self) -> dict[str, Any] | None:
-        """Dotted keys laid over the configuration."""
-        return None
-
-    @property
-    def simulated(self) -> bool:
-        """Whether anything simulated has a part in the result."""
-        return self.options.sim
 
     def require_person(self) -> None:
         """ConfigError if there is no person to do what is asked."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -56,14 +56,8 @@ class FrameWizard(Wizard[FrameOptions]):
         if options.keep_scale and not options.touch:
             raise ConfigError("--keep-scale goes with --touch: strokes do not measure the scale")
         self._points = read_points(options.touch) if options.touch else []
-
-    @property
-    def overrides(self) -> dict[str, Any] | None:
-        return {"rig.enabled": True} if self.options.sim else None
-
-    @property
-    def simulated(self) -> bool:
-        return self.options.sim or any(was_simulated(log) for log in self.options.logs)
+        self.overrides = {"rig.enabled": True} if options.sim else None
+        self.simulated |= any(was_simulated(log) for log in options.logs)
 
     def measure(self) -> Calibration | None:
         if self.options.logs:
