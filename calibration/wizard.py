@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
-from calibration.options import WizardOptions
+from calibration.options import CalibrationOptions
 from calibration.store import Calibration, CalibrationSet
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
@@ -14,7 +14,7 @@ from tams_app.errors import ConfigError, TamsError
 
 FIGURE_SUFFIXES = (".png", ".jpg")
 
-Options = TypeVar("Options", bound=WizardOptions)
+Options = TypeVar("Options", bound=CalibrationOptions)
 
 
 class Wizard(ABC, Generic[Options]):
@@ -31,6 +31,8 @@ class Wizard(ABC, Generic[Options]):
 
     def __init__(self, ui: WizardUI, options: Options) -> None:
         self.ui, self.options = ui, options
+        self.figure: Path | None = getattr(options, "figure", None)
+        self.yes: bool = getattr(options, "yes", True)  # write it without asking
         self.simulated = options.sim  # whether anything simulated has a part in the result
 
     def run(self) -> int:
@@ -45,24 +47,24 @@ class Wizard(ABC, Generic[Options]):
                 question was to be asked.
         """
         options = self.options
-        if options.figure is not None:
-            check_figure(options.figure)
+        if self.figure is not None:
+            check_figure(self.figure)
         self.check()
         self.config = load_config(options.config, self.overrides)
         self.store = CalibrationSet(options.config, self.config)
         self.prepare()
-        self.store.check_before(self.ui, options.yes, self.simulated)
+        self.store.check_before(self.ui, self.yes, self.simulated)
         with self.ui:
             found = self._measured()
-            if options.figure is not None:
-                self.draw(options.figure)
-                self.ui.print(f"Drawn: {options.figure}")
+            if self.figure is not None:
+                self.draw(self.figure)
+                self.ui.print(f"Drawn: {self.figure}")
             if found is None:
                 return 0
             attended = self.ui.attended
             draw = self.draw if self.figure_beside else None
             accepts = getattr(options, "accept_unfounded", False)
-            written = self.store.propose(self.ui, found, options.yes, draw, accepts)
+            written = self.store.propose(self.ui, found, self.yes, draw, accepts)
             return 0 if written is not None or attended else 1
 
     @abstractmethod
@@ -76,12 +78,11 @@ class Wizard(ABC, Generic[Options]):
     def measure(self) -> Calibration | None:
         """The whole conversation; None if there is nothing to write."""
 
-    @abstractmethod
-    def draw(self, path: Path) -> None:
-        """Draw what was found; TamsError if it cannot be written."""
-
     def prepare(self) -> None:
         """ConfigError for what does not go with the configuration; nothing was printed yet."""
+
+    def draw(self, path: Path) -> None:
+        """Draw what was found; TamsError if it cannot be written."""
 
     def partial(self) -> Calibration | None:
         """What is worth keeping when `measure` is interrupted."""
@@ -96,7 +97,7 @@ class Wizard(ABC, Generic[Options]):
         try:
             return self.measure()
         except (KeyboardInterrupt, TamsError) as error:
-            if (self.ui.attended or self.options.yes) and (part := self.partial()) is not None:
+            if (self.ui.attended or self.yes) and (part := self.partial()) is not None:
                 self.ui.print(f"\nEnded early: {str(error) or 'Ctrl-C'}")
                 self.store.keep(self.ui, part)
             raise

@@ -11,67 +11,59 @@ from calibration.options import PhaseOptions
 from calibration.phases.fit import SEARCHED, PhaseFit, check_count, evaluate, fit_thresholds
 from calibration.phases.labels import Material, logged_trials, virtual_trials
 from calibration.phases.trials import PHASES, Scores, Switches
-from calibration.store import Calibration, CalibrationSet
-from calibration.ui import WizardUI, as_text, live_table, plain_table
-from tams_app.config import Config, PhasesConfig, load_config
+from calibration.store import Calibration
+from calibration.ui import as_text, live_table, plain_table
+from calibration.wizard import Wizard
+from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
 
 _DEFAULT_TRIALS = 10
 POOR_RECALL = 0.5
 
 
-class PhaseWizard:
+class PhaseWizard(Wizard[PhaseOptions]):
     """The thresholds of Algorithm 1; asks nothing."""
 
-    def __init__(self, ui: WizardUI, options: PhaseOptions) -> None:
-        self._ui, self._options = ui, options
+    figure_beside = False
+    _count: int
+
+    def check(self) -> None:
+        options = self.options
         self._count = _DEFAULT_TRIALS if options.trials is None else options.trials
-
-    def run(self) -> int:
-        """Fit the thresholds to the trials and write them; the exit code.
-
-        ConfigError for options that make no sense, TamsError if nothing can be learned from the
-        trials or the result does no better than the defaults.
-        """
-        ui, options = self._ui, self._options
         if options.sim == bool(options.logs):
             raise ConfigError("say where the trials come from: --sim, or --from LOG (repeatable)")
         if not options.sim and (options.trials is not None or options.held_out is not None):
             raise ConfigError("--trials and --held-out are for --sim: logs are given with --from")
         check_count(len(options.logs) or self._count)
-        config = load_config(options.config)
-        store = CalibrationSet(options.config, config)
-        store.check_before(ui, True, options.sim)
-        with ui:
-            material = self._trials(config)
-            store.check_before(ui, True, material.simulated)
-            smoothing_ms = config.policy.phases.smoothing_ms
-            found = fit_thresholds(material.trials, smoothing_ms, self._show)
-            held_out = None
-            if unseen := material.held_out:
-                held_out = evaluate(unseen, found.thresholds), evaluate(unseen, PhasesConfig())
-            tables = thresholds_table(found), "", accuracy_table(found, held_out)
-            ui.print(as_text("", *tables))
-            for remark in remarks(found):
-                ui.print(f"\nNote: {remark}")
-            chosen = {name: getattr(found.thresholds, name) for name in SEARCHED}
-            result = Calibration(
-                "phases",
-                {"policy": {"phases": chosen}},
-                material.source,
-                quality(found, held_out),
-                simulated=material.simulated,
-                unfounded=unfounded(found),
-            )
-            store.propose(ui, result, yes=True, accept_unfounded=options.accept_unfounded)
-        return 0
+
+    def measure(self) -> Calibration:
+        """Fit the thresholds to the trials; TamsError if nothing can be learned from them."""
+        material = self._trials()
+        self.store.check_before(self.ui, self.yes, material.simulated)
+        smoothing_ms = self.config.policy.phases.smoothing_ms
+        found = fit_thresholds(material.trials, smoothing_ms, self._show)
+        held_out = None
+        if unseen := material.held_out:
+            held_out = evaluate(unseen, found.thresholds), evaluate(unseen, PhasesConfig())
+        self.ui.print(as_text("", thresholds_table(found), "", accuracy_table(found, held_out)))
+        for remark in remarks(found):
+            self.ui.print(f"\nNote: {remark}")
+        chosen = {name: getattr(found.thresholds, name) for name in SEARCHED}
+        return Calibration(
+            "phases",
+            {"policy": {"phases": chosen}},
+            material.source,
+            quality(found, held_out),
+            simulated=material.simulated,
+            unfounded=unfounded(found),
+        )
 
     def _show(self, doing: str, part: float) -> None:
         bar = ProgressBar(total=1.0, completed=part, width=40)
-        self._ui.show(live_table([(doing, bar, f"{part:.0%}")]))
+        self.ui.show(live_table([(doing, bar, f"{part:.0%}")]))
 
-    def _trials(self, config: Config) -> Material:
-        options, count = self._options, self._count
+    def _trials(self) -> Material:
+        options, count, config = self.options, self._count, self.config
         if options.logs:
             return logged_trials(options.logs, config.policy.phases.smoothing_ms, self._show)
         unseen = count if options.held_out is None else options.held_out
