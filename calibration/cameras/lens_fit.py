@@ -18,8 +18,8 @@ _ACCURACY_PX = 640  # pictures of this width
 _WORST_PX = 1.0
 _WORST_FOCAL = 0.005  # standard error of the focal length, of itself
 _LEAST_TILT_DEG = 10.0  # rms: seen straight, a near board and a long lens look like a far one
-_CLEARLY = 0.97  # by so much a lens with more parameters has to be nearer
-_NEARLY = 0.1  # beyond the outermost corner: it was seen up to where the distortion turns back
+_CLEARLY_NEARER = 0.97  # by so much a lens with more parameters has to be nearer
+_UNSEEN_MARGIN = 0.1  # beyond the outermost corner: seen up to where the distortion turns back
 _FREE_OF_A_POSE = 6
 _ALL_FIXED = cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2 | cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST
 # From straight to the full model: what is fixed of the distortion.
@@ -55,7 +55,7 @@ def fit_lens(views: Sequence[BoardView], width: int, height: int) -> LensFit:
     errors = {flags: _held_out_px(views, size, flags) for flags in _MODELS}
     chosen = _MODELS[0]
     for flags in _MODELS:
-        if errors[flags] < _CLEARLY * errors[chosen]:
+        if errors[flags] < _CLEARLY_NEARER * errors[chosen]:
             chosen = flags
     error_px = errors[chosen]
     worst_px = _WORST_PX * max(1.0, width / _ACCURACY_PX)
@@ -74,7 +74,7 @@ def fit_lens(views: Sequence[BoardView], width: int, height: int) -> LensFit:
         corners = np.concatenate([view.pixels for view in views])
         raise NoLensError(
             "it bends as a fisheye lens does, which the model cannot describe: take another lens"
-            if lens.turns_back_at(corners, _NEARLY)
+            if lens.turns_back_at(corners, _UNSEEN_MARGIN)
             else "the picture's outermost parts are not known, for no corner of the board was seen "
             "there: show the board farther out, into the corners of the picture"
         )

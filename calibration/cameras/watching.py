@@ -18,14 +18,13 @@ from tams_app.session.lenses import WRIST_VIEW
 
 EVERY = 5  # frames: corners cost tens of milliseconds each
 _MOVING_S, _PLACING_S = 900.0, 180.0
-_RESTS_M, _RESTS_DEG = 0.0005, 0.05
-_OTHERWISE_M, _OTHERWISE_DEG = 0.02, 6.0  # of the arm, from one pose to another
-_ELSEWHERE_M, _ELSEWHERE_DEG = 0.03, 8.0  # of the board, from one place to another
+_AT_REST_M, _AT_REST_DEG = 0.0005, 0.05
+_NEW_POSE_M, _NEW_POSE_DEG = 0.02, 6.0  # of the flange
+_NEW_PLACE_M, _NEW_PLACE_DEG = 0.03, 8.0  # of the board
 
-_STILL_PX = 1.0  # of a picture 640 wide, between two frames
-_OTHERWISE = 0.06  # of the picture's width
-_FULL_PX = 640
-_EDGE = 0.2  # of a side: as near to it corners have to come
+_STILL_PX, _STILL_WIDTH_PX = 1.0, 640  # between two frames, of pictures so wide
+_NEW_VIEW_SHARE = 0.06  # of the picture's width, the corners' mean
+_EDGE_SHARE = 0.2  # of a side: as near to it corners have to come
 _ROWS, _COLUMNS = ("top", "", "bottom"), ("left", "", "right")
 WANTED_VIEWS = 20
 
@@ -37,7 +36,7 @@ class Still:
     """Whether the board holds still before one camera, by each view and the one before it."""
 
     def __init__(self, width: int) -> None:
-        self._bound_px = _STILL_PX * max(1.0, width / _FULL_PX)
+        self._bound_px = _STILL_PX * max(1.0, width / _STILL_WIDTH_PX)
         self._before: BoardView | None = None
 
     def holds(self, view: BoardView | None) -> bool:
@@ -85,7 +84,7 @@ class ViewTaker:
 
     def _is_near(self, view: BoardView, taken: BoardView) -> bool:
         moved_px = view.moved_px(taken)
-        return moved_px is not None and moved_px < _OTHERWISE * self._width
+        return moved_px is not None and moved_px < _NEW_VIEW_SHARE * self._width
 
     def _region(self, pixel: np.ndarray) -> tuple[int, int]:
         """Row and column of nine parts of the picture: the edges' are a fifth of it wide."""
@@ -94,7 +93,7 @@ class ViewTaker:
 
 
 def _third(share: float) -> int:
-    return 0 if share < _EDGE else 2 if share > 1.0 - _EDGE else 1
+    return 0 if share < _EDGE_SHARE else 2 if share > 1.0 - _EDGE_SHARE else 1
 
 
 class Watcher:
@@ -132,9 +131,7 @@ class Watcher:
                 state = "nothing is heard of the arm"
             elif view is None:
                 state = "no board, or not at rest"
-            elif any(
-                _near(self._rested, one.flange, _OTHERWISE_M, _OTHERWISE_DEG) for one in taken
-            ):
+            elif any(_near(self._rested, one.flange, _NEW_POSE_M, _NEW_POSE_DEG) for one in taken):
                 state = "taken; now another pose"
             else:
                 taken.append(ArmView(self._rested, view))
@@ -165,7 +162,7 @@ class Watcher:
             return None
         camera = mounted(self._rested, mount)
         board = mounted(camera, board_in_camera(self._lenses[WRIST_VIEW], view))
-        if any(_near(board, one, _ELSEWHERE_M, _ELSEWHERE_DEG) for one in before):
+        if any(_near(board, one, _NEW_PLACE_M, _NEW_PLACE_DEG) for one in before):
             return None
         return board, {name: seen for name, seen in self._seen.items() if name != WRIST_VIEW}
 
@@ -186,7 +183,7 @@ class Watcher:
             rests &= (
                 flange is not None
                 and before is not None
-                and _near(flange, before, _RESTS_M, _RESTS_DEG)
+                and _near(flange, before, _AT_REST_M, _AT_REST_DEG)
             )
         if rests and seen is not None:
             self._seen[view] = seen

@@ -37,7 +37,7 @@ from tams_app.teleop.motion import HandMotion
 
 ATTEMPTS = 5  # of one stroke, touch or button
 MOST_ROUNDS = 4
-_BEGINNINGS = 3  # of everything, when what was measured makes no frame together
+_ATTEMPTS_OF_ALL = 3  # of everything, when what was measured makes no frame together
 
 Result = TypeVar("Result")
 
@@ -145,7 +145,7 @@ def fit_touched(
 
 def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Result]) -> Result:
     wrong_list, then = (StrokeFault.IMPOSSIBLE_SCALE,), "\nFrom the beginning, then."
-    return repeated(ui, once, _BEGINNINGS, wrong_list, then, source)
+    return repeated(ui, once, _ATTEMPTS_OF_ALL, wrong_list, then, source)
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -166,7 +166,7 @@ def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -
 _ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}
 MIN_SPEED_M_S = 0.04  # of the hand: slower, no direction is lit
 MAX_OFF_AXIS_DEG = 30.0
-TRIES = 3  # of one direction: people take left for right
+TRIES_PER_DIRECTION = 3  # of one direction: people take left for right
 
 
 def try_six_directions(
@@ -176,7 +176,7 @@ def try_six_directions(
     right: dict[Move, bool] = {}
     for wanted in SIX_DIRECTIONS:
         ui.print(f"Hold the trigger, move along {wanted.name} ({wanted.meaning}), let go.")
-        for left in reversed(range(TRIES)):
+        for left in reversed(range(TRIES_PER_DIRECTION)):
             wrong = _try_direction(ui, source, config, hand, wanted, right)
             if wrong is None:
                 right.pop(wanted, None)

@@ -26,7 +26,7 @@ LARGEST: Point = (160, 240, 60, 60)  # 40 mm/s, 60 mm/s, 1.5 s
 _V_EPS = (4, 12, 20, 32, 56, 80, 112)
 _VZ_MIN = (8, 20, 40, 60, 88, 128)
 _DWELLS = (1, 4, 8, 12, 18, 26, 36)
-_STARTS = 3  # local searches, from the best points of the grid
+_LOCAL_SEARCHES = 3  # from the best points of the grid
 _STRIDES = ((8, 8, 4), (4, 4, 2), (2, 2, 1), (1, 1, 1))  # of v_ε, v_z^min and the dwell times
 _DWELL_WINDOW = (-1, 0, 1)  # strides; recovers what it is not given as surely as a wider one
 _OPEN = np.array([CODE[phase] for phase in (Phase.REACH, Phase.ALIGN, Phase.RELEASE)], np.int8)
@@ -86,7 +86,7 @@ class Search:
         A coarse grid, then from its best points downhill with shrinking strides. Nothing of the
         trials that are not chosen is looked at. `progress` is of the grid.
         """
-        starts = sorted(self._grid(chosen, progress))[:_STARTS]
+        starts = sorted(self._grid(chosen, progress))[:_LOCAL_SEARCHES]
         return min(self._descend(start, chosen) for start in starts)[2]
 
     def _grid(self, chosen: Sequence[int], progress: Progress) -> Iterator[_Rank]:
