@@ -13,16 +13,18 @@ from rich.text import Text
 
 from calibration.cameras.bench import Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
-from calibration.cameras.flashes import Latency, camera_latency
-from calibration.cameras.lens_fit import FEWEST_VIEWS, LensFit, NoLensError, fit_lens
-from calibration.cameras.mount_fit import (
+from calibration.cameras.fit import (
+    FEWEST_VIEWS,
     HandEye,
+    LensFit,
     MountFit,
-    NoMountError,
+    NoFitError,
     Placed,
     fit_fixed,
     fit_hand_eye,
+    fit_lens,
 )
+from calibration.cameras.flashes import Latency, camera_latency
 from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, Watcher, names_of
 from calibration.ui import WizardUI
 from tams_app.config import LensConfig, MountConfig
@@ -130,7 +132,7 @@ def measure_lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> N
         bench.prompt(Task.SHOW_BOARD, found.view)
         try:
             found.lens = _lens(ui, bench, board, found)
-        except NoLensError as error:
+        except NoFitError as error:
             ui.print(f"{view}: no lens: {error}.")
             if not agreed(ui, bench, "Try again?"):
                 return
@@ -154,9 +156,9 @@ def _lens(ui: WizardUI, bench: Bench, board: Board, found: Findings) -> LensFit:
         if taker.is_complete:
             break
     if not taker.views:
-        raise NoLensError("the board was not seen at rest: is it sharp, well lit, large enough?")
+        raise NoFitError("the board was not seen at rest: is it sharp, well lit, large enough?")
     if len(taker.views) >= FEWEST_VIEWS and taker.open_edges:
-        raise NoLensError(
+        raise NoFitError(
             "no corner of the board came near these parts of the picture's edge: "
             + ", ".join(taker.open_edges)
         )
@@ -211,7 +213,7 @@ def _on_the_arm(ui: WizardUI, bench: Bench, watcher: Watcher, lens: Lens) -> Han
         bench.prompt(Task.MOVE_ARM, WRIST_VIEW)
         try:
             found = fit_hand_eye(lens, watcher.poses(WANTED_POSES))
-        except NoMountError as error:
+        except NoFitError as error:
             ui.print(f"{view}: no mount: {error}.")
             if not agreed(ui, bench, "Try again?"):
                 return None
@@ -251,7 +253,7 @@ def _beside_it(
                 if view in seen
             ]
             found.mount = fit_fixed(lenses[view], seen_there)
-        except NoMountError as error:
+        except NoFitError as error:
             ui.print(f"{view.upper()}: no mount: {error}.")
         else:
             ui.print(f"{view.upper()}: {mount_words(found.mount)}.")

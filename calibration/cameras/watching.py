@@ -10,7 +10,7 @@ from rich.text import Text
 
 from calibration.cameras.bench import Arm, Bench, until_done
 from calibration.cameras.board import Board, BoardView
-from calibration.cameras.mount_fit import ArmView, board_in_camera, turns_problem
+from calibration.cameras.fit import ArmView, board_in_camera, turns_problem
 from calibration.ui import WizardUI
 from tams_app.prediction.plane_warp import mounted
 from tams_app.records import ArmFigure, Frame, Lens, Pose

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.cameras.board import Board, BoardView
-from calibration.cameras.mount_fit import ArmView, Placed
+from calibration.cameras.fit import ArmView, Placed
 from tams_app.prediction.plane_warp import inverse, mounted
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
