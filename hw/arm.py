@@ -1,4 +1,4 @@
-"""The interfaces of a robot arm: the driver, its simulation, its kinematics, and its kind.
+"""The interfaces of a robot arm: the driver, its simulation, and its kind.
 
 An arm model is a folder in hw/ with an `ArmKind`, and a word in `hw.arms.ARM_KINDS` that the
 configuration names in `arm.model`.
@@ -8,14 +8,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tams_app.records import ArmFigure, ArmState, CommandLink, Pose, Twist, Vector
+from tams_app.records import ArmFigure, ArmKinematics, ArmState, CommandLink, Twist
 from tams_app.vectors import Joints, Numbers
 
 if TYPE_CHECKING:
@@ -173,39 +169,6 @@ class Plant(Protocol):
 
         Returns:
             The state at the end of the cycle.
-        """
-
-
-class ArmKinematics(Protocol):
-    """The kinematics of an arm with its configured tool; base frame with z up."""
-
-    @property
-    def joint_speed_limits(self) -> Vector:
-        """Largest joint speeds [rad/s], shape (6,)."""
-
-    @property
-    def joint_ranges(self) -> Sequence[tuple[float, float]]:
-        """The lowest and the highest angle of each of six joints [rad]."""
-
-    def tcp_pose(self, joints: Vector) -> Pose:
-        """Forward kinematics.
-
-        Args:
-            joints: joint angles [rad], shape (6,).
-
-        Returns:
-            The TCP in the base frame: position [m] and rotation.
-        """
-
-    def jacobian(self, joints: Vector) -> NDArray[np.float64]:
-        """The geometric Jacobian in the base frame.
-
-        Args:
-            joints: joint angles [rad], shape (6,).
-
-        Returns:
-            Shape (6, 6): from joint speeds [rad/s] to the TCP's twist (vx, vy, vz [m/s], wx, wy,
-            wz [rad/s]).
         """
 
 

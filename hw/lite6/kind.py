@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from hw.arm import Arm, ArmKind, ArmKinematics, FoundArm, TcpBoundary
+from hw.arm import Arm, ArmKind, FoundArm, TcpBoundary
 from hw.lite6.commands import LIMITS
 from hw.lite6.figure import Lite6Figure
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig
-from tams_app.records import ArmFigure
+from tams_app.records import ArmFigure, ArmKinematics
 from tams_app.runtime.clock import Clock
 
 

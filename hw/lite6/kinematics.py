@@ -107,7 +107,7 @@ def _transform(frame: Axes) -> Matrix:
 
 
 class Lite6Model:
-    """The Lite 6 with a tool; it satisfies `hw.arm.ArmKinematics`."""
+    """The Lite 6 with a tool; it satisfies `ArmKinematics`."""
 
     joint_speed_limits: Vector = JOINT_SPEED_LIMITS  # [rad/s]
     joint_ranges = JOINT_RANGES  # [rad]

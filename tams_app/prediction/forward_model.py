@@ -16,19 +16,24 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.config import Config
 from tams_app.prediction.trail import Trail
-from tams_app.records import Activity, ArmState, ControllerSample, Pose, ServoMode, Vector
+from tams_app.records import (
+    Activity,
+    ArmKinematics,
+    ArmState,
+    ControllerSample,
+    ServoMode,
+    Vector,
+)
 from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import Clutch
 from tams_app.teleop.drive import Drive
 from tams_app.teleop.limits import joint_speeds
-from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.trajectory import TrajectoryError
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -39,13 +44,6 @@ _KEPT_NS = 3 * NS_PER_S
 _CHECKED_NS = 2 * NS_PER_S  # how long an error counts
 _PREDICTED = 1000  # that wait to be checked, while nothing is received
 _MOVABLE = (ArmingState.READY, ArmingState.ENGAGED)
-
-
-class PredictedArm(ArmModel, Protocol):
-    """The arm's kinematics, as far as a prediction needs them."""
-
-    def tcp_pose(self, joints: Vector) -> Pose:
-        """The TCP in the base frame, for `joints` [rad], shape (6,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +90,7 @@ class Forecast:
 class ForwardModel:
     """Give it each sample that is sent and each state that is received; `at` tells the joints."""
 
-    def __init__(self, config: Config, model: PredictedArm, ready: Rotation) -> None:
+    def __init__(self, config: Config, model: ArmKinematics, ready: Rotation) -> None:
         """`ready`: TCP rotation at the ready pose, as for `Teleop`."""
         self._model = model
         self._drive = Drive(config, model, ready)

@@ -8,6 +8,7 @@ floats (`Floats3`).
 
 from tams_app.records.arm import Activity as Activity
 from tams_app.records.arm import ArmFault as ArmFault
+from tams_app.records.arm import ArmKinematics as ArmKinematics
 from tams_app.records.arm import ArmState as ArmState
 from tams_app.records.arm import CommandLink as CommandLink
 from tams_app.records.arm import LinkFault as LinkFault

@@ -1,13 +1,50 @@
-"""The arm: what its controller reports, and how its command connection does."""
+"""The arm: its kinematics, what its controller reports, and how its command connection does."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tams_app.records.geometry import Pose, Vector
 from tams_app.records.record import Record
+
+
+class ArmKinematics(Protocol):
+    """The kinematics of an arm with its configured tool; base frame with z up."""
+
+    @property
+    def joint_speed_limits(self) -> Vector:
+        """Largest joint speeds [rad/s], shape (6,)."""
+
+    @property
+    def joint_ranges(self) -> Sequence[tuple[float, float]]:
+        """The lowest and the highest angle of each of six joints [rad]."""
+
+    def tcp_pose(self, joints: Vector) -> Pose:
+        """Forward kinematics.
+
+        Args:
+            joints: joint angles [rad], shape (6,).
+
+        Returns:
+            The TCP in the base frame: position [m] and rotation.
+        """
+
+    def jacobian(self, joints: Vector) -> NDArray[np.float64]:
+        """The geometric Jacobian in the base frame.
+
+        Args:
+            joints: joint angles [rad], shape (6,).
+
+        Returns:
+            Shape (6, 6): from joint speeds [rad/s] to the TCP's twist (vx, vy, vz [m/s], wx, wy,
+            wz [rad/s]).
+        """
 
 
 class ServoMode(StrEnum):

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from tams_app.config import Config
-from tams_app.records import ArmState, ControllerSample, Twist
+from tams_app.records import ArmKinematics, ArmState, ControllerSample, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.limits import Limits
 from tams_app.teleop.motion import HandMotion, is_frozen
-from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Target, Tcp, TcpPredictor
 from tams_app.units import NS_PER_MS
@@ -28,7 +27,7 @@ class Drive:
     anchored to this controller pose and the *measured* arm pose, so that nothing ever jumps.
     """
 
-    def __init__(self, config: Config, model: ArmModel, ready: Rotation) -> None:
+    def __init__(self, config: Config, model: ArmKinematics, ready: Rotation) -> None:
         limits = config.limits
         fastest = (limits.max_speed_mm_s / 1000.0, limits.max_rotation_rad_s)
         self._hand = HandMotion(config.hand, config.freshness.hold_pose_ms * NS_PER_MS, fastest)

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.linalg.lapack import dgesv  # without the 5 µs that numpy takes to get there
 
 from tams_app.config import Config, ProfileConfig
-from tams_app.records import Twist, Vector
+from tams_app.records import ArmKinematics, Twist, Vector
 from tams_app.rotation import Rotation
-from tams_app.teleop.records import ArmModel
 from tams_app.teleop.safety import Reason
 from tams_app.teleop.servo import Tcp
 from tams_app.teleop.shaping import Admissible, VelocityShaper
@@ -63,7 +62,7 @@ _FOLLOWING = _JointLaw(0.7, _STOPS_WITHIN_S)  # from this share of the limits on
 class Limits:
     """Caps twists, and judges states by whether the arm could still brake in bounds."""
 
-    def __init__(self, config: Config, model: ArmModel, ready: Rotation) -> None:
+    def __init__(self, config: Config, model: ArmKinematics, ready: Rotation) -> None:
         limits = config.limits
         deadman_s = config.arm.velocity_deadman_s
         self._deadman_s = deadman_s
@@ -192,7 +191,9 @@ class Limits:
         return share
 
 
-def joint_speeds(model: ArmModel, twist: Sequence[float], joints: Vector) -> list[float] | None:
+def joint_speeds(
+    model: ArmKinematics, twist: Sequence[float], joints: Vector
+) -> list[float] | None:
     """The joint speeds [rad/s] that give `twist` [m/s, rad/s] at `joints` [rad]; None: none do."""
     *_, solution, failed = dgesv(model.jacobian(joints), twist)
     speeds: list[float] = solution.tolist()

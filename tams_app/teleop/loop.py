@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from tams_app.config import Config
-from tams_app.records import Activity, Haptic, Twist
+from tams_app.records import Activity, ArmKinematics, Haptic, Twist
 from tams_app.rotation import Rotation
 from tams_app.teleop.clutch import Buttons, Clutch
 from tams_app.teleop.drive import Drive
-from tams_app.teleop.records import ArmModel, Refusal, TeleopInput, TeleopOutput
+from tams_app.teleop.records import Refusal, TeleopInput, TeleopOutput
 from tams_app.teleop.safety import (
     Arming,
     ArmingEvents,
@@ -35,7 +35,7 @@ class Teleop:
     """
 
     def __init__(
-        self, config: Config, model: ArmModel, ready: Rotation, video_floor_ns: int = 0
+        self, config: Config, model: ArmKinematics, ready: Rotation, video_floor_ns: int = 0
     ) -> None:
         """`ready`: TCP rotation at the ready pose, the axis of the rotation cone.
 

@@ -2,33 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Twist, Vector
+from tams_app.records import ArmState, CommandLink, ControllerSample, Haptic, Twist
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.units import NS_PER_MS
 
 _FUTURE_NS = 50 * NS_PER_MS  # a time stamp further ahead than this is not believed
-
-
-class ArmModel(Protocol):
-    """The arm's kinematics, as far as teleoperation needs them."""
-
-    @property
-    def joint_speed_limits(self) -> Vector:
-        """Largest joint speeds [rad/s], shape (6,)."""
-
-    @property
-    def joint_ranges(self) -> Sequence[tuple[float, float]]:
-        """The lowest and the highest angle of each of six joints [rad]."""
-
-    def jacobian(self, joints: Vector) -> NDArray[np.float64]:
-        """(6, 6) of the TCP in the base frame, rows vx vy vz wx wy wz, for `joints` [rad]."""
 
 
 @dataclass(frozen=True, slots=True)

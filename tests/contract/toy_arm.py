@@ -14,7 +14,6 @@ import numpy as np
 from hw.arm import (
     Arm,
     ArmKind,
-    ArmKinematics,
     ArmLimits,
     FoundArm,
     Plant,
@@ -29,6 +28,7 @@ from tams_app.errors import DeviceError
 from tams_app.records import (
     Activity,
     ArmFault,
+    ArmKinematics,
     ArmState,
     CommandLink,
     LinkFault,
