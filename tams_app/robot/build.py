@@ -12,7 +12,6 @@ from hw.arms import arm_kind, check_limits
 from hw.controller import Controller
 from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
-from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
 from tams_app.config import Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, not_one_of
@@ -167,6 +166,8 @@ def ready_pose(config: Config) -> Pose:
 
 def task_geometry() -> TaskGeometry:
     """Sizes of the simulated rig's things, for the rules of the trial."""
+    from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
+
     return TaskGeometry(
         container_inner=CONTAINER_INNER_M,
         container_height=CONTAINER_HEIGHT_M,

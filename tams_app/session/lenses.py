@@ -9,7 +9,6 @@ from datetime import date
 import numpy as np
 
 from hw.arms import arm_kind
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import CameraConfig, Config
 from tams_app.records import ArmFigure, Lens, Pose
 from tams_app.rotation import Rotation
@@ -81,6 +80,8 @@ def rig_lens(view: str, figure: ArmFigure | None, size: tuple[int, int]) -> Lens
 
     `size`: width and height of the picture [px].
     """
+    from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+
     if view == WRIST_VIEW and figure is not None:
         wrist = WRIST_VIEWPOINT
         pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from hw.sim.world.rig_memory import FRAMES_BYTES
 from tams_app.config import Config
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, RingLayout
 
@@ -11,7 +10,11 @@ _SMALL_BYTES = 2_000_000  # world, facts, mount, guard, a simulated hand: some k
 
 def robot_bytes(config: Config) -> int:
     """What the robot's side takes: the frames of the rig's renderer."""
-    return _SMALL_BYTES + (FRAMES_BYTES if config.rig.enabled else 0)
+    if not config.rig.enabled:
+        return _SMALL_BYTES
+    from hw.sim.world.rig_memory import FRAMES_BYTES  # hardware runs without the simulation
+
+    return _SMALL_BYTES + FRAMES_BYTES
 
 
 def station_bytes(config: Config) -> int:

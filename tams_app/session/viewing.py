@@ -9,13 +9,6 @@ from foxglove import Context
 from pydantic import ValidationError
 
 from hw.arms import arm_kind
-from hw.sim.layout import (
-    BLOCK_EDGE_M,
-    BLOCK_HEIGHT_M,
-    CONTAINER_HEIGHT_M,
-    CONTAINER_INNER_M,
-    CONTAINER_WALL_M,
-)
 from tams_app.config import Config, LimitsConfig
 from tams_app.errors import require_extra
 from tams_app.recording import Header, MakeViewers, Viewers
@@ -119,6 +112,14 @@ def _workspace(limits: LimitsConfig) -> tuple[Floats3, Floats3]:
 
 def _things() -> Mapping[str, tuple[Solid, ...]]:
     """The rig's block and container, in frames of their own."""
+    from hw.sim.layout import (
+        BLOCK_EDGE_M,
+        BLOCK_HEIGHT_M,
+        CONTAINER_HEIGHT_M,
+        CONTAINER_INNER_M,
+        CONTAINER_WALL_M,
+    )
+
     inner, wall, height = CONTAINER_INNER_M, CONTAINER_WALL_M, CONTAINER_HEIGHT_M
     side, across = (inner + wall) / 2.0, inner + 2 * wall
     walls = [
