@@ -37,8 +37,14 @@ from hw.lite6.kinematics import pose_from_matrix
 from hw.lite6.report import parse_status
 from hw.lite6.settings import foreign_refusal
 from hw.sim.controller.core import outputs_for
-from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
-from hw.sim.controller.registers import ALL_JOINTS, TOOL_DIGITAL_OUT
+from hw.sim.controller.model import (
+    ALL_JOINTS,
+    CYCLE_NS,
+    TOOL_DIGITAL_OUT,
+    ControllerModel,
+    IdealPlant,
+    ReportKind,
+)
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ArmState, CommandLink, LinkFault, Twist, Vector

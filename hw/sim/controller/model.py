@@ -1,20 +1,39 @@
 """The Lite 6 controller box as a pure model: a request in, a reply out, one cycle at a time.
 
 It holds no thread, socket or clock. `ControllerServer` puts it on TCP, `InProcessArm` drives it
-in virtual time.
+in virtual time. Headers, integers and GPIO values of the registers are big-endian, floats and int32
+lists little-endian (FINDINGS 8; uxbus_cmd.py of the SDK). Replies shorter than the SDK asks for
+would be misread by it.
 """
 
 from __future__ import annotations
 
-from hw.arm import PlantState
+import math
+import struct
+from collections.abc import Callable
+
+import numpy as np
+
+from hw.arm import PlantState, TcpBoundary
 from hw.lite6.codes import Register, ReplyBit
 from hw.sim.controller.core import ControllerCore
 from hw.sim.controller.joint_servo import CYCLE_NS, CommandError, MotionError
-from hw.sim.controller.registers import serve_register
-from hw.sim.controller.reports import ReportKind, pack_report
+from hw.sim.controller.reports import (
+    ReportKind,
+    pack_pose,
+    pack_pose_aa,
+    pack_reduced_mode,
+    pack_report,
+    version_text,
+)
 from tams_app.vectors import Joints
 
 __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
+
+ALL_JOINTS = 8
+TOOL_DIGITAL_IN, TOOL_DIGITAL_OUT, TOOL_OUTPUT_STATE = 0x0A14, 0x0A15, 0x0A18
+_TOOL_OUTPUTS = 0x1F  # five of them; the high byte of a write says which ones it sets
+_SERIAL_NUMBERS = b"LI1006210001\0DL1006210001\0".ljust(40, b"\0")
 
 
 class IdealPlant:
@@ -36,7 +55,7 @@ class ControllerModel(ControllerCore):
         self._now_ns = now_ns
         before = self._status()
         try:
-            data = serve_register(self, register, payload)
+            data = _serve(self, register, payload)
         except CommandError:
             return bytes([before | ReplyBit.INVALID])
         except MotionError as fault:
@@ -56,3 +75,153 @@ class ControllerModel(ControllerCore):
             | (ReplyBit.WARNING if self.warning_code else 0)
             | (ReplyBit.ERROR if self.error_code else 0)
         )
+
+
+def _serve(model: ControllerCore, register: int, payload: bytes) -> bytes:
+    """The data of the reply; CommandError if there is no such register or it makes no sense."""
+    try:
+        if register in _QUERIES:
+            return _QUERIES[register](model, payload)
+        if register in _COMMANDS:
+            _COMMANDS[register](model, payload)
+            return b""
+    except struct.error as error:
+        raise CommandError(f"register {register} needs a longer payload") from error
+    raise CommandError(f"register {register} is not modelled")
+
+
+def _byte(payload: bytes, offset: int = 0) -> int:
+    value: int = struct.unpack_from("B", payload, offset)[0]
+    return value
+
+
+def _floats(payload: bytes, count: int, infinite: bool = False) -> tuple[float, ...]:
+    """`count` floats; CommandError if one is no number, or infinite where that means nothing."""
+    values = struct.unpack_from(f"<{count}f", payload)
+    if any(math.isnan(value) or (math.isinf(value) and not infinite) for value in values):
+        raise CommandError("a value is not a number")
+    return values
+
+
+# --- what it is and how it is ------------------------------------------------------------------
+
+
+def _get_joints(model: ControllerCore, payload: bytes) -> bytes:
+    """Seven angles; asked with a count n: angles, speeds and efforts (0) up to n of the three."""
+    count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
+    rows = np.zeros((3, 7), dtype="<f4")
+    rows[0, :6] = model.joints
+    rows[1, :6] = model.joint_speeds
+    return rows[:count].tobytes()
+
+
+# --- state, mode and configuration -------------------------------------------------------------
+
+
+def _motion_enable(model: ControllerCore, payload: bytes) -> None:
+    joint, on = _byte(payload), _byte(payload, 1)
+    if joint != ALL_JOINTS:
+        raise CommandError("single joints cannot be enabled")
+    model.enable(bool(on))
+
+
+def _set_load(model: ControllerCore, payload: bytes) -> None:
+    model.settings.load = _floats(payload, 4)
+    model.configuration_changed()
+
+
+def _set_collision_sensitivity(model: ControllerCore, payload: bytes) -> None:
+    value = _byte(payload)
+    if value > 5:
+        raise CommandError("collision sensitivity ends at 5")
+    model.settings.collision_sensitivity = value
+    model.configuration_changed()
+
+
+def _set_boundary(model: ControllerCore, payload: bytes) -> None:
+    x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
+    model.settings.boundary = TcpBoundary((x_low, y_low, z_low), (x_high, y_high, z_high))
+
+
+def _set_fence(model: ControllerCore, payload: bytes) -> None:
+    model.settings.fence = bool(_byte(payload))
+
+
+def _set_self_collision_check(model: ControllerCore, payload: bytes) -> None:
+    model.settings.self_collision_check = bool(_byte(payload))
+
+
+# --- motion ------------------------------------------------------------------------------------
+
+
+def _move_joint(model: ControllerCore, payload: bytes) -> None:
+    values = _floats(payload, 10, infinite=True)
+    speed, acceleration = values[7:9]
+    if not (0 < speed < math.inf and 0 < acceleration < math.inf):
+        raise CommandError("speed and acceleration must be positive")
+    model.move_joints(values[:6], speed, acceleration)
+
+
+def _set_cartesian_velocity(model: ControllerCore, payload: bytes) -> None:
+    twist = _floats(payload, 6)
+    if _byte(payload, 24):
+        raise CommandError("velocities in the tool frame are not modelled")
+    # firmware before 1.8 knows no duration, and the SDK does not send it one
+    duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
+    linear = tuple(speed / 1000.0 for speed in twist[:3])
+    model.servo_twist((*linear, *twist[3:]), duration_s)
+
+
+# --- the tool's inputs and outputs -------------------------------------------------------------
+
+
+def _tool_gpio_write(model: ControllerCore, payload: bytes) -> None:
+    address = struct.unpack_from(">H", payload, 1)[0]
+    if address != TOOL_DIGITAL_OUT:
+        raise CommandError(f"tool address {address:#06x} cannot be written")
+    value = int(_floats(payload[3:], 1)[0])
+    changed = value >> 8 & _TOOL_OUTPUTS
+    outputs = model.settings.tool_outputs
+    model.settings.tool_outputs = (outputs & ~changed) | (value & changed)
+
+
+def _tool_gpio_read(model: ControllerCore, payload: bytes) -> bytes:
+    address = struct.unpack_from(">H", payload, 1)[0]
+    if address == TOOL_OUTPUT_STATE:
+        return struct.pack(">i", model.settings.tool_outputs)  # the command, nothing senses it
+    if address == TOOL_DIGITAL_IN:
+        return struct.pack(">i", 0)
+    raise CommandError(f"tool address {address:#06x} cannot be read")
+
+
+_COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
+    Register.MOTION_ENABLE: _motion_enable,
+    Register.SET_STATE: lambda model, payload: model.set_state(_byte(payload)),
+    Register.CLEAN_ERROR: lambda model, _: model.clean_error(),
+    Register.CLEAN_WARNING: lambda model, _: model.raise_warning(0),
+    Register.SET_MODE: lambda model, payload: model.set_mode(_byte(payload)),
+    Register.MOVE_JOINT: _move_joint,
+    Register.SET_TCP_OFFSET: lambda model, payload: model.set_tcp_offset(_floats(payload, 6)),
+    Register.SET_LOAD: _set_load,
+    Register.SET_COLLISION_SENSITIVITY: _set_collision_sensitivity,
+    Register.SET_BOUNDARY: _set_boundary,
+    Register.SET_FENCE: _set_fence,
+    Register.SET_SELF_COLLISION_CHECK: _set_self_collision_check,
+    Register.SET_CARTESIAN_VELOCITY: _set_cartesian_velocity,
+    Register.TOOL_GPIO_WRITE: _tool_gpio_write,
+}
+
+_QUERIES: dict[int, Callable[[ControllerCore, bytes], bytes]] = {
+    Register.GET_VERSION: lambda model, _: (
+        version_text(model.firmware).encode("ascii").ljust(40, b"\0")
+    ),
+    Register.GET_ROBOT_SN: lambda *_: _SERIAL_NUMBERS,
+    Register.GET_STATE: lambda model, _: bytes([model.state]),
+    Register.GET_COMMAND_COUNT: lambda model, _: struct.pack(">H", model.commands_waiting),
+    Register.GET_ERROR: lambda model, _: bytes([model.error_code, model.warning_code]),
+    Register.GET_TCP_POSE: lambda model, _: pack_pose(model.tcp),
+    Register.GET_TCP_POSE_AA: lambda model, _: pack_pose_aa(model.tcp),
+    Register.GET_REDUCED_STATE: lambda model, _: pack_reduced_mode(model.settings),
+    Register.GET_JOINTS: _get_joints,
+    Register.TOOL_GPIO_READ: _tool_gpio_read,
+}

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import hw.lite6.setup
-import hw.sim.controller.registers
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-import hw.sim.controller.registers
+import hw.sim.controller.model
 from hw.arm import FoundArm
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register
@@ -103,7 +103,7 @@ def test_another_arm_is_told_from_a_lite6(
     rig: ControllerRig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        hw.sim.controller.registers, "version_text", lambda firmware: f"7,12,A,B,v{firmware}"
+        hw.sim.controller.model, "version_text", lambda firmware: f"7,12,A,B,v{firmware}"
     )
     info = probe(rig)
     assert "no Lite 6" in info.problem

@@ -1,15 +1,19 @@
-"""The servo of mode 5 and the brake."""
+"""The servo of mode 5, the moves of mode 0, the brake, and the checks of every cycle."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     HOME_JOINTS,
+    JOINT_LOWER,
     JOINT_UPPER,
     Lite6Model,
     Matrix,
@@ -21,8 +25,12 @@ from hw.sim.controller.joint_servo import (
     CYCLE_NS,
     CYCLE_S,
     MAX_JOINT_ACCELERATION,
+    MAX_QUEUED_MOVES,
     VELOCITY_ACCELERATION_M_S2,
+    CommandError,
+    JointMove,
     MotionError,
+    MoveQueue,
     TwistServo,
     brake,
     check_motion,
@@ -170,3 +178,159 @@ def test_the_brake_does_not_run_over_a_joint_limit() -> None:
     for _ in range(50):
         joints, velocity = brake(joints, velocity)
     assert (joints <= JOINT_UPPER).all()
+
+
+BEGIN = np.zeros(6)
+GOAL = np.array([0.5, -0.2, 1.0, 0.0, 0.3, -0.8])
+
+
+def run(queue: MoveQueue, joints: Vector, cycles: int = 10_000) -> list[Vector]:
+    """The joints of every cycle until the queue has nothing more to do."""
+    path = [joints]
+    for _ in range(cycles):
+        following = queue.step(path[-1])
+        if following is None:
+            break
+        path.append(following)
+    return path
+
+
+@given(st.floats(0.01, 2.0), st.floats(0.5, 10.0), st.floats(1.0, 40.0))
+@settings(deadline=None, max_examples=30)
+def test_a_move_keeps_to_speed_and_acceleration_and_ends_at_its_goal(
+    way: float, speed: float, acceleration: float
+) -> None:
+    queue = MoveQueue()
+    queue.command(np.array([0.0, way, 0, 0, 0, 0]), speed, acceleration)
+    path = np.array(run(queue, BEGIN))[:, 1]
+    velocity = np.diff(path, prepend=path[0], append=path[-1]) / CYCLE_S
+    assert path[-1] == way
+    assert velocity.max() <= min(speed, math.pi) + 1e-9
+    assert velocity.min() >= 0.0
+    allowed = min(acceleration, MAX_JOINT_ACCELERATION)
+    assert np.abs(np.diff(velocity)).max() <= allowed * CYCLE_S * (1 + 1e-6)
+
+
+def test_all_joints_arrive_together_on_a_straight_line() -> None:
+    queue = MoveQueue()
+    queue.command(GOAL, 1.0, 5.0)
+    path = np.array(run(queue, BEGIN))
+    fraction = path[:, 2]
+    np.testing.assert_allclose(path, fraction[:, None] * GOAL, atol=1e-12)
+    np.testing.assert_array_equal(path[-1], GOAL)
+
+
+def test_a_move_takes_the_time_of_its_trapezoid() -> None:
+    assert JointMove(BEGIN, GOAL, 0.5, 5.0).duration_s == pytest.approx(1.0 / 0.5 + 0.5 / 5.0)
+
+
+def test_a_move_to_where_the_joints_are_is_done_at_once() -> None:
+    queue = MoveQueue()
+    queue.command(BEGIN, 1.0, 1.0)
+    assert len(run(queue, BEGIN)) == 2
+    assert len(queue) == 0
+
+
+def test_moves_run_in_order_and_are_counted() -> None:
+    queue = MoveQueue()
+    queue.command(GOAL, 3.0, 20.0)
+    queue.command(BEGIN, 3.0, 20.0)
+    assert len(queue) == 2
+    path = run(queue, BEGIN)
+    assert any((joints == GOAL).all() for joints in path)
+    np.testing.assert_array_equal(path[-1], BEGIN)
+    assert len(queue) == 0
+
+
+def test_an_infinite_angle_leaves_its_joint_alone() -> None:
+    queue = MoveQueue()
+    queue.command(np.array([0.2, *[math.inf] * 5]), 1.0, 5.0)
+    np.testing.assert_array_equal(run(queue, GOAL)[-1], [0.2, *GOAL[1:]])
+
+
+def test_an_interrupted_move_goes_on_from_where_the_joints_came_to() -> None:
+    queue = MoveQueue()
+    queue.command(GOAL, 1.0, 5.0)
+    queue.command(BEGIN, 1.0, 5.0)
+    halfway = run(queue, BEGIN, cycles=100)[-1]
+    queue.interrupt()
+    assert len(queue) == 2
+    elsewhere = np.add(halfway, 0.01)
+    path = run(queue, elsewhere)
+    assert np.abs(np.subtract(path[1], elsewhere)).max() < 0.001
+    assert any(np.array_equal(joints, GOAL) for joints in path)
+    np.testing.assert_array_equal(path[-1], BEGIN)
+
+
+def test_a_full_queue_refuses_more() -> None:
+    queue = MoveQueue()
+    for _ in range(MAX_QUEUED_MOVES):
+        queue.command(GOAL, 1.0, 5.0)
+    with pytest.raises(CommandError):
+        queue.command(GOAL, 1.0, 5.0)
+
+
+NO_TOOL = ZERO
+LIMIT_STEP = np.pi * CYCLE_S
+
+
+def box(middle_mm, half_mm):
+    return TcpBoundary(tuple(middle_mm - half_mm), tuple(middle_mm + half_mm))
+
+
+def check(joints: Vector, following: Vector, fence: TcpBoundary | None = None) -> None:
+    check_motion(joints, following, NO_TOOL, fence, self_collision=True)
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_a_joint_stops_at_either_end_of_its_range(joint: int) -> None:
+    for end, outward in ((JOINT_UPPER, 1e-6), (JOINT_LOWER, -1e-6)):
+        at_end = HOME_JOINTS.copy()
+        at_end[joint] = end[joint]
+        beyond = at_end.copy()
+        beyond[joint] += outward
+        check_motion(at_end, at_end, NO_TOOL, None, self_collision=False)
+        with pytest.raises(MotionError) as caught:
+            check_motion(at_end, beyond, NO_TOOL, None, self_collision=False)
+        assert caught.value.code is ErrorCode.JOINT_LIMIT
+
+
+@pytest.mark.parametrize("joint", range(6))
+def test_no_joint_is_faster_than_half_a_turn_a_second(joint: int) -> None:
+    step = np.zeros(6)
+    step[joint] = LIMIT_STEP
+    check(HOME_JOINTS, HOME_JOINTS + step)
+    with pytest.raises(MotionError) as caught:
+        check(HOME_JOINTS, HOME_JOINTS - 1.01 * step)
+    assert caught.value.code is ErrorCode.JOINT_OVERSPEED
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_the_tcp_stays_inside_the_fence(axis: int) -> None:
+    position_mm = Lite6Model().tcp_matrix(HOME_JOINTS)[:3, 3] * 1000
+    fence = box(position_mm, 1.0)
+    check(HOME_JOINTS, HOME_JOINTS, fence)
+    for shift in (2.0, -2.0):
+        moved = np.zeros(3)
+        moved[axis] = shift
+        outside = box(position_mm + moved, 1.0)
+        with pytest.raises(MotionError) as caught:
+            check(HOME_JOINTS, HOME_JOINTS, outside)
+        assert caught.value.code is ErrorCode.BOUNDARY
+
+
+def test_the_fence_is_about_the_tcp_and_not_the_flange() -> None:
+    position_mm = Lite6Model().tcp_matrix(HOME_JOINTS)[:3, 3] * 1000
+    fence = box(position_mm, 10.0)
+    tool = 0.0, 0.0, 0.082
+    with pytest.raises(MotionError):
+        check_motion(HOME_JOINTS, HOME_JOINTS, tool, fence, self_collision=True)
+
+
+def test_the_tool_keeps_clear_of_the_base_column() -> None:
+    check(np.zeros(6), np.zeros(6))  # the manual's zero pose, 87 mm from the axis
+    folded = np.array([0.0, 0.01, 0.03, 0.0, 1.41, 0.0])  # the flange points at the column
+    with pytest.raises(MotionError) as caught:
+        check(folded, folded)
+    assert caught.value.code is ErrorCode.SELF_COLLISION
+    check_motion(folded, folded, NO_TOOL, None, self_collision=False)
