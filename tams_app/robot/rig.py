@@ -7,8 +7,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from hw.arms import arm_kind
-from hw.sim.world.camera import SimCamera
-from hw.sim.world.rig_memory import WorldReader, WorldWriter, remove_memory
+from hw.sim.world.rig_memory import SimCamera, WorldReader, WorldWriter, remove_memory
 from tams_app.config import ArmConfig, Config
 from tams_app.errors import ConfigError
 from tams_app.records import SceneTruth

@@ -13,8 +13,7 @@ import numpy as np
 from hw.camera import Camera
 from hw.make_camera import make_camera
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
-from hw.sim.world.camera import SimCamera
-from hw.sim.world.rig_memory import FrameWriter, remove_memory
+from hw.sim.world.rig_memory import FrameWriter, SimCamera, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
 from tams_app.runtime.clock import MonotonicClock

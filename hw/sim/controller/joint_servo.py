@@ -188,7 +188,7 @@ class JointMove:
         self._acceleration = min(acceleration, MAX_JOINT_ACCELERATION)
         # a travel too short for the full speed has a triangle for a profile
         fastest = math.sqrt(self._travel * self._acceleration)
-        self._speed = min(speed, float(JOINT_SPEED_LIMITS.min()), fastest)
+        self._speed = min(speed, _MAX_JOINT_SPEED_RAD_S, fastest)
         self._elapsed_s = 0.0
 
     @property

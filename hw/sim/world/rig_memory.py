@@ -1,8 +1,8 @@
 """Memory that the simulated rig's processes share: the world's newest state, each view's frames.
 
 The rig writes the world, which the renderer and the trial's rules read; the renderer writes frames,
-which the cameras read. A helper that was killed and started again finds its memory as it was, and
-its readers keep theirs.
+which the cameras (`SimCamera`) read. A helper that was killed and started again finds its memory as
+it was, and its readers keep theirs.
 """
 
 from __future__ import annotations
@@ -13,10 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hw.camera import Camera
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, Pose, SceneTruth
 from tams_app.rotation import Rotation
+from tams_app.runtime.clock import Clock
 from tams_app.runtime.shared_ring import (
     RingShape,
     SharedRing,
@@ -24,6 +26,7 @@ from tams_app.runtime.shared_ring import (
     open_block,
     remove_block,
 )
+from tams_app.units import NS_PER_S
 
 SLOTS = 4  # frames per view: a reader has three periods to copy one before it is overwritten
 QPOS_SIZE = 15  # joints 6, fingers 2, block 7
@@ -199,3 +202,49 @@ def _attach(name: str, size: int) -> mmap.mmap:
         block.close()
         raise DeviceError("the simulated rig's memory has another layout; restart the session")
     return block
+
+
+class SimCamera(Camera):
+    """View `view` of the rig whose renderer publishes under `memory_name`, by the machine's clock.
+
+    It sleeps until the renderer, or the one that has taken its place, wakes it.
+    """
+
+    def __init__(self, view: str, memory_name: str, clock: Clock) -> None:
+        self.view = view
+        self._memory_name = memory_name
+        self._clock = clock
+        self._reader: RigFrameReader | None = None
+        self._looked_at = 0  # so many frames had been written at the last look
+        self._last_index = -1
+
+    def start(self) -> None:
+        """Open the shared memory; DeviceError if there is no renderer or no such view."""
+        if self.view not in VIEWS:
+            raise DeviceError(
+                f"the simulated rig has no camera {self.view!r}; use one of {', '.join(VIEWS)}"
+            )
+        self._reader = RigFrameReader(self._memory_name, self.view)
+
+    def next_frame(self, timeout_s: float) -> Frame | None:
+        reader = self._reader
+        if reader is None:
+            raise DeviceError(f"camera {self.view} was not started")
+        deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
+        while True:
+            written = reader.written()
+            if written != self._looked_at:
+                self._looked_at = written
+                frame = reader.newest()
+                if frame is not None and frame.index > self._last_index:
+                    self._last_index = frame.index
+                    return frame
+            left_ns = deadline_ns - self._clock.now_ns()
+            if left_ns <= 0:
+                return None
+            reader.await_more(written, left_ns)
+
+    def close(self) -> None:
+        if self._reader is not None:
+            self._reader.close()
+            self._reader = None

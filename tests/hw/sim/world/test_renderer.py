@@ -12,9 +12,8 @@ import pytest
 
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world import renderer
-from hw.sim.world.camera import SimCamera
 from hw.sim.world.renderer import CameraSchedule
-from hw.sim.world.rig_memory import FrameWriter, WorldReader
+from hw.sim.world.rig_memory import FrameWriter, SimCamera, WorldReader
 from tams_app.errors import HelperError
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
