@@ -23,7 +23,7 @@ from rich.table import Table
 
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.operator.seeing import SeeingPerception
-from hw.sim.world.camera_images import CameraImages
+from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import load_config
 from tams_app.printing import Console
 from tams_app.recording.writer import DirectRecorder

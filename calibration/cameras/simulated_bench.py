@@ -18,8 +18,7 @@ from calibration.cameras.simulated_person import BoardPainter, CameraPerson
 from hw.arms import arm_kind
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
-from hw.sim.world.camera_images import SensorNoise
-from hw.sim.world.scene_renderer import SceneRenderer
+from hw.sim.world.scene_renderer import SceneRenderer, SensorNoise
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config
 from tams_app.records import NO_DISTORTION, Frame, Image, Vector

@@ -205,7 +205,7 @@ _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that 
     "hand.max_drift_deg": (4.0, "tams_app.teleop.motion"),
     "limits.singularity_scale_from": (0.7, "tams_app.teleop.limits"),
     "rig.render_nice": (10, "hw.sim.world.renderer"),
-    "rig.camera_noise_sigma": (1.5, "hw.sim.world.camera_images"),
+    "rig.camera_noise_sigma": (1.5, "hw.sim.world.scene_renderer"),
     "trial.success_within_s": (90.0, "tams_app.task.judge"),
     "trial.max_drops": (2, "tams_app.task.judge"),
     "video.vbv_ms": (33.0, "tams_app.video.core.codecs"),

@@ -15,8 +15,8 @@ import cv2
 
 from hw.sim.layout import draw_layout
 from hw.sim.viewpoints import VIEWS
-from hw.sim.world.camera_images import CameraImages, stagger_ns
 from hw.sim.world.rig_memory import FrameGrid, FrameWriter, WorldReader
+from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RENDERER_NICE, use_nice

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from hw.sim.operator.seeing import OnScreen, SeeingParticipant
 from hw.sim.viewpoints import VIEWS
-from hw.sim.world.camera_images import CameraImages
+from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector
 from tams_app.robot import build

@@ -12,7 +12,7 @@ from hw.sim.layout import draw_layout
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import OnScreen, SeeingPerception
 from hw.sim.operator.task import Stage
-from hw.sim.world.camera_images import CameraImages
+from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
 from tams_app.records import Image, OperatorGlance
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -13,7 +13,7 @@ from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim.layout import FINGER_TRAVEL_M, draw_layout
 from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world import scene_renderer
-from hw.sim.world.scene_renderer import SceneRenderer
+from hw.sim.world.scene_renderer import NOISE_SIGMA, SceneRenderer, SensorNoise
 from hw.sim.world.world import World
 from tams_app.errors import SetupError
 from tams_app.records import Image, Vector
@@ -162,3 +162,28 @@ def test_missing_opengl_is_one_sentence_that_says_what_to_install(
     monkeypatch.setitem(sys.modules, "mujoco.osmesa", None)
     with pytest.raises(SetupError, match="install libegl1"):
         SceneRenderer(LAYOUT)
+
+
+def grey(value: int = 120) -> Image:
+    return np.full((HEIGHT_PX, WIDTH_PX, 3), value, np.uint8)
+
+
+def test_noise_repeats_for_a_frame_and_differs_between_frames_views_and_seeds() -> None:
+    def noisy(seed: int, view: str, index: int) -> Image:
+        return SensorNoise(seed, view).apply(grey(), index)
+
+    reference = noisy(1, "gt", 5)
+    assert np.array_equal(reference, noisy(1, "gt", 5))
+    for other in (noisy(1, "gt", 6), noisy(1, "gs", 5), noisy(2, "gt", 5)):
+        assert not np.array_equal(reference, other)
+
+
+def test_noise_has_its_strength_and_no_bias() -> None:
+    noisy = SensorNoise(1, "gt").apply(grey(), 0).astype(float)
+    assert noisy.std() == pytest.approx(NOISE_SIGMA, rel=0.1)
+    assert noisy.mean() == pytest.approx(120, abs=0.3)
+
+
+def test_noise_never_wraps_around() -> None:
+    assert SensorNoise(1, "gt").apply(grey(255), 0).min() > 200
+    assert SensorNoise(1, "gt").apply(grey(0), 0).max() < 55
