@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from hw.sim.viewpoints import VIEWS
+from hw.sim.layout import VIEWS
 from tams_app.records import Image
 
 _DIRECTORY = Path(__file__).with_name("data") / "views"  # JPEG of quality 60

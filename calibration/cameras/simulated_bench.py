@@ -16,8 +16,7 @@ from calibration.cameras.board import Board
 from calibration.cameras.flashes import Flashes
 from calibration.cameras.simulated_person import BoardPainter, CameraPerson
 from hw.arms import arm_kind
-from hw.sim.layout import draw_layout
-from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, WIDTH_PX, draw_layout
 from hw.sim.world.scene_renderer import SceneRenderer, SensorNoise
 from hw.sim.world.world import World
 from tams_app.config import CameraConfig, Config

@@ -80,7 +80,7 @@ def rig_lens(view: str, figure: ArmFigure | None, size: tuple[int, int]) -> Lens
 
     `size`: width and height of the picture [px].
     """
-    from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+    from hw.sim.layout import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 
     if view == WRIST_VIEW and figure is not None:
         wrist = WRIST_VIEWPOINT

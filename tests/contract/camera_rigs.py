@@ -12,7 +12,7 @@ import numpy as np
 
 from hw.camera import Camera
 from hw.make_camera import make_camera
-from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.rig_memory import FrameWriter, SimCamera, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig

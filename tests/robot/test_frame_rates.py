@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.sim.viewpoints import VIEWS
+from hw.sim.layout import VIEWS
 from tams_app.records import CameraRates, Frame
 from tams_app.robot.frame_rates import FrameRates
 from tams_app.runtime.clock import VirtualClock

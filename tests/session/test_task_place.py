@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from hw.arms import arm_kind
-from hw.sim.layout import draw_layout
-from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, VIEWS, WIDTH_PX, draw_layout
 from hw.sim.world.scene import build_model
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import Activity, ArmState, Frame, ServoMode

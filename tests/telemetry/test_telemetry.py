@@ -16,7 +16,7 @@ import pytest
 from mcap.reader import make_reader
 
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
+from hw.sim.layout import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import load_config
 from tams_app.recording import Recorder, read_log
 from tams_app.recording.writer import DirectRecorder

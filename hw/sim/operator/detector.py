@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M
+from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M, FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.vision.blobs import Blob, FingerGauge, Window, find_blobs
 from hw.sim.operator.vision.detections import Cue, Glance, HeadingSighting, Sighting, Thing
@@ -37,7 +37,6 @@ from hw.sim.operator.vision.solids import (
     sketch,
     tool_boxes,
 )
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX
 from tams_app.records import Image, Vector
 
 _MARGIN_PX = 12.0

@@ -13,8 +13,7 @@ from typing import Any
 
 import cv2
 
-from hw.sim.layout import draw_layout
-from hw.sim.viewpoints import VIEWS
+from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.world.rig_memory import FrameGrid, FrameWriter, WorldReader
 from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from tams_app.runtime.clock import Clock, MonotonicClock

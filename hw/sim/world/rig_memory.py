@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hw.camera import Camera
-from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, VIEWS, WIDTH_PX
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, Pose, SceneTruth
 from tams_app.rotation import Rotation

@@ -10,11 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from hw.sim.layout import BLOCK_HEIGHT_M, Layout
-from hw.sim.viewpoints import (
+from hw.sim.layout import (
+    BLOCK_HEIGHT_M,
     FIXED_VIEWPOINTS,
     WRIST_VIEWPOINT,
     FixedViewpoint,
+    Layout,
     WristViewpoint,
 )
 from hw.sim.world import textures

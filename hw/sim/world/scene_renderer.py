@@ -19,8 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.sim.layout import Layout
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.layout import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX, Layout
 from hw.sim.world.scene import build_model
 from hw.sim.world.visibility import Visibility
 from tams_app.errors import SetupError

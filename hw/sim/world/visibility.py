@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, WIDTH_PX
 
 _SLABS = ("mat", "table")  # boxes along the axes of the world, the upper one first
 _WIDER = 1.001  # field of view searched / that of the lens

@@ -9,8 +9,7 @@ import numpy as np
 
 from hw.arms import simulated_arm
 from hw.boundary import session_boundary
-from hw.sim.layout import draw_layout
-from hw.sim.viewpoints import VIEWS
+from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from hw.sim.world.world import World
 from tams_app.config import Config

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hw.sim.layout import TCP_OFFSET_M
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
+from hw.sim.layout import FIXED_VIEWPOINTS, HEIGHT_PX, TCP_OFFSET_M, WIDTH_PX, WRIST_VIEWPOINT
 from tams_app.records import Vector, focal_length_px
 
 Matrix = NDArray[np.float64]

@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from hw.sim.layout import VIEWS
 from hw.sim.operator.seeing import OnScreen, SeeingParticipant
-from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector

@@ -11,12 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hw.sim.layout import draw_layout
+from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.operator.belief_state import TO_BLOCK
 from hw.sim.operator.efference import EfferenceCopy
 from hw.sim.operator.seeing import OnScreen, SeeingPerception
 from hw.sim.operator.task import Stage
-from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, Vector

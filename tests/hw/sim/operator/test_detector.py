@@ -12,14 +12,13 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from hw.sim.layout import Layout, draw_layout
+from hw.sim.layout import VIEWS, Layout, draw_layout
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
 from hw.sim.operator.detector import Detector
 from hw.sim.operator.vision.blobs import FingerGauge
 from hw.sim.operator.vision.detections import Glance, Sighting, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
-from hw.sim.viewpoints import VIEWS
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, SceneTruth, Vector

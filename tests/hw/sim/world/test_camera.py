@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from hw.sim.viewpoints import HEIGHT_PX, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.rig_memory import SLOTS, FrameWriter, RigFrameReader, SimCamera
 from tams_app.records import Image
 from tams_app.runtime.clock import MonotonicClock

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.layout import HEIGHT_PX, VIEWS, WIDTH_PX
 from hw.sim.world import renderer
 from hw.sim.world.renderer import CameraSchedule
 from hw.sim.world.rig_memory import FrameWriter, SimCamera, WorldReader

@@ -10,8 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
-from hw.sim.layout import FINGER_TRAVEL_M, draw_layout
-from hw.sim.viewpoints import HEIGHT_PX, VIEWS, WIDTH_PX
+from hw.sim.layout import FINGER_TRAVEL_M, HEIGHT_PX, VIEWS, WIDTH_PX, draw_layout
 from hw.sim.world import scene_renderer
 from hw.sim.world.scene_renderer import NOISE_SIGMA, SceneRenderer, SensorNoise
 from hw.sim.world.world import World

@@ -3,9 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from hw.sim.layout import draw_layout
+from hw.sim.layout import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT, draw_layout
 from hw.sim.operator.vision.pinhole import fixed_cameras
-from hw.sim.viewpoints import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT
 
 pytestmark = pytest.mark.untimed
 
