@@ -17,13 +17,12 @@ import numpy as np
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK_YAW, TO_BLOCK, TO_CONTAINER, TOOL_YAW
 from hw.sim.operator.detector import Detector
-from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy
+from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy, FrozenViewWatch, LagEstimator
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.perception import GapSigmas, Percept, PoseEstimate
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.task import Stage
-from hw.sim.operator.video_judgement import FrozenViewWatch, LagEstimator
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing
 from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
