@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Percept, PoseEstimate
-from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.servoing import Percept, PoseEstimate, operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config
 from tams_app.records import SceneTruth

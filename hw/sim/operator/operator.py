@@ -14,8 +14,7 @@ import numpy as np
 from hw.sim.operator.efference import EfferenceCopy, FollowCheck
 from hw.sim.operator.hand import Hand, HandCommand, ThumbButton, VelocityFollower
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Percept, Perception
-from hw.sim.operator.servoing import HandMap, ViewSight, norm
+from hw.sim.operator.servoing import HandMap, Percept, Perception, ViewSight, norm
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import HandConfig, OperatorConfig
 from tams_app.records import Haptic, Vector

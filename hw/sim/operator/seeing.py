@@ -20,8 +20,7 @@ from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy, FrozenViewWatch, LagEstimator
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import GapSigmas, Percept, PoseEstimate
-from hw.sim.operator.servoing import operator_hand
+from hw.sim.operator.servoing import GapSigmas, Percept, PoseEstimate, operator_hand
 from hw.sim.operator.task import Stage
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.detections import Glance, Thing

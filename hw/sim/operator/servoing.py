@@ -1,5 +1,9 @@
 """Visual servoing as a person does it: see the error, move the hand, know what is under way.
 
+Of the scene the mind (`hw.sim.operator.operator`) gets `Percept`s and nothing else. They come from
+the received images (`hw.sim.operator.seeing`) or, in the demo, from the true scene
+(`hw.sim.operator.demo`).
+
 What operators see is late: the image travels, and the arm follows the hand with a lag. They steer
 without oscillation because they count the movement they have made but not yet seen (a Smith
 predictor; in people, the efference copy: Miall et al. 1993).
@@ -9,17 +13,73 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import Percept
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.config import Config, HandConfig
-from tams_app.records import Vector
+from tams_app.records import Pose, Vector
 from tams_app.rotation import Rotation
 
 _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
+
+
+@dataclass(frozen=True, slots=True)
+class PoseEstimate:
+    """A pose in the arm's base frame and its standard deviations; infinite when out of sight."""
+
+    pose: Pose
+    position_sigma: float = 0.0  # [m]
+    rotation_sigma: float = 0.0  # [rad], about the vertical
+
+
+@dataclass(frozen=True, slots=True)
+class GapSigmas:
+    """Standard deviations of the tool as seen against block and container.
+
+    Better known than either place where one image shows both.
+    """
+
+    block: float  # [m]
+    container: float  # [m]
+    heading: float  # [rad], of the block against the tool
+
+
+@dataclass(frozen=True, slots=True)
+class Percept:
+    """The scene as it looked at `t_ns`: when the view was captured, as far as the operator knows.
+
+    Block and tool are their centres; of the container only x and y are used.
+    `fingers_opening` [m] is None when the fingers cannot be made out.
+    """
+
+    t_ns: int
+    tcp: PoseEstimate
+    block: PoseEstimate
+    container: PoseEstimate
+    fingers_opening: float | None
+    seen_gaps: GapSigmas | None = None
+
+    @property
+    def gaps(self) -> GapSigmas:
+        """As seen, else from the places' own uncertainties."""
+        if self.seen_gaps is not None:
+            return self.seen_gaps
+        tool, block, container = self.tcp, self.block, self.container
+        return GapSigmas(
+            math.hypot(block.position_sigma, tool.position_sigma),
+            math.hypot(container.position_sigma, tool.position_sigma),
+            block.rotation_sigma + tool.rotation_sigma,
+        )
+
+
+class Perception(Protocol):
+    """The operator's eyes."""
+
+    def look(self, now_ns: int) -> Percept | None:
+        """The newest view at `now_ns`, None while there is nothing to see; does not block."""
 
 
 class HandMap:

@@ -7,7 +7,7 @@ import pytest
 from hw.sim.layout import draw_layout
 from hw.sim.operator.hand import REST_POSITION_M
 from hw.sim.operator.operator import HandActivity
-from hw.sim.operator.perception import Percept
+from hw.sim.operator.servoing import Percept
 from hw.sim.operator.task import Stage
 from tams_app.config import OperatorConfig
 from tams_app.records import ControllerSample, Haptic, Pose

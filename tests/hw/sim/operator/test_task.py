@@ -6,8 +6,7 @@ import pytest
 
 from hw.sim.operator.hand import ThumbButton
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.perception import GapSigmas, Percept, PoseEstimate
-from hw.sim.operator.servoing import ViewSight
+from hw.sim.operator.servoing import GapSigmas, Percept, PoseEstimate, ViewSight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import OperatorConfig
 from tams_app.records import Pose
