@@ -13,7 +13,15 @@ import numpy as np
 
 from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M, FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX
 from hw.sim.operator.belief import Belief
-from hw.sim.operator.vision.blobs import Blob, FingerGauge, Window, find_blobs
+from hw.sim.operator.vision.blobs import (
+    HALF_TURN,
+    QUARTER_TURN,
+    Blob,
+    FingerGauge,
+    Window,
+    find_blobs,
+    fit_yaw,
+)
 from hw.sim.operator.vision.detections import Cue, Glance, HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.fiducials import (
     CONTAINER_MARKER,
@@ -23,7 +31,6 @@ from hw.sim.operator.vision.fiducials import (
     gripper_faces,
     match_face,
 )
-from hw.sim.operator.vision.heading import HALF_TURN, QUARTER_TURN, fit_yaw
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import (
     BLUE,
