@@ -14,8 +14,7 @@ from collections.abc import Iterator
 
 from hw.arm import Arm, TcpBoundary
 from hw.lite6.codes import Mode
-from hw.lite6.commands import activity_of, checked_goal, servo_of
-from hw.lite6.errors import arm_fault
+from hw.lite6.commands import activity_of, arm_fault, checked_goal, servo_of
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError

@@ -75,7 +75,7 @@ class State(IntEnum):
 
 
 class ErrorCode(IntEnum):
-    """Controller errors that the model raises by itself; `errors.py` has them all in words."""
+    """Controller errors that the model raises by itself; `commands.py` has them all in words."""
 
     EMERGENCY_STOP = 2
     KINEMATIC = 21

@@ -10,7 +10,7 @@ import re
 
 from hw.arm import FoundArm
 from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
-from hw.lite6.errors import standing_error_sentence
+from hw.lite6.commands import standing_error_sentence
 from hw.lite6.report import StatusReport, read_status
 from hw.lite6.settings import foreign_refusal, other_settings
 from hw.lite6.uxbus import UxbusClient

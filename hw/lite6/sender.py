@@ -11,8 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
-from hw.lite6.commands import OUTPUTS_DIFFER, twist_refusal
-from hw.lite6.errors import error_sentence
+from hw.lite6.commands import OUTPUTS_DIFFER, error_sentence, twist_refusal
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Twist

@@ -9,9 +9,8 @@ from typing import Any
 
 from hw.arm import TcpBoundary
 from hw.lite6.codes import DRIVE_ERRORS, Code, Mode, StateCommand
-from hw.lite6.commands import activity_of
+from hw.lite6.commands import activity_of, error_sentence, standing_error_sentence
 from hw.lite6.discovery import unfitness
-from hw.lite6.errors import error_sentence, standing_error_sentence
 from hw.lite6.outbox import Outbox
 from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusReport
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.lite6.figure import Lite6Figure
+from hw.lite6.kind import Lite6Figure
 from tams_app.config import load_config
 from tams_app.prediction.outline import ArmOutline, PlacedArm, links_of
 from tams_app.prediction.plane_warp import corners_of, mounted, projected, silhouette

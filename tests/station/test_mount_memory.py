@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.lite6.figure import Lite6Figure
+from hw.lite6.kind import Lite6Figure
 from tams_app.config import load_config
 from tams_app.prediction.plane_warp import covered_by
 from tams_app.prediction.present import AsReceived, MountTrail

@@ -26,13 +26,14 @@ from hw.lite6.codes import (
 from hw.lite6.commands import (
     OUTPUTS_DIFFER,
     activity_of,
+    arm_fault,
     boundary_edges,
     checked_goal,
+    error_sentence,
     servo_of,
     twist_refusal,
 )
 from hw.lite6.discovery import unfitness
-from hw.lite6.errors import arm_fault, error_sentence
 from hw.lite6.kinematics import pose_from_matrix
 from hw.lite6.report import parse_status
 from hw.lite6.settings import foreign_refusal

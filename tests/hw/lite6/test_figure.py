@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hw.arms import arm_kind
-from hw.lite6.figure import Lite6Figure
+from hw.lite6.kind import Lite6Figure
 from tams_app.records import Solid, SolidKind
 
 pytestmark = pytest.mark.untimed
