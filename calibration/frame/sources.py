@@ -11,9 +11,9 @@ import numpy as np
 
 from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES
-from hw.openvr.component_reader import ComponentReader
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
+from hw.openvr.devices import ComponentReader
 from tams_app.config import Config, ControllerConfig
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, Vector

@@ -25,10 +25,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hw.openvr.actions import ActionButtons
+from hw.openvr.actions import ActionButtons, HapticPlayer
 from hw.openvr.components import COMPONENTS, ButtonReading
 from hw.openvr.devices import DeviceIdentity, identify
-from hw.openvr.haptics import HapticPlayer
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
 from hw.openvr.tracking import (
     Announcer,

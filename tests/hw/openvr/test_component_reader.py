@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.sources import LiveSetup
-from hw.openvr.component_reader import ComponentReader
+from hw.openvr.devices import ComponentReader
 from tams_app.config import ControllerConfig, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerStatus
