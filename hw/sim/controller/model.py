@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Callable
 
 import numpy as np
 
@@ -55,7 +54,7 @@ class ControllerModel(ControllerCore):
         self._now_ns = now_ns
         before = self._status()
         try:
-            data = _serve(self, register, payload)
+            data = self._serve(register, payload)
         except CommandError:
             return bytes([before | ReplyBit.INVALID])
         except MotionError as fault:
@@ -76,18 +75,119 @@ class ControllerModel(ControllerCore):
             | (ReplyBit.ERROR if self.error_code else 0)
         )
 
+    def _serve(self, register: int, payload: bytes) -> bytes:
+        """The data of the reply; CommandError if there is no such register or it makes no sense."""
+        try:
+            answer = self._query(register, payload)
+            if answer is None:
+                self._command(register, payload)
+        except struct.error as error:
+            raise CommandError(f"register {register} needs a longer payload") from error
+        return answer or b""
 
-def _serve(model: ControllerCore, register: int, payload: bytes) -> bytes:
-    """The data of the reply; CommandError if there is no such register or it makes no sense."""
-    try:
-        if register in _QUERIES:
-            return _QUERIES[register](model, payload)
-        if register in _COMMANDS:
-            _COMMANDS[register](model, payload)
-            return b""
-    except struct.error as error:
-        raise CommandError(f"register {register} needs a longer payload") from error
-    raise CommandError(f"register {register} is not modelled")
+    def _query(self, register: int, payload: bytes) -> bytes | None:
+        """What it is and how it is; None if that is not what `register` asks for."""
+        match register:
+            case Register.GET_VERSION:
+                return version_text(self.firmware).encode("ascii").ljust(40, b"\0")
+            case Register.GET_ROBOT_SN:
+                return _SERIAL_NUMBERS
+            case Register.GET_STATE:
+                return bytes([self.state])
+            case Register.GET_COMMAND_COUNT:
+                return struct.pack(">H", self.commands_waiting)
+            case Register.GET_ERROR:
+                return bytes([self.error_code, self.warning_code])
+            case Register.GET_TCP_POSE:
+                return pack_pose(self.tcp)
+            case Register.GET_TCP_POSE_AA:
+                return pack_pose_aa(self.tcp)
+            case Register.GET_REDUCED_STATE:
+                return pack_reduced_mode(self.settings)
+            case Register.GET_JOINTS:
+                # seven angles; asked with a count: angles, speeds, efforts (0) up to n of the three
+                count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
+                rows = np.zeros((3, 7), dtype="<f4")
+                rows[0, :6], rows[1, :6] = self.joints, self.joint_speeds
+                return rows[:count].tobytes()
+            case Register.TOOL_GPIO_READ:
+                return self._tool_gpio(struct.unpack_from(">H", payload, 1)[0])
+        return None
+
+    def _tool_gpio(self, address: int) -> bytes:
+        if address == TOOL_OUTPUT_STATE:
+            return struct.pack(">i", self.settings.tool_outputs)  # the command, nothing senses it
+        if address == TOOL_DIGITAL_IN:
+            return struct.pack(">i", 0)
+        raise CommandError(f"tool address {address:#06x} cannot be read")
+
+    def _command(self, register: int, payload: bytes) -> None:
+        """Change state, mode or a setting, or move."""
+        settings = self.settings
+        match register:
+            case Register.SET_CARTESIAN_VELOCITY:
+                self._move_tcp(payload)
+            case Register.MOVE_JOINT:
+                self._move_joint(payload)
+            case Register.MOTION_ENABLE:
+                joint, on = _byte(payload), _byte(payload, 1)
+                if joint != ALL_JOINTS:
+                    raise CommandError("single joints cannot be enabled")
+                self.enable(bool(on))
+            case Register.SET_STATE:
+                self.set_state(_byte(payload))
+            case Register.SET_MODE:
+                self.set_mode(_byte(payload))
+            case Register.CLEAN_ERROR:
+                self.clean_error()
+            case Register.CLEAN_WARNING:
+                self.raise_warning(0)
+            case Register.SET_TCP_OFFSET:
+                self.set_tcp_offset(_floats(payload, 6))
+            case Register.SET_LOAD:
+                settings.load = _floats(payload, 4)
+                self.configuration_changed()
+            case Register.SET_COLLISION_SENSITIVITY:
+                if (sensitivity := _byte(payload)) > 5:
+                    raise CommandError("collision sensitivity ends at 5")
+                settings.collision_sensitivity = sensitivity
+                self.configuration_changed()
+            case Register.SET_BOUNDARY:
+                x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
+                settings.boundary = TcpBoundary((x_low, y_low, z_low), (x_high, y_high, z_high))
+            case Register.SET_FENCE:
+                settings.fence = bool(_byte(payload))
+            case Register.SET_SELF_COLLISION_CHECK:
+                settings.self_collision_check = bool(_byte(payload))
+            case Register.TOOL_GPIO_WRITE:
+                self._set_tool_outputs(payload)
+            case _:
+                raise CommandError(f"register {register} is not modelled")
+
+    def _move_tcp(self, payload: bytes) -> None:
+        twist = _floats(payload, 6)
+        if _byte(payload, 24):
+            raise CommandError("velocities in the tool frame are not modelled")
+        # firmware before 1.8 knows no duration, and the SDK does not send it one
+        duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
+        linear = tuple(speed / 1000.0 for speed in twist[:3])
+        self.servo_twist((*linear, *twist[3:]), duration_s)
+
+    def _move_joint(self, payload: bytes) -> None:
+        values = _floats(payload, 10, infinite=True)
+        speed, acceleration = values[7:9]
+        if not (0 < speed < math.inf and 0 < acceleration < math.inf):
+            raise CommandError("speed and acceleration must be positive")
+        self.move_joints(values[:6], speed, acceleration)
+
+    def _set_tool_outputs(self, payload: bytes) -> None:
+        address = struct.unpack_from(">H", payload, 1)[0]
+        if address != TOOL_DIGITAL_OUT:
+            raise CommandError(f"tool address {address:#06x} cannot be written")
+        value = int(_floats(payload[3:], 1)[0])
+        changed = value >> 8 & _TOOL_OUTPUTS
+        outputs = self.settings.tool_outputs
+        self.settings.tool_outputs = (outputs & ~changed) | (value & changed)
 
 
 def _byte(payload: bytes, offset: int = 0) -> int:
@@ -101,127 +201,3 @@ def _floats(payload: bytes, count: int, infinite: bool = False) -> tuple[float, 
     if any(math.isnan(value) or (math.isinf(value) and not infinite) for value in values):
         raise CommandError("a value is not a number")
     return values
-
-
-# --- what it is and how it is ------------------------------------------------------------------
-
-
-def _get_joints(model: ControllerCore, payload: bytes) -> bytes:
-    """Seven angles; asked with a count n: angles, speeds and efforts (0) up to n of the three."""
-    count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
-    rows = np.zeros((3, 7), dtype="<f4")
-    rows[0, :6] = model.joints
-    rows[1, :6] = model.joint_speeds
-    return rows[:count].tobytes()
-
-
-# --- state, mode and configuration -------------------------------------------------------------
-
-
-def _motion_enable(model: ControllerCore, payload: bytes) -> None:
-    joint, on = _byte(payload), _byte(payload, 1)
-    if joint != ALL_JOINTS:
-        raise CommandError("single joints cannot be enabled")
-    model.enable(bool(on))
-
-
-def _set_load(model: ControllerCore, payload: bytes) -> None:
-    model.settings.load = _floats(payload, 4)
-    model.configuration_changed()
-
-
-def _set_collision_sensitivity(model: ControllerCore, payload: bytes) -> None:
-    value = _byte(payload)
-    if value > 5:
-        raise CommandError("collision sensitivity ends at 5")
-    model.settings.collision_sensitivity = value
-    model.configuration_changed()
-
-
-def _set_boundary(model: ControllerCore, payload: bytes) -> None:
-    x_high, x_low, y_high, y_low, z_high, z_low = struct.unpack_from("<6i", payload)
-    model.settings.boundary = TcpBoundary((x_low, y_low, z_low), (x_high, y_high, z_high))
-
-
-def _set_fence(model: ControllerCore, payload: bytes) -> None:
-    model.settings.fence = bool(_byte(payload))
-
-
-def _set_self_collision_check(model: ControllerCore, payload: bytes) -> None:
-    model.settings.self_collision_check = bool(_byte(payload))
-
-
-# --- motion ------------------------------------------------------------------------------------
-
-
-def _move_joint(model: ControllerCore, payload: bytes) -> None:
-    values = _floats(payload, 10, infinite=True)
-    speed, acceleration = values[7:9]
-    if not (0 < speed < math.inf and 0 < acceleration < math.inf):
-        raise CommandError("speed and acceleration must be positive")
-    model.move_joints(values[:6], speed, acceleration)
-
-
-def _set_cartesian_velocity(model: ControllerCore, payload: bytes) -> None:
-    twist = _floats(payload, 6)
-    if _byte(payload, 24):
-        raise CommandError("velocities in the tool frame are not modelled")
-    # firmware before 1.8 knows no duration, and the SDK does not send it one
-    duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
-    linear = tuple(speed / 1000.0 for speed in twist[:3])
-    model.servo_twist((*linear, *twist[3:]), duration_s)
-
-
-# --- the tool's inputs and outputs -------------------------------------------------------------
-
-
-def _tool_gpio_write(model: ControllerCore, payload: bytes) -> None:
-    address = struct.unpack_from(">H", payload, 1)[0]
-    if address != TOOL_DIGITAL_OUT:
-        raise CommandError(f"tool address {address:#06x} cannot be written")
-    value = int(_floats(payload[3:], 1)[0])
-    changed = value >> 8 & _TOOL_OUTPUTS
-    outputs = model.settings.tool_outputs
-    model.settings.tool_outputs = (outputs & ~changed) | (value & changed)
-
-
-def _tool_gpio_read(model: ControllerCore, payload: bytes) -> bytes:
-    address = struct.unpack_from(">H", payload, 1)[0]
-    if address == TOOL_OUTPUT_STATE:
-        return struct.pack(">i", model.settings.tool_outputs)  # the command, nothing senses it
-    if address == TOOL_DIGITAL_IN:
-        return struct.pack(">i", 0)
-    raise CommandError(f"tool address {address:#06x} cannot be read")
-
-
-_COMMANDS: dict[int, Callable[[ControllerCore, bytes], None]] = {
-    Register.MOTION_ENABLE: _motion_enable,
-    Register.SET_STATE: lambda model, payload: model.set_state(_byte(payload)),
-    Register.CLEAN_ERROR: lambda model, _: model.clean_error(),
-    Register.CLEAN_WARNING: lambda model, _: model.raise_warning(0),
-    Register.SET_MODE: lambda model, payload: model.set_mode(_byte(payload)),
-    Register.MOVE_JOINT: _move_joint,
-    Register.SET_TCP_OFFSET: lambda model, payload: model.set_tcp_offset(_floats(payload, 6)),
-    Register.SET_LOAD: _set_load,
-    Register.SET_COLLISION_SENSITIVITY: _set_collision_sensitivity,
-    Register.SET_BOUNDARY: _set_boundary,
-    Register.SET_FENCE: _set_fence,
-    Register.SET_SELF_COLLISION_CHECK: _set_self_collision_check,
-    Register.SET_CARTESIAN_VELOCITY: _set_cartesian_velocity,
-    Register.TOOL_GPIO_WRITE: _tool_gpio_write,
-}
-
-_QUERIES: dict[int, Callable[[ControllerCore, bytes], bytes]] = {
-    Register.GET_VERSION: lambda model, _: (
-        version_text(model.firmware).encode("ascii").ljust(40, b"\0")
-    ),
-    Register.GET_ROBOT_SN: lambda *_: _SERIAL_NUMBERS,
-    Register.GET_STATE: lambda model, _: bytes([model.state]),
-    Register.GET_COMMAND_COUNT: lambda model, _: struct.pack(">H", model.commands_waiting),
-    Register.GET_ERROR: lambda model, _: bytes([model.error_code, model.warning_code]),
-    Register.GET_TCP_POSE: lambda model, _: pack_pose(model.tcp),
-    Register.GET_TCP_POSE_AA: lambda model, _: pack_pose_aa(model.tcp),
-    Register.GET_REDUCED_STATE: lambda model, _: pack_reduced_mode(model.settings),
-    Register.GET_JOINTS: _get_joints,
-    Register.TOOL_GPIO_READ: _tool_gpio_read,
-}
