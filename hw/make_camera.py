@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from hw.gstreamer.camera import FrameSource, GstCamera, Note
+from hw.gstreamer.camera import FrameSource, GstCamera
 from hw.gstreamer.capture import FileSource, PatternSource
 from tams_app.config import CameraConfig, VideoConfig
+from tams_app.records import TakeNote
 from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
 
@@ -28,7 +29,7 @@ NOT_LIVE = ("file", "pattern")  # sources that show no arm: a real one does not 
 
 
 def make_camera(
-    view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: Note
+    view: str, config: CameraConfig, video: VideoConfig, clock: Clock, note: TakeNote
 ) -> GstCamera:
     """Make the camera of one view.
 

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import ControllerConfig, HandConfig
+from tams_app.records import TakeNote
 from tams_app.registry import Registry
 from tams_app.runtime.clock import Clock
-
-Note = Callable[[str, str], None]
-"""Writes into the log: level (info, warning or error) and sentence."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,12 +23,12 @@ class ControllerParts:
     """`hand`: how motions of the hand become motions of the arm."""
     clock: Clock
     """The session's clock, by which samples are stamped."""
-    note: Note
+    note: TakeNote
     """For what the operator should read, such as a device that came back."""
 
 
 def make_controller(
-    config: ControllerConfig, hand: HandConfig, clock: Clock, note: Note
+    config: ControllerConfig, hand: HandConfig, clock: Clock, note: TakeNote
 ) -> Controller:
     """Make the configured controller.
 

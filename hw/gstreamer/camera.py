@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from typing import Protocol
 
 from hw.camera import Camera
@@ -11,7 +10,7 @@ from hw.gstreamer.capture import GstCapture, RawFrame
 from hw.gstreamer.monitor import CaptureGrid, FrameStatus, FreezeWatch
 from tams_app.config import VideoConfig
 from tams_app.errors import DeviceError, TamsError
-from tams_app.records import Frame
+from tams_app.records import Frame, TakeNote
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -19,9 +18,6 @@ REOPEN_NS = NS_PER_S
 _FIRST_FRAME_TIMEOUT_NS = 5 * NS_PER_S
 _LOOK_NS = 50 * NS_PER_MS
 _WHOLE_AGAIN_NS = 10 * NS_PER_S  # without a damaged frame: the next is reported again
-
-Note = Callable[[str, str], None]
-"""Writes into the log: level (info, warning or error) and sentence."""
 
 
 class FrameSource(Protocol):
@@ -65,7 +61,7 @@ class GstCamera(Camera):
     """
 
     def __init__(
-        self, view: str, source: FrameSource, video: VideoConfig, clock: Clock, note: Note
+        self, view: str, source: FrameSource, video: VideoConfig, clock: Clock, note: TakeNote
     ) -> None:
         """Make a camera that is not started yet.
 

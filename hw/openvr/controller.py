@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as StartTimeout
 from functools import partial
@@ -21,7 +20,7 @@ from hw.openvr.components import COMPONENTS
 from hw.openvr.poller import OpenVrPoller
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
-from tams_app.records import ControllerSample, ControllerStatus, Haptic
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, TakeNote
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.runtime.mailbox import BoundedQueue, Mailbox
 from tams_app.runtime.worker import Worker
@@ -44,7 +43,7 @@ class OpenVrController(Controller):
         self,
         config: ControllerConfig,
         clock: Clock,
-        note: Callable[[str, str], None],
+        note: TakeNote,
     ) -> None:
         """ConfigError if the mapping does not fit the controllers it names."""
         for controller_type in COMPONENTS:

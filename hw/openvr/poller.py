@@ -20,7 +20,6 @@ With OK, buttons that cannot be read keep their value and their time, and become
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -40,7 +39,7 @@ from hw.openvr.tracking import (
 from tams_app.config import ControllerConfig
 from tams_app.errors import DeviceError, TamsError
 from tams_app.presses import PressCounter
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, TakeNote
 from tams_app.units import NS_PER_S
 
 RETRY_NS = NS_PER_S
@@ -65,7 +64,7 @@ class OpenVrPoller:
         self,
         config: ControllerConfig,
         manifest: Path,
-        note: Callable[[str, str], None],
+        note: TakeNote,
     ) -> None:
         self._counter = PressCounter()
         self._config, self._manifest, self._note = config, manifest, note

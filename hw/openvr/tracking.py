@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import ControllerStatus, Pose
+from tams_app.records import ControllerStatus, Pose, TakeNote
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -184,7 +183,7 @@ UNREAD_AFTER_NS = 2 * NS_PER_S
 class Announcer:
     """Turns states into notes of level and text, without repeating itself."""
 
-    def __init__(self, note: Callable[[str, str], None]) -> None:
+    def __init__(self, note: TakeNote) -> None:
         self._note = note
         self._notified: tuple[ControllerStatus, str] | None = None
         self._notified_ns = 0

@@ -43,6 +43,7 @@ from tams_app.records.log import Note as Note
 from tams_app.records.log import StateHeard as StateHeard
 from tams_app.records.log import StopRecord as StopRecord
 from tams_app.records.log import SystemSample as SystemSample
+from tams_app.records.log import TakeNote as TakeNote
 from tams_app.records.log import Tick as Tick
 from tams_app.records.log import TickInputs as TickInputs
 from tams_app.records.policy import Allocation as Allocation

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, TypeAlias
 
 from tams_app.records.arm import ArmState, CommandLink
 from tams_app.records.geometry import Twist
@@ -95,6 +96,10 @@ class Note(Record):
     t_ns: TimeNs
     level: Annotated[str, "info, warning or error"]
     text: Annotated[str, "the sentence"]
+
+
+TakeNote: TypeAlias = Callable[[str, str], None]
+"""Writes a `Note` into the log: level (info, warning or error) and sentence."""
 
 
 @dataclass(frozen=True, slots=True)

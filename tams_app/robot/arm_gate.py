@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from hw.arm import Arm, TcpBoundary
 from tams_app.errors import DeviceError
+from tams_app.records import TakeNote
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.teleop.safety import Request
 
@@ -31,7 +32,7 @@ class ArmGate:
         self,
         arm: Arm,
         boundary: TcpBoundary | None,
-        note: Callable[[str, str], None],
+        note: TakeNote,
         enable: Callable[[], None] | None = None,
     ) -> None:
         """`enable`: what an ENABLE does in place of `Arm.enable`."""

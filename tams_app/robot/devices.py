@@ -10,13 +10,11 @@ from hw.arms import arm_kind
 from hw.boundary import session_boundary
 from hw.camera import Camera
 from tams_app.config import ArmConfig, Config
-from tams_app.records import SceneTruth
+from tams_app.records import SceneTruth, TakeNote
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-
-Note = Callable[[str, str], None]  # level and sentence, for the log and the console
 
 
 class Devices:
@@ -55,7 +53,7 @@ class Devices:
         kind = arm_kind(config.arm.model)
         return kind.make_arm(self.arm_config(), self._clock, config.control.rate_hz, boundary)
 
-    def make_cameras(self, note: Note) -> Sequence[Camera]:
+    def make_cameras(self, note: TakeNote) -> Sequence[Camera]:
         """One camera for each view, not started yet."""
         from hw.make_camera import make_camera  # ... and no GStreamer to get its frames
 

@@ -13,9 +13,8 @@ from hw.guard.link import GuardLink, GuardMemory, guard_specification
 from hw.guard.motion import Cause, Motion
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError, TamsError
-from tams_app.records import Record, Tick
+from tams_app.records import Record, TakeNote, Tick
 from tams_app.robot.control import Signals
-from tams_app.robot.devices import Note
 from tams_app.robot.listener import Listener
 from tams_app.runtime.process import HelperProcess
 from tams_app.teleop.safety import ArmingState, Reason
@@ -42,7 +41,7 @@ class Guarding(Listener):
         limits: LimitsConfig,
         log_directory: Path | None,
         signals: Signals,
-        note: Note,
+        note: TakeNote,
         home_rad_s: float | None = None,
     ) -> None:
         """`home_rad_s`: of the fastest joint; an ENGAGED arm moves to its ready pose by itself then

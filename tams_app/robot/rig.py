@@ -10,8 +10,8 @@ from hw.arms import arm_kind
 from hw.sim.world.rig_memory import SimCamera, WorldReader, WorldWriter, remove_memory
 from tams_app.config import ArmConfig, Config
 from tams_app.errors import ConfigError
-from tams_app.records import SceneTruth
-from tams_app.robot.devices import Devices, Note
+from tams_app.records import SceneTruth, TakeNote
+from tams_app.robot.devices import Devices
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
@@ -75,7 +75,7 @@ class SimulatedRig(Devices):
             update={"host": LOOPBACK, "control_port": control_port, "report_port": report_port}
         )
 
-    def make_cameras(self, note: Note) -> list[SimCamera]:
+    def make_cameras(self, note: TakeNote) -> list[SimCamera]:
         return [SimCamera(view, self.memory_name, self._clock) for view in self._config.video.views]
 
     def put_back(self) -> None:

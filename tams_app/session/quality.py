@@ -9,8 +9,7 @@ import msgspec
 
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import Frame, FrameQuality, ViewState
-from tams_app.robot.devices import Note
+from tams_app.records import Frame, FrameQuality, TakeNote, ViewState
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.quality_client import QualityClient
 from tams_app.units import NS_PER_S
@@ -33,7 +32,7 @@ class LiveQuality:
         screen: FrameBlock,
         logs: Path,
         record: Callable[[FrameQuality], None],
-        note: Note,
+        note: TakeNote,
         mount: MountMemory | None = None,
     ) -> None:
         """`screen`: where the frames shown are put, which the helper reads, as it does `mount`:

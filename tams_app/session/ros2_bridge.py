@@ -15,7 +15,7 @@ from typing import Any
 
 from tams_app.errors import HelperError, SetupError, require_extra
 from tams_app.recording import Header
-from tams_app.robot.devices import Note
+from tams_app.records import TakeNote
 from tams_app.ros2.wire import EMERGENCY_STOP, STOP, encode
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
@@ -67,7 +67,7 @@ class Ros2Bridge:
         """Of the bridge's process; None once it has ended."""
         return self._process.pid if self._process.exit_code is None else None
 
-    def listen(self, estop: Callable[[], None], note: Note) -> None:
+    def listen(self, estop: Callable[[], None], note: TakeNote) -> None:
         """From now on call `estop` when ROS asks for it, and `note` what becomes of the bridge."""
 
         def fails(_name: str, failure: BaseException) -> None:
@@ -103,7 +103,7 @@ class Ros2Bridge:
         """Let the process publish what it has, and end it; may be called twice."""
         self._stack.close()
 
-    def _listen(self, estop: Callable[[], None], note: Note, stop: threading.Event) -> None:
+    def _listen(self, estop: Callable[[], None], note: TakeNote, stop: threading.Event) -> None:
         drops_reported, next_note_ns = False, self._clock.now_ns()
         while not stop.is_set():
             if self.dropped and not drops_reported:

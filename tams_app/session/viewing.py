@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from foxglove import Context
@@ -12,7 +12,7 @@ from hw.arms import arm_kind
 from tams_app.config import Config, LimitsConfig
 from tams_app.errors import require_extra
 from tams_app.recording import Header, MakeViewers, Viewers
-from tams_app.records import ArmFigure, Pose, Solid, SolidKind
+from tams_app.records import ArmFigure, Pose, Solid, SolidKind, TakeNote
 from tams_app.robot.build import ready_pose
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
@@ -37,7 +37,7 @@ def check_viewers(config: Config) -> None:
         require_extra("ros2", "--ros2")
 
 
-def invite_viewers(config: Config, note: Callable[[str, str], None]) -> None:
+def invite_viewers(config: Config, note: TakeNote) -> None:
     """Say where viewers may connect, if they may, and who can."""
     if config.recording.ros2 is not None:
         domain = config.recording.ros2

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from tams_app.prediction.camera_check import CameraCheck
-from tams_app.records import ShownFrame
+from tams_app.records import ShownFrame, TakeNote
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import MountMemory, PresentViews
 
 MEASURE = "run_tams.py calibrate cameras --only lens,mount"
-
-Note = Callable[[str, str], None]
 
 
 def misfit(view: str) -> str:
@@ -26,7 +22,7 @@ def misfit(view: str) -> str:
 class CameraWatch:
     """Reads where the arm was from the memory that all share, and tells it what is found."""
 
-    def __init__(self, mount: MountMemory, note: Note) -> None:
+    def __init__(self, mount: MountMemory, note: TakeNote) -> None:
         """While `mount` has its name."""
         self._mount, self._note = mount, note
         self._checks: dict[str, tuple[PresentViews, CameraCheck]] = {}

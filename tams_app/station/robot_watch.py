@@ -6,10 +6,9 @@ from collections.abc import Callable
 
 from msgspec.structs import replace
 
-from hw.make_controller import Note
 from tams_app.config import Config
 from tams_app.link.messages import Welcome
-from tams_app.records import LINK_LOST, Outcome, SessionState
+from tams_app.records import LINK_LOST, Outcome, SessionState, TakeNote
 from tams_app.runtime.clock import Clock
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.robot_call import BUSY
@@ -27,7 +26,7 @@ class RobotWatch:
         clock: Clock,
         link: LinkedRobot,
         welcome: Welcome,
-        note: Note,
+        note: TakeNote,
         end: Callable[[str], None],
     ) -> None:
         """`welcome`: of the session that we are in. `end` is notified why it is over."""

@@ -14,9 +14,8 @@ from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from hw.sim.world.world import World
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.records import Frame, SceneTruth, Vector
+from tams_app.records import Frame, SceneTruth, TakeNote, Vector
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.devices import Note
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.virtual.event_queue import EventQueue
@@ -29,7 +28,7 @@ DELIVERY_NS = 12 * NS_PER_MS
 class VirtualRobot:
     """The simulated rig's scene of `config.seed` with the arm at its ready pose. One thread."""
 
-    def __init__(self, config: Config, clock: Clock, note: Note) -> None:
+    def __init__(self, config: Config, clock: Clock, note: TakeNote) -> None:
         joints = np.radians(np.array(config.arm.ready_joints_deg))
         boundary = session_boundary(config.arm, config.limits)
         self.layout = draw_layout(config.seed)
