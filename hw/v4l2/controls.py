@@ -47,7 +47,7 @@ class Setting:
 
 def controls_of(device: FileIO) -> list[Control]:
     """Everything that can be set to a number, headings left out; OSError if it is pulled out."""
-    found = every(device, QUERY_EXT_CTRL, first=_NEXT, after=lambda number: number | _NEXT)
+    found = every(device, QUERY_EXT_CTRL, next_flag=_NEXT)
     return [
         Control(
             number, control_name(title.rstrip(b"\0").decode(errors="replace")), low, high, usual

@@ -5,7 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from io import FileIO
 from typing import Any
 
@@ -39,11 +39,14 @@ def every(
     device: FileIO,
     question: tuple[int, str],
     *given: int,
-    first: int = 0,
-    after: Callable[[int], int] = lambda index: index + 1,
+    next_flag: int = 0,
 ) -> Iterator[tuple[Any, ...]]:
-    """All answers of a list, whose question begins with an index; `after` gives the next one."""
-    index = first
+    """All answers of a list, whose question begins with an index.
+
+    `next_flag`: the question is instead the number of the last answer with this flag, which asks
+    for the one after it.
+    """
+    index = next_flag
     for _ in range(_MOST):
         try:
             answer = ask(device, question, index, *given)
@@ -52,4 +55,4 @@ def every(
                 return
             raise
         yield answer
-        index = after(answer[0])
+        index = answer[0] | next_flag if next_flag else answer[0] + 1

@@ -29,10 +29,6 @@ CONTAINER_PAINT = (26, 82, 176)
 BLOCK_DARK, BLOCK_BRIGHT = (150, 22, 12), (255, 150, 40)
 
 
-def _marker(*arguments: Any) -> Callable[..., Image]:
-    return lambda random, edge, _width: textures.marker(random, edge, *arguments)
-
-
 # What paints the textures, given a random generator, height and width [px]; of a cube each face.
 _PAINTERS: dict[str, Callable[[np.random.Generator, int, int], Image]] = {
     "table": textures.wood,
@@ -43,10 +39,14 @@ _PAINTERS: dict[str, Callable[[np.random.Generator, int, int], Image]] = {
     "sheet": textures.label,
     "housing": textures.brushed,
     "arm_print": partial(textures.label, paper=(226, 228, 230), ink=(60, 62, 70)),
-    "gripper_marker": _marker(3, textures.INK, textures.WHITE),
-    "block": _marker(1, BLOCK_DARK, BLOCK_BRIGHT),
+    "gripper_marker": partial(
+        textures.marker, identity=3, dark=textures.INK, bright=textures.WHITE
+    ),
+    "block": partial(textures.marker, identity=1, dark=BLOCK_DARK, bright=BLOCK_BRIGHT),
     "bin_wall": partial(textures.panel, paint=CONTAINER_PAINT),
-    "bin_floor": _marker(2, (14, 40, 110), (120, 190, 250), 3),
+    "bin_floor": partial(
+        textures.marker, identity=2, dark=(14, 40, 110), bright=(120, 190, 250), quiet_cells=3
+    ),
     "carton": textures.card,
     "can": partial(textures.label, paper=(188, 60, 132), ink=(250, 240, 246)),
     "jar": partial(textures.label, paper=(236, 232, 220), ink=(64, 40, 92)),

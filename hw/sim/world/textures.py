@@ -139,19 +139,20 @@ def label(
 
 def marker(
     random: np.random.Generator,
-    edge: int,
+    height: int,
+    width: int,
     identity: int,
     dark: Colour,
     bright: Colour,
     quiet_cells: int = 1,
 ) -> Image:
-    """ArUco marker `identity` of 4x4_50 inside a quiet zone of whole cells, in two colours."""
-    side = edge // (6 + 2 * quiet_cells) * 6
+    """ArUco marker `identity` of 4x4_50 in a quiet zone of whole cells, two colours, a square."""
+    side = height // (6 + 2 * quiet_cells) * 6
     code = cv2.aruco.generateImageMarker(
         cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50), identity, side
     )
-    image = np.full((edge, edge, 3), bright, np.uint8)
-    margin = (edge - side) // 2
+    image = np.full((height, width, 3), bright, np.uint8)
+    margin = (height - side) // 2
     inside = image[margin : margin + side, margin : margin + side]
     inside[code < 128] = dark
     return _grained(random, image, 3.0)
@@ -203,7 +204,9 @@ def work_mat(
                (height - gap - edge, width - gap - edge))  # fmt: skip
     worn = _grained(random, image, 4.0)
     for identity, (top, left) in enumerate(corners, start=10):
-        worn[top : top + edge, left : left + edge] = marker(random, edge, identity, INK, WHITE)
+        worn[top : top + edge, left : left + edge] = marker(
+            random, edge, edge, identity, INK, WHITE
+        )
     return np.asarray(
         cv2.resize(worn, (width, fitted_height), interpolation=cv2.INTER_AREA), np.uint8
     )

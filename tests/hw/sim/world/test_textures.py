@@ -23,7 +23,7 @@ def test_surfaces_repeat_with_their_seed_and_have_detail(paint) -> None:  # type
 
 
 def test_marker_is_found_by_its_number() -> None:
-    face = textures.marker(np.random.default_rng(0), 128, 7, (10, 20, 90), (250, 220, 120))
+    face = textures.marker(np.random.default_rng(0), 128, 128, 7, (10, 20, 90), (250, 220, 120))
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     _, identities, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(face)
     assert identities.ravel().tolist() == [7]
