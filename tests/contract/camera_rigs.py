@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -16,24 +17,39 @@ from hw.sim.layout import HEIGHT_PX, WIDTH_PX
 from hw.sim.world.rig_memory import FrameWriter, SimCamera, remove_memory
 from tams_app import gst
 from tams_app.config import CameraConfig, VideoConfig
+from tams_app.records import Frame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_S
-from tests.contract.promises.camera import CameraBench
 from tests.hw.v4l2.camera_process import CameraProcess
 from tests.hw.v4l2.fake_cameras import SILENT, SMALL
 
-VIEW = "gt"
+VIEW = "gt"  # the name that their frames must carry
+WITHIN_S = 5.0  # for a frame; generous: the machine may be busy
 
 
-class CameraRig(CameraBench):
+class CameraRig(ABC):
     """Makes cameras of `video`'s frames, and absent and silent ones."""
 
-    view, video = VIEW, SMALL
+    video = SMALL
+    clock = MonotonicClock()  # of their capture times
 
     def __init__(self) -> None:
         self.cleaning = ExitStack()
+
+    @abstractmethod
+    def camera(self) -> Camera:
+        """A camera whose device is there, not started; the one before has been closed."""
+
+    def frames(self, camera: Camera, count: int) -> list[Frame]:
+        """The next `count` frames, each of which must come within 5 s."""
+        found = []
+        for _ in range(count):
+            frame = camera.next_frame(WITHIN_S)
+            assert frame is not None, f"no frame came within {WITHIN_S:g} s"
+            found.append(frame)
+        return found
 
     def absent_camera(self) -> Camera:
         """A camera that is not there, of the kinds that can be absent."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from abc import abstractmethod
-from collections.abc import Iterator
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import replace
 
@@ -21,25 +21,59 @@ from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
+from tams_app.config.motion import ControlConfig
+from tams_app.records import ArmState, Twist
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
-from tests.contract.promises.arm import CONTROL_RATE_HZ, ArmBench
 from tests.contract.toy_arm import BUMPED, BUTTON, ToyArm, ToyBox
 from tests.contract.toy_arm import LIMITS as TOY_LIMITS
 
 BOUNDARY = session_boundary(ArmConfig(), LimitsConfig())
 READY_JOINTS = np.radians(ArmConfig().ready_joints_deg)
+CONTROL_RATE_HZ = ControlConfig().rate_hz
+WITHIN_S = 10.0  # generous: the machine may be busy
 
 
-class ArmRig(ArmBench):
-    """A bench on which things can go wrong as well."""
+class ArmRig(ABC):
+    """An arm that stands at its ready pose, a way to let time pass, and what can go wrong."""
 
-    limits = LITE6_LIMITS
-    ready_joints = READY_JOINTS
-    still_mm, still_rad = 1e-3, 1e-6  # nothing trembles here
-    deadman_s = ArmConfig().velocity_deadman_s
+    limits = LITE6_LIMITS  # 1.2 times as much is commanded and must be refused
     collision: str  # how the arm's controller names it
     gripper_attempts: int  # at a command that the controller refuses
+
+    @abstractmethod
+    def advance(self, seconds: float) -> None:
+        """Let time [s] pass for the arm: sleep, or advance a simulation."""
+
+    @abstractmethod
+    def elapsed_s(self) -> float:
+        """The time that `advance` has let pass [s], from any start."""
+
+    def until(self, condition: Callable[[], bool]) -> bool:
+        """Let time pass until a condition, checked every 10 ms, holds; False if not within 10 s."""
+        deadline_s = self.elapsed_s() + WITHIN_S
+        while self.elapsed_s() < deadline_s:
+            if condition():
+                return True
+            self.advance(0.01)
+        return False
+
+    def next_state(self, arm: Arm, reports: int = 2) -> ArmState:
+        """The newest report, after so many from now on: the first may have been on its way."""
+        for _ in range(reports):
+            before = arm.state()
+            received_ns = before.received_ns if before else 0
+            newer = self.until(lambda t_ns=received_ns: _received_ns(arm) > t_ns)
+            assert newer, "the arm's reports have stopped"
+        state = arm.state()
+        assert state is not None
+        return state
+
+    def stream(self, arm: Arm, twist: Twist, seconds: float) -> None:
+        """Send a twist to an enabled arm like a control loop, 120 times a second."""
+        for _ in range(round(seconds * CONTROL_RATE_HZ)):
+            arm.send_twist(twist)
+            self.advance(1.0 / CONTROL_RATE_HZ)
 
     @abstractmethod
     def make_arm(self, boundary: TcpBoundary | None = BOUNDARY) -> Arm:
@@ -72,6 +106,11 @@ class ArmRig(ArmBench):
     @abstractmethod
     def mend_gripper(self) -> None:
         """Gripper commands are done again."""
+
+
+def _received_ns(arm: Arm) -> int:
+    state = arm.state()
+    return 0 if state is None else state.received_ns
 
 
 def raised(boundary: TcpBoundary, height_mm: float) -> TcpBoundary:

@@ -9,12 +9,14 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from contextlib import ExitStack
 
 import numpy as np
 import openvr
 
+from hw.controller import Controller
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
@@ -27,28 +29,60 @@ from tams_app.config import (
     LinkConfig,
     OperatorConfig,
 )
+from tams_app.config.motion import FreshnessConfig
 from tams_app.link.messages import HandMessage, decode, encode
-from tams_app.records import ControllerStatus, Haptic
+from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.contract.promises.controller import ControllerBench
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
 from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 
 TICK_NS = 8 * NS_PER_MS
+FRESH_WITHIN_NS = round(FreshnessConfig().buttons_ms * NS_PER_MS)  # by the safety logic
+_WITHIN_NS = 20 * NS_PER_S  # generous: the machine may be busy
 
 
-class ControllerRig(ControllerBench):
-    """A controller, the hand that holds it, and a way to let time pass."""
+def is_in_use(sample: ControllerSample) -> bool:
+    """The deadman is held and known to be."""
+    return sample.status is ControllerStatus.OK and sample.trigger == 1.0
 
+
+def is_released(sample: ControllerSample) -> bool:
+    """Nothing reads as pressed."""
+    pressed = sample.a or sample.b or sample.menu
+    return (sample.trigger, sample.grip, pressed) == (0.0, 0.0, False)
+
+
+class ControllerRig(ABC):
+    """A controller, the hand that holds it, and a way to let time pass.
+
+    It is made with an `ExitStack`, which closes what it needs.
+    """
+
+    controller: Controller  # not started yet; its deadman is held from then on
     faults: frozenset[SensorFault] = frozenset(SensorFault)  # that can come over it
     can_be_felt = True
 
-    def __init__(self, cleaning: ExitStack) -> None:
-        """What the rig needs is closed by `cleaning`."""
+    @abstractmethod
+    def advance(self) -> int:
+        """Let one tick of about 8 ms pass; the time after it [ns], by the clock of the samples."""
+
+    def sample(self) -> ControllerSample:
+        """The sample of the next tick."""
+        return self.controller.sample(self.advance())
+
+    def until(self, holds: Callable[[ControllerSample], bool]) -> ControllerSample:
+        """The first sample of which `holds` is true, which must come within 20 s."""
+        deadline_ns = self.advance() + _WITHIN_NS
+        while True:
+            now_ns = self.advance()
+            sample = self.controller.sample(now_ns)
+            if holds(sample):
+                return sample
+            assert now_ns < deadline_ns, f"after {_WITHIN_NS // NS_PER_S} s still {sample}"
 
     @abstractmethod
     def tap(self) -> None:
@@ -90,7 +124,6 @@ class HeldRig(ControllerRig):
     """A simulated hand that holds the controller `_hand`."""
 
     def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
         self._holding = _Holding()
         self._hand = FaultyController(self._holding, OperatorConfig(), seed=0)  # type: ignore[arg-type]
 
@@ -193,7 +226,6 @@ class KeyboardRig(ControllerRig):
     can_be_felt = False
 
     def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
         self._clock = VirtualClock()
         self._clock.advance_ns(NS_PER_S)
         self._focused, self._tells = True, True
@@ -226,7 +258,6 @@ class OpenVrRig(ControllerRig):
     """The real driver and binding over a fake runtime, in real time."""
 
     def __init__(self, cleaning: ExitStack) -> None:
-        super().__init__(cleaning)
         self.runtime = FakeRuntime()
         cleaning.enter_context(self.runtime.in_place_of_the_library())
         self._clock = MonotonicClock()

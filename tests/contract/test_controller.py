@@ -16,21 +16,16 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.clutch import Clutch
 from tests.contract.controller_rigs import (
+    FRESH_WITHIN_NS,
     ControllerRig,
     KeyboardRig,
     LinkRig,
     OpenVrRig,
     RemoteRig,
     VirtualControllerRig,
-)
-from tests.contract.promises.controller import (
-    CONTROLLER_PROMISES,
-    FRESH_WITHIN_NS,
-    ControllerBench,
     is_in_use,
     is_released,
 )
-from tests.contract.promises.promise import Promise
 from tests.hw.sim.operator.faulty_controller import SensorFault
 
 pytestmark = pytest.mark.waiting
@@ -85,11 +80,57 @@ def works_again(held: ControllerRig) -> None:
     held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
 
 
-@pytest.mark.parametrize("promise", CONTROLLER_PROMISES, ids=lambda promise: promise.__name__)
-def test_every_controller_keeps_what_is_promised(
-    rig: ControllerRig, promise: Promise[ControllerBench]
-) -> None:
-    promise(rig)
+def is_away(sample: ControllerSample) -> bool:
+    is_disconnected = sample.status is ControllerStatus.DISCONNECTED
+    return is_disconnected and sample.pose is None and is_released(sample)
+
+
+def test_one_that_was_not_started_is_disconnected_and_released(rig: ControllerRig) -> None:
+    assert is_away(rig.sample())
+
+
+def test_the_first_sample_after_the_start_is_fresh(rig: ControllerRig) -> None:
+    rig.controller.start()
+    before_ns = rig.advance()
+    sample = rig.until(lambda sample: sample.pose_ns >= before_ns)
+    assert sample.status is ControllerStatus.OK
+    assert sample.pose is not None
+
+
+def test_pose_and_buttons_stay_fresh(held: ControllerRig) -> None:
+    for _ in range(20):
+        asked_ns = held.advance()
+        sample = held.until(lambda s, a=asked_ns: min(s.pose_ns, s.buttons_ns) >= a)
+        assert is_in_use(sample)
+
+
+def test_times_never_go_back_and_never_lie_ahead(held: ControllerRig) -> None:
+    pose_ns = buttons_ns = 0
+    for _ in range(30):
+        now_ns = held.advance()
+        sample = held.controller.sample(now_ns)
+        assert pose_ns <= sample.pose_ns <= now_ns + FRESH_WITHIN_NS
+        assert buttons_ns <= sample.buttons_ns <= now_ns + FRESH_WITHIN_NS
+        pose_ns, buttons_ns = sample.pose_ns, sample.buttons_ns
+
+
+def test_after_closing_everything_is_released_and_pulses_are_harmless(held: ControllerRig) -> None:
+    held.controller.close()
+    held.controller.close()
+    held.controller.pulse(Haptic.FAULT)
+    assert is_away(held.sample())
+
+
+def test_one_that_was_closed_can_be_started_again(held: ControllerRig) -> None:
+    held.controller.close()
+    held.controller.start()
+    asked_ns = held.advance()
+    held.until(lambda s: is_in_use(s) and min(s.pose_ns, s.buttons_ns) >= asked_ns)
+
+
+def test_closing_what_was_never_started_is_harmless(rig: ControllerRig) -> None:
+    rig.controller.close()
+    assert is_away(rig.sample())
 
 
 def test_a_tap_between_two_samples_has_been_pressed_once(held: ControllerRig) -> None:

@@ -1,1 +1,0 @@
-"""What every device keeps to: promises, each a function of a bench whose name says what is kept."""
