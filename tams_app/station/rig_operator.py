@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from pathlib import Path
 
 from hw.sim.operator.remote_controller import RemoteController
 from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock
+from tams_app.runtime.parts import Parts
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.mount_memory import MountMemory, mount_specification
@@ -27,20 +27,20 @@ class RigOperator:
         self,
         config: Config,
         clock: Clock,
+        parts: Parts,
         world_memory: str,
         screen: FrameBlock,
         mount: MountMemory | None,
-        log_directory: Path,
         *,
         confirms: bool,
         on_glance: Callable[[OperatorGlance], None],
-        on_failure: Callable[[str, BaseException], None],
     ) -> None:
-        """`world_memory`: of the rig; "": it is not here, so that they must see.
+        """`parts`: where its process writes, and who is notified of its failure.
 
-        `screen`: where the frames shown are put, for an operator who looks at them; `mount`: that
-        of the cameras whose frames are corrected. `confirms`: the operator arms the arm by the menu
-        button. `on_glance` and `on_failure` are called in a thread of their own.
+        `world_memory`: of the rig; "": it is not here, so that they must see. `screen`: where the
+        frames shown are put, for an operator who looks at them; `mount`: that of the cameras whose
+        frames are corrected. `confirms`: the operator arms the arm by the menu button. `on_glance`
+        is called in a thread of its own.
         """
         self.kind = config.rig.operator.kind if world_memory else "seeing"
         sees = self.kind == "seeing"
@@ -58,10 +58,10 @@ class RigOperator:
         self._helper = ReportingHelper(
             "operator",
             "tams_app.station.operator_process",
-            log_directory=log_directory,
+            log_directory=parts.logs,
             report_type=OperatorGlance,
             on_report=on_glance,
-            on_failure=on_failure,
+            on_failure=parts.on_failure,
             ended_unasked="the simulated operator's process ended unasked; start a new session",
         )
         self.controller = RemoteController(memory_name, clock, self._runs)

@@ -96,13 +96,12 @@ class Station:
         self._simulated = operator = RigOperator(
             config,
             self._clock,
+            parts,
             world_memory,
             self.screen,
             self.mount,
-            parts.logs,
             confirms=confirms,
             on_glance=self._log.record,
-            on_failure=parts.on_failure,
         )
         parts.stack.callback(operator.close)
         parts.watch("operator", operator.launch())

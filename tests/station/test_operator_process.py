@@ -16,6 +16,7 @@ from hw.sim.world.world import World
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Image, OperatorGlance
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.rig_operator import RigOperator
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -47,19 +48,18 @@ class Person:
         self.world_memory = new_block_name()
         self._blocks = set(_shared_memory())
         self.glances: list[OperatorGlance] = []
-        self.failures: list[BaseException] = []
+        self.failures: list[str] = []
         self.images: dict[str, Image] = {}
         self._index = 0
         self._operator = RigOperator(
             config,
             self.clock,
+            Parts(logs, self.failures.append, priority=0),
             self.world_memory,
             self.screen,
             None,
-            logs,
             confirms=False,
             on_glance=self.glances.append,
-            on_failure=lambda _name, failure: self.failures.append(failure),
         )
         self.controller = self._operator.controller
 
@@ -211,13 +211,12 @@ def test_an_operator_without_the_rig_s_world_must_see_whatever_is_configured(
     operator = RigOperator(
         config,
         MonotonicClock(),
+        Parts(tmp_path, lambda _sentence: None, priority=0),
         "",
         FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480)),
         None,
-        tmp_path,
         confirms=True,
         on_glance=lambda _glance: None,
-        on_failure=lambda _name, _failure: None,
     )
     assert operator.kind == "seeing"
     operator.close()
