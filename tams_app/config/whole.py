@@ -194,7 +194,7 @@ _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that 
     "arm.pose_gain_per_s": (4.0, "tams_app.teleop.drive"),
     "clutch.engage_above": (0.6, "tams_app.presses"),
     "clutch.release_below": (0.4, "tams_app.presses"),
-    "controller.desk.ramp_s": (0.25, "hw.desk.virtual_hand"),
+    "controller.desk.ramp_s": (0.25, "hw.desk.keyboard"),
     "hand.smoothing_s": (0.04, "tams_app.teleop.motion"),
     "hand.clamp_above_m_s": (1.5, "tams_app.teleop.motion"),
     "hand.reject_above_m_s": (4.0, "tams_app.teleop.motion"),

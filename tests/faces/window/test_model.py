@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from hw.desk.keyboard import DEADMAN, deflection_of
-from hw.desk.virtual_hand import VirtualHand
+from hw.desk.keyboard import DEADMAN, VirtualHand, deflection_of
 from hw.make_controller import DEVICES
 from tams_app import palette
 from tams_app.config import CONFIG_DIRECTORY, load_config

@@ -7,8 +7,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys, KeyboardController, deflection_of
-from hw.desk.virtual_hand import Deflection
+from hw.desk.keyboard import DEADMAN, KEYS, Deflection, HeldKeys, KeyboardController, deflection_of
 from tams_app.config import DeskConfig, HandConfig
 from tams_app.records import ControllerSample, ControllerStatus, Presses
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.desk.virtual_hand import RAMP_S, Deflection, VirtualHand
+from hw.desk.keyboard import RAMP_S, Deflection, VirtualHand
 from tams_app.config import DeskConfig, HandConfig, load_config
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.rotation import Rotation
