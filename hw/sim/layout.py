@@ -68,6 +68,7 @@ PLATE = ((0.0, 0.0, 0.050), (0.0125, 0.032, 0.003))
 PAD_HALF = (0.0065, 0.0040, 0.011)
 CLIP_HALF = (0.0068, 0.0012, 0.006)
 MARKER_HALF_M = 0.0165
+BLOCK_MARKER, CONTAINER_MARKER, GRIPPER_MARKER = 1, 2, 3  # ArUco's numbers, of 4x4_50
 
 WIDTH_PX, HEIGHT_PX = 640, 480
 VIEWS = ("eih", "gt", "gs")  # on the wrist, above the table, beside it

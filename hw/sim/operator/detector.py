@@ -11,9 +11,18 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hw.sim.layout import BLOCK_EDGE_M, BLOCK_HEIGHT_M, FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX
+from hw.sim.layout import (
+    BLOCK_EDGE_M,
+    BLOCK_HEIGHT_M,
+    CONTAINER_MARKER,
+    FIXED_VIEWPOINTS,
+    GRIPPER_MARKER,
+    HEIGHT_PX,
+    WIDTH_PX,
+)
 from hw.sim.operator.belief import Belief
 from hw.sim.operator.vision.blobs import (
+    EDGE_JUDGEMENT,
     HALF_TURN,
     QUARTER_TURN,
     Blob,
@@ -23,14 +32,7 @@ from hw.sim.operator.vision.blobs import (
     fit_yaw,
 )
 from hw.sim.operator.vision.detections import Cue, Glance, HeadingSighting, Sighting, Thing
-from hw.sim.operator.vision.fiducials import (
-    CONTAINER_MARKER,
-    EDGE_JUDGEMENT,
-    GRIPPER_MARKER,
-    MarkerFinder,
-    gripper_faces,
-    match_face,
-)
+from hw.sim.operator.vision.fiducials import MarkerFinder, gripper_faces, match_face
 from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import (
     BLUE,

@@ -12,7 +12,10 @@ import numpy as np
 
 from hw.sim.layout import (
     BLOCK_HEIGHT_M,
+    BLOCK_MARKER,
+    CONTAINER_MARKER,
     FIXED_VIEWPOINTS,
+    GRIPPER_MARKER,
     WRIST_VIEWPOINT,
     FixedViewpoint,
     Layout,
@@ -40,12 +43,16 @@ _PAINTERS: dict[str, Callable[[np.random.Generator, int, int], Image]] = {
     "housing": textures.brushed,
     "arm_print": partial(textures.label, paper=(226, 228, 230), ink=(60, 62, 70)),
     "gripper_marker": partial(
-        textures.marker, identity=3, dark=textures.INK, bright=textures.WHITE
+        textures.marker, identity=GRIPPER_MARKER, dark=textures.INK, bright=textures.WHITE
     ),
-    "block": partial(textures.marker, identity=1, dark=BLOCK_DARK, bright=BLOCK_BRIGHT),
+    "block": partial(textures.marker, identity=BLOCK_MARKER, dark=BLOCK_DARK, bright=BLOCK_BRIGHT),
     "bin_wall": partial(textures.panel, paint=CONTAINER_PAINT),
     "bin_floor": partial(
-        textures.marker, identity=2, dark=(14, 40, 110), bright=(120, 190, 250), quiet_cells=3
+        textures.marker,
+        identity=CONTAINER_MARKER,
+        dark=(14, 40, 110),
+        bright=(120, 190, 250),
+        quiet_cells=3,
     ),
     "carton": textures.card,
     "can": partial(textures.label, paper=(188, 60, 132), ink=(250, 240, 246)),

@@ -28,7 +28,7 @@ _FULL = 0.40  # of the top strength: as much as the dimmest side of a thing has
 _TOP_PART = 0.25  # of the expected area shows the full strength, even when blurred
 _SMALLEST_PART = 0.12  # of the largest patch: smaller ones are specks
 _SOFT_EDGE_PX = 3
-_EDGE_JUDGEMENT = 0.10  # of an edge's width: how well its middle is judged
+EDGE_JUDGEMENT = 0.10  # of an edge's width: how well its middle is judged
 _STEADY_PX = 0.10  # from glance to glance, of what stands still on lossless images
 _SAMPLING_PX = 0.20  # what is left of a perfect edge on a pixel grid
 
@@ -75,7 +75,7 @@ class Blob:
     @property
     def edge_sigma_px(self) -> float:
         """The uncertainty of one place on its edge [px]."""
-        return math.hypot(_SAMPLING_PX, self.edge_px * math.hypot(_EDGE_JUDGEMENT, self.noise))
+        return math.hypot(_SAMPLING_PX, self.edge_px * math.hypot(EDGE_JUDGEMENT, self.noise))
 
     @property
     def sigma_px(self) -> float:
@@ -86,7 +86,7 @@ class Blob:
     @property
     def lasting_px(self) -> float:
         """The error of its middle for as long as it looks like this [px]: sampling and blur."""
-        return math.hypot(_SAMPLING_PX, self.edge_px * _EDGE_JUDGEMENT)
+        return math.hypot(_SAMPLING_PX, self.edge_px * EDGE_JUDGEMENT)
 
 
 def strength(patch: Image, colour: int) -> Image:

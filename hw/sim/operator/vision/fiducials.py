@@ -10,18 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.sim.layout import MARKER_HALF_M, TCP_OFFSET_M
-from hw.sim.operator.vision.blobs import Window, level_counts
+from hw.sim.operator.vision.blobs import EDGE_JUDGEMENT, Window, level_counts
 from hw.sim.operator.vision.detections import Cue, Sighting, Thing
 from hw.sim.operator.vision.pinhole import Matrix
 from tams_app.records import Image, Vector
 
-GRIPPER_MARKER, CONTAINER_MARKER = 3, 2
 FACES = (Cue.MARKER_AHEAD, Cue.MARKER_LEFT, Cue.MARKER_RIGHT)
 # Of a window's longer side, so at most 29 px, and a marker is 24 cells about: what is smaller
 # cannot be read, but took more than half of the time.
 _LEAST_PERIMETER = 0.045
 _CORNER_PX = 0.15  # of a sharp corner at its best
-EDGE_JUDGEMENT = 0.10  # of an edge's width, as in hw.sim.operator.vision.blobs
 _SHRINKS = 0.25  # of an edge's width: how far blur draws corners inwards, measured
 _SHIFT_COSTS = 0.1  # a face that lies far off must fit that much better
 _ORDERS = np.array(

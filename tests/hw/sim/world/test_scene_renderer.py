@@ -10,7 +10,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
-from hw.sim.layout import FINGER_TRAVEL_M, HEIGHT_PX, VIEWS, WIDTH_PX, draw_layout
+from hw.sim.layout import (
+    CONTAINER_MARKER,
+    FINGER_TRAVEL_M,
+    GRIPPER_MARKER,
+    HEIGHT_PX,
+    VIEWS,
+    WIDTH_PX,
+    draw_layout,
+)
 from hw.sim.world import scene_renderer
 from hw.sim.world.scene_renderer import NOISE_SIGMA, SceneRenderer, SensorNoise
 from hw.sim.world.world import World
@@ -21,7 +29,6 @@ from tests.hw.sim.operator.scripted_pick import ARM, CYCLE_NS, READY
 pytestmark = pytest.mark.untimed
 
 LAYOUT = draw_layout(5)
-CONTAINER_MARKER, GRIPPER_MARKER = 2, 3
 BLOCK_X = 8  # in qpos, after six joints and two fingers
 
 
