@@ -138,9 +138,9 @@ def _description(source: str, video: VideoConfig, paced: bool) -> str:
 class FileSource:
     """A video file of any size and rate that GStreamer can play; its sound is left out.
 
-    It is turned as it says, and fitted into the view's frame with black borders. Played at the
-    times of its frames, pauses included: where they are farther apart than the view's, places on
-    the time grid stay empty; where they are closer, some frames are left out.
+    It is turned as its metadata ask, and fitted into the view's frame with black borders. Played at
+    the times of its frames, pauses included: where they are farther apart than the view's, places
+    on the time grid stay empty; where they are closer, some frames are left out.
     """
 
     noisy = False

@@ -26,7 +26,7 @@ class DamageGate:
     and a JPEG that lacks a part or of which no picture is made; then all up to the next keyframe. A
     decoder's frames are no longer marked as keyframes: behind a damaged one all are left out up to
     the time of the first keyframe that reaches the decoder afterwards.
-    Decoders do not tell what they fill in: jpegdec and avdec_h264 (1.22) mark and report nothing,
+    Decoders do not report what they fill in: jpegdec and avdec_h264 (1.22) mark and report nothing,
     and avdec_mjpeg, which logs it, ends the process for one wrong byte of a picture's header.
     """
 

@@ -1,8 +1,8 @@
 """The connection that UFACTORY's SDK sends its commands on, in place of the SDK's own.
 
 The SDK's reads replies in a thread and hands them over in a queue, so that each command waits for
-two wakes. Here the thread that waits for a reply reads it. The methods are named, and say what went
-wrong, as the SDK expects it of a port.
+two wakes. Here the thread that waits for a reply reads it. The methods are named, and report
+errors, as the SDK expects it of a port.
 """
 
 from __future__ import annotations

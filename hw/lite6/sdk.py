@@ -184,7 +184,7 @@ def _load() -> tuple[Any, Any]:
         raise SetupError(
             f"The arm's SDK cannot be loaded ({error}); install xArm-Python-SDK."
         ) from error
-    base.print = lambda *_, **__: None  # what it says on connecting is in the session's log anyway
+    base.print = lambda *_, **__: None  # what it prints on connecting is in the log anyway
     log.logger.handlers[:] = [_ForwardToLog()]
     log.origin_logger.handlers[:] = [_ForwardToLog()]
     log.origin_logger.propagate = False

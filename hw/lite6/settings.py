@@ -24,7 +24,7 @@ _LOAD = "load"
 
 
 def accept(code: int, call: str, but: Code = Code.OK) -> None:
-    """DeviceError unless the SDK's return code says that `call` was done, or is `but`."""
+    """DeviceError unless by the SDK's return code `call` was done, or the code is `but`."""
     if code not in (Code.OK, Code.WARNING, but):
         raise DeviceError(return_code_sentence(code, call))
 

@@ -27,7 +27,7 @@ _RECEIVE_BYTES = 4096
 
 
 class MalformedFrameError(ConnectionError):
-    """The peer does not speak this protocol."""
+    """The peer uses another protocol."""
 
 
 @dataclass(frozen=True, slots=True)

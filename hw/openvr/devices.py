@@ -34,7 +34,7 @@ class ControllerInfo:
     controller_type: str
     model: str
     serial: str
-    battery: float | None  # 0..1, None if it does not say
+    battery: float | None  # 0..1; None: not reported
     connected: bool
     tracked: bool
 
@@ -113,7 +113,7 @@ _PAD_EDGE = 0.3  # from the middle, of the pad's radius
 class ComponentReader:
     """Reads every component of the operator's controller, whatever part it plays.
 
-    For `calibrate frame`: the controller state knows nothing of actions and bindings, so a wrong
+    For `calibrate frame`: the controller state is independent of actions and bindings, so a wrong
     mapping cannot hide a button. No thread: calls wait for the runtime. Not while an
     `OpenVrController` is open.
     """

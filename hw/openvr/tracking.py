@@ -33,7 +33,7 @@ def tracking_problem(vr: Any, device: Any) -> str:
         return "no valid pose"
     matrix = pose_matrix(device)
     if not matrix[:, 3].any():
-        return "no position"  # so streamed controllers say that they are lost (FINDINGS 11)
+        return "no position"  # as streamed controllers report that they are lost (FINDINGS 11)
     return "" if _is_rigid(matrix) else "no sensible pose"
 
 
@@ -118,7 +118,7 @@ class FrameKeeper:
         self._release = TriggerRelease()
 
     def note_event(self) -> None:
-        """The runtime says that the frame was moved."""
+        """The runtime reports that the frame was moved."""
         self._changed = True
         self._release = TriggerRelease()
 
@@ -142,7 +142,7 @@ class FrameKeeper:
 
 
 def frame_events(vr: Any) -> frozenset[int]:
-    """The events that say that the frame was moved: recentred, or another room."""
+    """The events of a frame that was moved: recentred, or another room."""
     return frozenset(
         {
             vr.VREvent_ChaperoneDataHasChanged,

@@ -26,7 +26,7 @@ class CameraMode:
     """One pixel format (fourcc) at one size and the rates [1/s] it offers, fastest first.
 
     `largest`: (width, height) up to which any size is offered, None if it is this one alone.
-    `any_rate`: everything between the rates; no rates at all: the driver does not say.
+    `any_rate`: everything between the rates; no rates at all: the driver reports none.
     """
 
     pixel_format: str

@@ -88,7 +88,7 @@ class ControllerCore:
         self._moves = MoveQueue()
         self._twist_servo = TwistServo()
 
-    # --- what it says of itself -----------------------------------------------------------------
+    # --- its state ------------------------------------------------------------------------------
 
     @property
     def state(self) -> State:
@@ -133,7 +133,7 @@ class ControllerCore:
         linear = self._kinematics.jacobian(self._commanded)[:3] @ self._velocity
         return norm(floats(linear)) * 1000.0
 
-    # --- what can happen to it ------------------------------------------------------------------
+    # --- events ---------------------------------------------------------------------------------
 
     def raise_error(self, code: int) -> None:
         """Stop with error `code`; the first error stays until it is cleaned."""
@@ -164,7 +164,7 @@ class ControllerCore:
         """The error stays until it is cleaned, and the arm needs to be enabled again."""
         self._emergency_stop = False
 
-    # --- what registers do ----------------------------------------------------------------------
+    # --- commands -------------------------------------------------------------------------------
 
     def clean_error(self) -> None:
         """Clear the error; the arm stays stopped. The pressed button cannot be cleared."""
@@ -182,7 +182,7 @@ class ControllerCore:
             self._halt(State.STOPPED)
 
     def set_state(self, value: int) -> None:
-        """Do what a `StateCommand` says."""
+        """Obey a `StateCommand`."""
         if value == StateCommand.READY:
             if self.enabled and not self.error_code:
                 self._state = State.STANDBY

@@ -1,6 +1,6 @@
 """The arm in virtual time: the controller model without sockets, stepped by the caller's clock.
 
-It speaks to the model in the same registers as the driver does over TCP, and passes the same
+It uses the same registers of the model as the driver does over TCP, and passes the same
 contract suite (tests/contract/test_arm.py).
 """
 

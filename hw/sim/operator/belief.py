@@ -84,7 +84,7 @@ class Belief:
 
     @property
     def state(self) -> Vector:
-        """The things' numbers, where `belief_state` says; a view to read and write."""
+        """The things' numbers, at the places of `belief_state`; a view to read and write."""
         return self.estimate.state[:SIZE]
 
     @property

@@ -1,7 +1,7 @@
 """Operators who read the true scene instead of looking at images: of the demo, and of a sweep.
 
-For `make run`, calibration and recorded hands: they show that control, arm and task work, and say
-nothing about video. The operator of a study is `hw.sim.operator.seeing.SeeingParticipant`.
+For `make run`, calibration and recorded hands: they show that control, arm and task work, whatever
+the video is like. The operator of a study is `hw.sim.operator.seeing.SeeingParticipant`.
 """
 
 from __future__ import annotations

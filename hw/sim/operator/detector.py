@@ -82,7 +82,7 @@ class Detector:
         self._opening = 0.016
 
     def look(self, images: Mapping[str, Image], belief: Belief) -> Glance:
-        """All that `images` (BGR, by view) show, expected where `belief` says."""
+        """All that `images` (BGR, by view) show, searched for around what `belief` expects."""
         self._glances += 1
         boxes = tool_boxes(belief.tcp, belief.tool_axes, self._opening)
         sightings: list[Sighting] = []

@@ -142,7 +142,7 @@ class MotorNoise:
 
 
 class Hand:
-    """Arm, wrist and fingers of one person; `step` moves them, the attributes say where to."""
+    """Arm, wrist and fingers of one person; the attributes are where `step` leaves them."""
 
     def __init__(
         self,

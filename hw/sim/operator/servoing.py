@@ -88,7 +88,7 @@ class HandMap:
     def __init__(
         self, config: HandConfig, traits: ParticipantProfile, random: np.random.Generator
     ) -> None:
-        """`traits` say how well directions and scale are known."""
+        """`traits`: how well directions and scale are known."""
         misjudged = Rotation.from_rotvec(random.normal(0.0, traits.misjudged_rad, 3)).as_matrix()
         rotation = misjudged @ np.array(config.rotation)
         scale = 1.0 + random.normal(0.0, traits.misjudged_scale)

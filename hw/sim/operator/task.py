@@ -1,7 +1,7 @@
 """Pick and place as a person does it: what the tool should do next, from what is seen.
 
-The task knows nothing of hands, clutches and button mappings: it says how the tool should move,
-in which mode, and what the thumb should press. All of it is in the arm's base frame.
+The task is independent of hands, clutches and button mappings: it gives the tool's motion, its
+mode, and what the thumb presses. All of it is in the arm's base frame.
 """
 
 from __future__ import annotations

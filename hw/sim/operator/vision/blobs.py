@@ -104,7 +104,7 @@ def strength(patch: Image, colour: int) -> Image:
 def find_blobs(window: Window, colour: int, expected_area: float) -> list[Blob]:
     """The patches of `colour`, largest first; none when nothing stands out.
 
-    `expected_area` [px²] of one of them, as far as is known: it says how many pixels show the full
+    `expected_area` [px²] of one of them, as far as is known: by it so many pixels show the full
     strength.
     """
     strong = strength(window.patch, colour)
