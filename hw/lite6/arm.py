@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 from hw.arm import Arm, TcpBoundary
 from hw.lite6.codes import Mode
-from hw.lite6.commands import activity_of, arm_fault, checked_goal, servo_of
+from hw.lite6.commands import NOT_CONNECTED, activity_of, arm_fault, checked_goal, servo_of
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
@@ -22,7 +22,6 @@ from tams_app.records import ArmState, CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 
-_NOT_CONNECTED = "The arm is not connected; connect it first."
 _STOPPED_MEANWHILE = "The arm was stopped meanwhile; arm it again when that is wanted."
 
 
@@ -108,7 +107,7 @@ class Lite6(Arm):
     def link(self) -> CommandLink:
         connection = self._connection
         if connection is None:
-            return CommandLink(0, 0, 0, 0, _NOT_CONNECTED, LinkFault.LOST)
+            return CommandLink(0, 0, 0, 0, NOT_CONNECTED, LinkFault.LOST)
         return connection.link
 
     def send_twist(self, twist: Twist) -> None:
@@ -178,7 +177,7 @@ class Lite6(Arm):
             renewed.take_scheduling(broken)
             with self._stop_lock:
                 if self._connection is not broken:
-                    raise DeviceError(_NOT_CONNECTED)  # closed meanwhile
+                    raise DeviceError(NOT_CONNECTED)  # closed meanwhile
                 self._connection, self._renewed = renewed, None
         except BaseException:
             with self._stop_lock:
@@ -189,7 +188,7 @@ class Lite6(Arm):
 
     def _required(self) -> Lite6Connection:
         if self._connection is None:
-            raise DeviceError(_NOT_CONNECTED)
+            raise DeviceError(NOT_CONNECTED)
         return self._connection
 
     @contextlib.contextmanager

@@ -14,7 +14,7 @@ import numpy as np
 from hw.arm import ArmLimits, TcpBoundary
 from hw.lite6.codes import DRIVE_ERRORS, Mode, State
 from tams_app.errors import DeviceError
-from tams_app.records import Activity, ArmFault, ServoMode, Twist, Vector
+from tams_app.records import Activity, ArmFault, LinkFault, ServoMode, Twist, Vector
 from tams_app.vectors import norm
 
 LIMITS = ArmLimits(
@@ -37,7 +37,11 @@ _ACTIVITIES = {
     State.STANDBY.value: Activity.IDLE,
     State.PAUSED.value: Activity.PAUSED,
 }
+NO_FAILURE = ("", LinkFault.NONE)  # of the command link
+NOT_CONNECTED = "The arm is not connected; connect it first."
 OUTPUTS_DIFFER = "The gripper's outputs are not what was commanded; check its plug at the flange."
+GRIPPER_ATTEMPTS = 3
+READY_ACCELERATION_RAD_S2 = 1.0  # of a move to joints
 _FARTHEST_MM = 9999  # registers 52 and 53 hold more; nothing of the arm gets there
 _MM_PER_M = 1000.0
 

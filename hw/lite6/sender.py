@@ -11,7 +11,13 @@ from collections.abc import Callable
 from typing import Any
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
-from hw.lite6.commands import OUTPUTS_DIFFER, error_sentence, twist_refusal
+from hw.lite6.commands import (
+    GRIPPER_ATTEMPTS,
+    NO_FAILURE,
+    OUTPUTS_DIFFER,
+    error_sentence,
+    twist_refusal,
+)
 from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Twist
@@ -22,12 +28,10 @@ from tams_app.vectors import times
 
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
-GRIPPER_ATTEMPTS = 3
 READ_BACK_AFTER_NS = 50 * NS_PER_MS
 READ_AGAIN_NS = NS_PER_S  # no report has the tool's outputs, which others may switch
 _OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
 _MM_PER_M = 1000.0
-_NO_FAILURE = ("", LinkFault.NONE)
 
 
 class CommandSender:
@@ -65,7 +69,7 @@ class CommandSender:
         self._slow = 0
         self._acknowledged_ns = clock.now_ns()
         self._round_trip_ns = 0
-        self._failure: tuple[str, LinkFault] = _NO_FAILURE
+        self._failure: tuple[str, LinkFault] = NO_FAILURE
         self._death = ""  # of the thread, which nothing but a new connection brings back
         self._doubts = 0
         self._gripper: tuple[bool | None, int] = (None, 0)  # what it does, after so many doubts
@@ -97,7 +101,7 @@ class CommandSender:
     def forget_failure(self) -> None:
         """The operator has dealt with it; the end of the thread stays a failure."""
         self._misses = 0
-        self._failure = _NO_FAILURE
+        self._failure = NO_FAILURE
         self._gripper_due_ns = 0  # in an error it cannot be read
 
     @property
@@ -247,7 +251,7 @@ class CommandSender:
 
     def _fail(self, opening: int, sentence: str, fault: LinkFault) -> None:
         """Keep the first failure; a reply to something older than the last stop is none."""
-        if self._outbox.is_current(opening) and self._failure is _NO_FAILURE:
+        if self._outbox.is_current(opening) and self._failure is NO_FAILURE:
             self._failure = (sentence, fault)
             self._outbox.shut()
 
@@ -262,7 +266,7 @@ class CommandSender:
         try:
             break_off(self._api)
         finally:  # the loop is notified however this ends
-            if self._failure is _NO_FAILURE:
+            if self._failure is NO_FAILURE:
                 self._failure = (sentence, LinkFault.LOST)
 
     def _on_death(self, name: str, failure: BaseException) -> None:

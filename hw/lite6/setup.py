@@ -9,7 +9,12 @@ from typing import Any
 
 from hw.arm import TcpBoundary
 from hw.lite6.codes import DRIVE_ERRORS, Code, Mode, StateCommand
-from hw.lite6.commands import activity_of, error_sentence, standing_error_sentence
+from hw.lite6.commands import (
+    READY_ACCELERATION_RAD_S2,
+    activity_of,
+    error_sentence,
+    standing_error_sentence,
+)
 from hw.lite6.discovery import unfitness
 from hw.lite6.outbox import Outbox
 from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusReport
@@ -27,7 +32,6 @@ SETUP_REPLY_TIMEOUT_S = 1.0
 REPORT_TIMEOUT_S = 2.0  # ten periods of the rich report
 STOP_TIMEOUT_S = 0.5
 ERROR_GONE_TIMEOUT_S = 1.0  # five periods of the report that shows it
-READY_ACCELERATION_RAD_S2 = 1.0
 
 
 class Lite6Connection:

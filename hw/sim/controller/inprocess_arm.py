@@ -24,7 +24,11 @@ from hw.lite6.codes import (
     return_code_sentence,
 )
 from hw.lite6.commands import (
+    GRIPPER_ATTEMPTS,
+    NO_FAILURE,
+    NOT_CONNECTED,
     OUTPUTS_DIFFER,
+    READY_ACCELERATION_RAD_S2,
     activity_of,
     arm_fault,
     boundary_edges,
@@ -53,16 +57,11 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
 from tams_app.vectors import times
 
-MOVE_ACCELERATION_RAD_S2 = 1.0
-GRIPPER_ATTEMPTS = 3
-
 _REPORT_PERIOD_NS = NS_PER_S // ReportKind.REAL.rate_hz
 _TOOL_HOST = 9
 # writes to the tool outputs: which ones change (high byte), and to what
 _OPEN_COMMAND, _CLOSE_COMMAND = 0x0301, 0x0302
 _REFUSED = ReplyBit.INVALID | ReplyBit.NOT_READY | ReplyBit.ERROR
-_NO_FAILURE = ("", LinkFault.NONE)
-_NOT_CONNECTED = "The arm is not connected; connect it first."
 
 
 class InProcessArm(SimulatedArm):
@@ -93,7 +92,7 @@ class InProcessArm(SimulatedArm):
         self._state: ArmState | None = None
         self._sent = 0
         self._acknowledged_ns = 0
-        self._failure: tuple[str, LinkFault] = _NO_FAILURE
+        self._failure: tuple[str, LinkFault] = NO_FAILURE
 
     # --- time -----------------------------------------------------------------------------------
 
@@ -162,7 +161,7 @@ class InProcessArm(SimulatedArm):
     def begin_move_to_joints(self, joints: list[float], speed: float) -> None:
         goal = checked_goal(joints, speed)
         self._enter(Mode.POSITION)
-        command = struct.pack("<10f", *goal, 0.0, speed, MOVE_ACCELERATION_RAD_S2, 0.0)
+        command = struct.pack("<10f", *goal, 0.0, speed, READY_ACCELERATION_RAD_S2, 0.0)
         self._demand(Register.MOVE_JOINT, command)
 
     def clear_errors(self) -> None:
@@ -173,7 +172,7 @@ class InProcessArm(SimulatedArm):
         self._request(Register.CLEAN_WARNING)
         self.stop()
         self._raise_error()
-        self._failure = _NO_FAILURE
+        self._failure = NO_FAILURE
 
     def close(self) -> None:
         self.stop()
@@ -189,7 +188,7 @@ class InProcessArm(SimulatedArm):
     def link(self) -> CommandLink:
         sentence, fault = self._failure
         if not self._connected:
-            sentence, fault = _NOT_CONNECTED, LinkFault.LOST
+            sentence, fault = NOT_CONNECTED, LinkFault.LOST
         return CommandLink(self._sent, self._acknowledged_ns, 0, 0, sentence, fault)
 
     def send_twist(self, twist: Twist) -> None:
@@ -251,7 +250,7 @@ class InProcessArm(SimulatedArm):
         self._request(Register.MOTION_ENABLE, bytes([ALL_JOINTS, 1]))
         self._request(Register.SET_MODE, bytes([mode]))
         self._demand(Register.SET_STATE, bytes([StateCommand.READY]))
-        self._failure = _NO_FAILURE
+        self._failure = NO_FAILURE
 
     def _demand(self, register: Register, payload: bytes = b"") -> None:
         """A request that must find or leave the controller ready; DeviceError if not."""
@@ -271,7 +270,7 @@ class InProcessArm(SimulatedArm):
     def _request(self, register: Register, payload: bytes = b"") -> int:
         """The status byte of the reply."""
         if not self._connected:
-            raise DeviceError(_NOT_CONNECTED)
+            raise DeviceError(NOT_CONNECTED)
         self._catch_up()
         return self.model.handle(register, payload, self._clock.now_ns())[0]
 
