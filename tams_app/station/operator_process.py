@@ -20,8 +20,8 @@ from typing import Any
 import cv2
 
 from hw.controller import Controller
+from hw.remote_controller import ControllerPublisher
 from hw.sim.operator.demo import demo_controller
-from hw.sim.operator.remote_controller import ControllerPublisher
 from hw.sim.operator.seeing import Images, OnScreen, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 
-from hw.sim.operator.remote_controller import RemoteController
+from hw.remote_controller import RemoteController
 from tams_app.config import Config
 from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock

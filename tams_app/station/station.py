@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -22,6 +21,7 @@ from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.station.receivers import Receivers
 from tams_app.station.recorded_hand import recorded_hand
+from tams_app.station.rig_operator import RigOperator
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
@@ -29,9 +29,6 @@ from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.stages import together
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tams_app.video.live.installed_codecs import installed_codecs
-
-if TYPE_CHECKING:
-    from tams_app.station.rig_operator import RigOperator
 
 MakeHand = Callable[[Config], Controller]
 _SIMULATED = {
@@ -91,8 +88,6 @@ class Station:
         is_there = self._make is not None or config.rig.hand_trajectory is not None
         if is_there or not config.operator_is_simulated:
             return
-        from tams_app.station.rig_operator import RigOperator  # a person needs no simulation
-
         self._simulated = operator = RigOperator(
             config,
             self._clock,

@@ -20,8 +20,8 @@ from hw.controller import Controller
 from hw.desk.keyboard import DEADMAN, HeldKeys, KeyboardController
 from hw.link.controller import LinkController
 from hw.openvr.controller import OpenVrController
+from hw.remote_controller import ControllerPublisher, RemoteController
 from hw.sim.operator.hand import Hand, HandCommand, ThumbButton
-from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
 from tams_app.config import (
     ControllerConfig,
     DeskConfig,

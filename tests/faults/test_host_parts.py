@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from hw.sim.operator.remote_controller import RemoteController
+from hw.remote_controller import RemoteController
 from hw.sim.world.rig_memory import SimCamera
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError

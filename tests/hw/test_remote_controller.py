@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from hw.controller import Controller
-from hw.sim.operator.remote_controller import ControllerPublisher, RemoteController
+from hw.remote_controller import ControllerPublisher, RemoteController
 from tams_app.errors import DeviceError
 from tams_app.records import ControllerSample, ControllerStatus, Haptic
 from tams_app.runtime.clock import VirtualClock
