@@ -167,7 +167,7 @@ class ArmView:
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedBoard:
     """The board as a camera that stands still saw it; `points`: its corners in the base frame."""
 
     points: Points
@@ -200,7 +200,7 @@ class HandEye:
     board: Pose
 
 
-View = TypeVar("View", ArmView, Placed)
+View = TypeVar("View", ArmView, PlacedBoard)
 
 
 def turns_problem(flanges: Sequence[Pose]) -> str:
@@ -228,7 +228,7 @@ def fit_hand_eye(lens: Lens, views: Sequence[ArmView]) -> HandEye:
     return HandEye(mount, board)
 
 
-def fit_fixed(lens: Lens, places: Sequence[Placed]) -> MountFit:
+def fit_fixed(lens: Lens, places: Sequence[PlacedBoard]) -> MountFit:
     """The pose of a camera that stands still, base frame; NoFitError if they are too few."""
     if len(places) < FEWEST_PLACES:
         raise NoFitError(f"{len(places)} places of the board, {FEWEST_PLACES} are needed")
@@ -308,7 +308,7 @@ def _middle(poses: Sequence[Pose]) -> Rotation:
     return min(turns, key=lambda one: sum((one.inv() * other).magnitude() for other in turns))
 
 
-def _fit_placed(lens: Lens, places: Sequence[Placed]) -> _Fitted:
+def _fit_placed(lens: Lens, places: Sequence[PlacedBoard]) -> _Fitted:
     points = np.concatenate([place.points for place in places])
     pixels = np.concatenate([place.view.pixels for place in places])
     _, turn, way = cv2.solvePnP(
@@ -318,7 +318,9 @@ def _fit_placed(lens: Lens, places: Sequence[Placed]) -> _Fitted:
     return _nearest(lens, places, (inverse(base),))
 
 
-def _nearest(lens: Lens, views: Sequence[ArmView | Placed], start: tuple[Pose, ...]) -> _Fitted:
+def _nearest(
+    lens: Lens, views: Sequence[ArmView | PlacedBoard], start: tuple[Pose, ...]
+) -> _Fitted:
     """The poses by which corners are least off, from `start` on; far ones count less."""
 
     def moved(steps: Points) -> tuple[Pose, ...]:
@@ -343,7 +345,9 @@ def _nearest(lens: Lens, views: Sequence[ArmView | Placed], start: tuple[Pose, .
     return _Fitted(moved(found.x), spread)
 
 
-def _all_off_px(lens: Lens, views: Sequence[ArmView | Placed], poses: tuple[Pose, ...]) -> Points:
+def _all_off_px(
+    lens: Lens, views: Sequence[ArmView | PlacedBoard], poses: tuple[Pose, ...]
+) -> Points:
     return np.concatenate([view.off_px(lens, *poses) for view in views])
 
 

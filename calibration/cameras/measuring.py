@@ -19,7 +19,7 @@ from calibration.cameras.fit import (
     LensFit,
     MountFit,
     NoFitError,
-    Placed,
+    PlacedBoard,
     fit_fixed,
     fit_hand_eye,
     fit_lens,
@@ -248,7 +248,7 @@ def _beside_it(
     for view, found in views.items():
         try:
             seen_there = [
-                Placed(board.position + board.rotation.apply(seen[view].points), seen[view])
+                PlacedBoard(board.position + board.rotation.apply(seen[view].points), seen[view])
                 for board, seen in places
                 if view in seen
             ]

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from calibration.cameras.board import Board, BoardView
-from calibration.cameras.fit import ArmView, Placed
+from calibration.cameras.fit import ArmView, PlacedBoard
 from tams_app.prediction.plane_warp import inverse, mounted
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
@@ -73,7 +73,7 @@ def arm_views(
         yield ArmView(told, view_of(lens, mounted(inverse(camera), BOARD), random, noise_px))
 
 
-def placed_views(random: np.random.Generator, noise_px: float = 0.1) -> Iterator[Placed]:
+def placed_views(random: np.random.Generator, noise_px: float = 0.1) -> Iterator[PlacedBoard]:
     """The board at five places before a camera that stands at `GT`."""
     for _ in range(5):
         x, y, z = random.uniform(-0.5, 0.5, 3).tolist()
@@ -81,4 +81,4 @@ def placed_views(random: np.random.Generator, noise_px: float = 0.1) -> Iterator
         board = held(LENS, column, row, (x, y, z))
         view = view_of(LENS, board, random, noise_px)
         in_base = mounted(GT, board)
-        yield Placed(in_base.position + in_base.rotation.apply(view.points), view)
+        yield PlacedBoard(in_base.position + in_base.rotation.apply(view.points), view)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from calibration.cameras.fit import (
     NoFitError,
-    Placed,
+    PlacedBoard,
     fit_fixed,
     fit_hand_eye,
     fit_lens,
@@ -196,6 +196,6 @@ def test_too_few_places_and_places_that_do_not_agree_are_refused():
     places = list(placed_views(random))
     with pytest.raises(NoFitError, match="3 places of the board, 4 are needed"):
         fit_fixed(LENS, places[:3])
-    wrong = Placed(places[0].points + np.array((0.03, 0.0, 0.0)), places[0].view)
+    wrong = PlacedBoard(places[0].points + np.array((0.03, 0.0, 0.0)), places[0].view)
     with pytest.raises(NoFitError, match="px from where arm and camera have them"):
         fit_fixed(LENS, [wrong, *places[1:]])
