@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -22,7 +23,6 @@ from tams_app.console import options
 from tams_app.console.export_cli import export
 from tams_app.console.logs_cli import log_app, replay, report
 from tams_app.console.session_cli import key_app, operate, robot, run
-from tams_app.console.study_cli import study_app
 from tams_app.console.tools_cli import allocate, config, network, phases
 from tams_app.errors import ConfigError, TamsError
 
@@ -190,4 +190,5 @@ for _command in (report, replay, export, config, network, phases, allocate):
     app.command()(_command)
 app.add_typer(key_app, name="key")
 app.add_typer(log_app, name="log")
-app.add_typer(study_app, name="study")
+# the laboratory: nothing of the product imports it
+app.add_typer(import_module("tams_app.study.cli").app, name="study")

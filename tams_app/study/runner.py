@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import platform
+import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
+from tams_app.config import Config
 from tams_app.outputs import write_file
 from tams_app.study.plan import PlannedTrial
 
@@ -22,6 +26,25 @@ class TrialRunner(Protocol):
 
         Raises TamsError, a sentence, where the trial cannot be run.
         """
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedTrialRunner:
+    """Runs a study's trials in virtual time, for `study run --sim`.
+
+    One process per trial, one core per process. The logs are kept without bitstream and pictures.
+    """
+
+    config: Config  # the study's
+
+    def run(self, trial: PlannedTrial, folder: Path) -> None:
+        from tams_app.session.virtual.runner import run_virtual_trial  # in the trial's process only
+
+        kept = {"bitstream": False, "pictures_per_s": 0.0}
+        recording = self.config.recording.model_copy(update=kept)
+        config = trial.configure(self.config).model_copy(update={"recording": recording})
+        gc.freeze()  # what was imported lives as long as the process
+        run_virtual_trial(config, trial.participant_seed, folder, time.time_ns())
 
 
 def mark_ended(folder: Path) -> None:

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 from unittest.mock import MagicMock
 
 import pytest
 
-import tams_app.console.trial
 import tams_app.study.commands
 from tams_app.cli import _main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, load_config
 from tams_app.errors import TamsError
+from tams_app.study import live_trial, runner
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import AttemptState, conditions_of_all
 from tams_app.study.runner import TrialRunner, mark_ended
@@ -27,6 +25,7 @@ from tests.study.test_guided import SUCCESS
 pytestmark = pytest.mark.untimed
 
 Run = Callable[..., tuple[int, str, str]]
+PLAYED = PlantedRunner()
 
 
 class PlayedPool:
@@ -60,10 +59,8 @@ def study(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -
     """Run a sub-command with played trials: exit code, standard output, standard error."""
     monkeypatch.setenv("COLUMNS", "200")
 
-    def run(*arguments: object, runner: TrialRunner | None = None) -> tuple[int, str, str]:
-        virtual: Any = ModuleType("tams_app.session.virtual")
-        virtual.SimulatedTrialRunner = lambda _config: runner or PlantedRunner()
-        monkeypatch.setitem(sys.modules, "tams_app.session.virtual", virtual)
+    def run(*arguments: object, played: TrialRunner = PLAYED) -> tuple[int, str, str]:
+        monkeypatch.setattr(runner, "SimulatedTrialRunner", lambda _config: played)
         monkeypatch.setattr(tams_app.study.commands, "LocalPool", PlayedPool)
         code = _main(["study", *map(str, arguments)])
         return (code, *capsys.readouterr())
@@ -161,7 +158,7 @@ def test_the_same_command_plans_runs_and_then_finds_all_done(
     study: Run, config: Path, tmp_path: Path
 ) -> None:
     words = ("run", "--sim", "--participants", 1, "--config", config, "--out", tmp_path / "s")
-    assert study(*words, runner=PlantedRunner(fails=("P01-02",)))[0] == 1
+    assert study(*words, played=PlantedRunner(fails=("P01-02",)))[0] == 1
     code, text, _ = study(*words)
     assert (code, "1 trials done" in text) == (0, True)
     code, text, _ = study(*words)
@@ -275,7 +272,7 @@ def test_dask_without_its_extra_is_one_sentence(
 def test_without_the_simulation_s_extra_a_sentence_says_what_to_install(
     study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tams_app.console.study_cli.find_spec", lambda name: None)
+    monkeypatch.setattr("tams_app.study.cli.find_spec", lambda name: None)
     words = ("run", tmp_path / "s", "--sim", "--participants", 1, "--config", config)
     code, _, err = study(*words)
     assert code == 1
@@ -288,7 +285,7 @@ def test_ctrl_c_leaves_a_study_that_goes_on(
     out = tmp_path / "s"
     words = ("run", "--sim", "--participants", 1, "--config", config, "--out", out)
     with pytest.raises(KeyboardInterrupt):
-        study(*words, runner=PlantedRunner(interrupted=("P01-02",)))
+        study(*words, played=PlantedRunner(interrupted=("P01-02",)))
     text = capsys.readouterr().out
     assert "Stopped: 1 of 2 trials are done and kept." in text
     assert f"`study run --sim {out}` goes on" in text.replace("\n", "")
@@ -308,9 +305,7 @@ def test_people_are_guided_through_trials_whose_strategy_is_not_named(
     config = configuration(tmp_path / "lab.yaml", CONFIG_DIRECTORY / "lite6.yaml")
     answers = ["g", "j", "y", "0", "44", "y", "s"]
     monkeypatch.setattr("builtins.input", lambda *_: answers.pop(0))
-    monkeypatch.setattr(
-        tams_app.console.trial, "LiveTrialRunner", lambda config: PlantedRunner(judged=False)
-    )
+    monkeypatch.setattr(live_trial, "LiveTrialRunner", lambda config: PlantedRunner(judged=False))
     out = tmp_path / "s"
     code, text, _ = study("run", "--participants", 2, "--config", config, "--out", out)
     assert code == 0

@@ -16,7 +16,3 @@ the machine of docs/MEASUREMENTS.md, medians):
 No tick, frame or packet is ever late for want of a processor, there is no guard process (nothing
 for it to watch), and load and memory of a machine are not recorded: null in summary.json.
 """
-
-from tams_app.session.virtual.runner import SimulatedTrialRunner
-
-__all__ = ["SimulatedTrialRunner"]

@@ -1,10 +1,7 @@
-"""Virtual trials as a study runs them: one process for each, their logs, their summaries."""
+"""A virtual trial with all that it leaves: its log, its configuration, its summary."""
 
 from __future__ import annotations
 
-import gc
-import time
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -15,7 +12,6 @@ from tams_app.records import Outcome
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.virtual.trial import VirtualTrial
-from tams_app.study.plan import PlannedTrial
 from tams_app.summary.summarise import save_summary, summarise
 
 
@@ -38,20 +34,3 @@ def run_virtual_trial(
         trial.close()
     save_summary(summarise(read_log(folder / LOG_NAME)), folder)
     return outcome
-
-
-@dataclass(frozen=True, slots=True)
-class SimulatedTrialRunner:
-    """Runs a study's trials in virtual time; a `TrialRunner` for `study run --sim`.
-
-    One process per trial, one core per process. The logs are kept without bitstream and pictures.
-    """
-
-    config: Config  # the study's
-
-    def run(self, trial: PlannedTrial, folder: Path) -> None:
-        kept = {"bitstream": False, "pictures_per_s": 0.0}
-        recording = self.config.recording.model_copy(update=kept)
-        config = trial.configure(self.config).model_copy(update={"recording": recording})
-        gc.freeze()  # what was imported lives as long as the process
-        run_virtual_trial(config, trial.participant_seed, folder, time.time_ns())

@@ -12,10 +12,10 @@ import pytest
 from tams_app.config import load_config
 from tams_app.printing import Console
 from tams_app.recording import read_log, read_video
-from tams_app.session.virtual import SimulatedTrialRunner
 from tams_app.study.commands import run_simulated
 from tams_app.study.folder import StudyFolder
 from tams_app.study.planning import make_plan
+from tams_app.study.runner import SimulatedTrialRunner
 from tams_app.study.trial_process import Job, TrialProcess
 from tests.session.virtual.runs import short
 from tests.study.synthetic_study import planned_trial

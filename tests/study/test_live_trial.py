@@ -12,9 +12,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-import tams_app.console.trial
 from tams_app.config import Config, load_config
-from tams_app.console.trial import LiveTrial, LiveTrialRunner
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.figures import trial_texts
@@ -22,6 +20,8 @@ from tams_app.faces.terminal.line import COLUMNS
 from tams_app.printing import Console
 from tams_app.recording import read_log
 from tams_app.session.session import Session
+from tams_app.study import live_trial
+from tams_app.study.live_trial import LiveTrial, LiveTrialRunner
 from tams_app.task.marks import DROPS_FACT, PLACED_FACT
 from tests.faces.terminal.test_line import STATE
 from tests.study.synthetic_study import planned_trial
@@ -78,8 +78,8 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
                 raise TamsError("no log")
             (folder / "summary.json").write_text("{}")
 
-        monkeypatch.setattr(tams_app.console.trial, "show_session", show)
-        monkeypatch.setattr(tams_app.console.trial, "write_summary", write_summary)
+        monkeypatch.setattr(live_trial, "show_session", show)
+        monkeypatch.setattr(live_trial, "write_summary", write_summary)
 
     return play
 

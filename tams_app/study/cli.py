@@ -12,7 +12,7 @@ from tams_app.config import load_config
 from tams_app.console.options import ConfigOption, Override, overriding
 from tams_app.errors import ConfigError, SetupError
 
-study_app = typer.Typer(
+app = typer.Typer(
     help="Plan, run and report a study (docs/STUDY.md). Every strategy is tried on every "
     "network, with simulated or real operators.",
 )
@@ -31,7 +31,7 @@ _DESIGN = {
 }
 
 
-@study_app.command()
+@app.command()
 @overriding(
     "folder sim participants repetitions practice seed config out workers dask participant",
     _DESIGN,
@@ -61,21 +61,20 @@ def run(
     from tams_app.study import commands
 
     study = commands.study_to_run(_folder(folder, out), sim, participants, overrides, config)
-    console = _console()
-    if not sim:
-        from tams_app.console.trial import LiveTrialRunner
+    if sim:
+        if find_spec("mujoco") is None:
+            raise SetupError("simulated trials need MuJoCo: pip install mujoco")
+        from tams_app.study.runner import SimulatedTrialRunner
 
-        people = LiveTrialRunner(study.config())
-        raise typer.Exit(commands.run_guided(study, people, participant, console))
-    if find_spec("mujoco") is None:
-        raise SetupError("simulated trials need MuJoCo: pip install mujoco")
-    from tams_app.session.virtual import SimulatedTrialRunner
+        simulated = SimulatedTrialRunner(study.config())
+        raise typer.Exit(commands.run_simulated(study, simulated, _console(), workers, dask))
+    from tams_app.study.live_trial import LiveTrialRunner
 
-    runner = SimulatedTrialRunner(study.config())
-    raise typer.Exit(commands.run_simulated(study, runner, console, workers, dask))
+    live = LiveTrialRunner(study.config())
+    raise typer.Exit(commands.run_guided(study, live, participant, _console()))
 
 
-@study_app.command()
+@app.command()
 @overriding("participants folder repetitions practice seed config sim out preset", _DESIGN)
 def plan(
     overrides: dict[str, Any],
@@ -91,7 +90,7 @@ def plan(
     raise typer.Exit(plan_study(settings, _folder(folder, out), participants, _console()))
 
 
-@study_app.command()
+@app.command()
 def show(
     folder: Folder = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -102,7 +101,7 @@ def show(
     raise typer.Exit(show_study(_folder(folder), _console(), as_json))
 
 
-@study_app.command()
+@app.command()
 def void(
     trial: Annotated[str, typer.Argument(metavar="TRIAL", help="As in `show`: P01-03, …")],
     reason: Annotated[str, typer.Option(help="Why the trial does not count; kept with its data.")],
@@ -114,7 +113,7 @@ def void(
     raise typer.Exit(void_trial(_folder(folder), trial, reason, _console()))
 
 
-@study_app.command()
+@app.command()
 def forget(
     participant: Annotated[str, typer.Argument(metavar="PARTICIPANT", help="As in `show`: P01, …")],
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="The study's folder.")],
@@ -126,7 +125,7 @@ def forget(
     raise typer.Exit(forget_participant(folder, participant, _console(), yes))
 
 
-@study_app.command()
+@app.command()
 def report(
     folder: Folder = None,
     out: Annotated[
