@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from benchmarks.runs import Run
-from tams_app.summary.tables import FrameTable, PacketTable, Targets
+from tams_app.summary.tables import LogTables
 from tams_app.summary.tracking import Windows, steps, windows
 from tams_app.units import NS_PER_S
 
@@ -136,12 +136,11 @@ def rig_figures(runs: list[Run]) -> list[Figure]:
 
 def _settling_times_s(run: Run) -> list[float | None]:
     """One per target step of a view that has 500 ms to settle in."""
-    packets, targets = PacketTable.of(run.log), Targets.of(run.log)
+    tables = LogTables(run.log)
     times: list[float | None] = []
     for view in run.log.header.views:
-        frames = FrameTable.of(run.log, view)
-        found = windows(run.log, view, frames, packets, targets)
-        at = steps(targets, view)
+        found = windows(tables, view)
+        at = steps(tables.targets, view)
         for begin, end in pairwise([*at, found.end_ns[-1]]):
             if end - begin >= 1_000_000_000 and begin != at[0]:
                 times.append(settling_time_s(found, int(begin), int(end)))

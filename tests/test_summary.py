@@ -27,10 +27,10 @@ from tams_app.records import (
 )
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
-from tams_app.summary.stages import STAGES
-from tams_app.summary.tables import FrameTable, PacketTable, Targets
+from tams_app.summary.tables import LogTables
 from tams_app.summary.tracking import Windows, steps, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.stages import STAGES
 from tests.synthetic_session import (
     START_NS,
     VIEWS,
@@ -373,15 +373,14 @@ def test_a_change_of_the_target_by_a_tenth_is_no_step() -> None:
         Allocation(START_NS + number, Phase.REACH, 6000.0, 5520.0, dict.fromkeys(VIEWS, target))
         for number, target in enumerate((1000, 1100, 1000, 1101, 900))
     ]
-    assert steps(Targets.of(log), "eih").tolist() == [START_NS, START_NS + 3, START_NS + 4]
+    assert steps(LogTables(log).targets, "eih").tolist() == [START_NS, START_NS + 3, START_NS + 4]
 
 
 def windows_without(*missed: int) -> Windows:
     """Windows of a view whose camera missed these frames."""
     log = Synthetic(1.0).log()
     log.captured = [one for one in log.captured if one.index not in missed]
-    frames, packets = FrameTable.of(log, "eih"), PacketTable.of(log)
-    return windows(log, "eih", frames, packets, Targets.of(log))
+    return windows(LogTables(log), "eih")
 
 
 def test_windows_span_no_gap_of_the_camera() -> None:
@@ -402,8 +401,7 @@ def test_a_window_is_eight_frames_or_270_ms(rate_hz: int, frames: int) -> None:
     log.captured = [
         replace(one, capture_ns=START_NS + one.index * NS_PER_S // rate_hz) for one in log.captured
     ]
-    table, packets = FrameTable.of(log, "eih"), PacketTable.of(log)
-    found = windows(log, "eih", table, packets, Targets.of(log))
+    found = windows(LogTables(log), "eih")
     np.testing.assert_allclose(
         found.end_ns - found.start_ns, frames * NS_PER_S / rate_hz, rtol=1e-6
     )

@@ -28,6 +28,7 @@ from tams_app.summary.joined import (
     joined,
     summarise_joined,
 )
+from tams_app.summary.tables import LogTables
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header, rtp_timestamp
 from tests.test_summary_operator import glance
@@ -77,7 +78,8 @@ def pair(
 def summarise_both(first: SessionLog, second: SessionLog) -> dict[str, Any]:
     robot, operator = in_order(first, second)
     offsets = clock_offsets(robot, operator)
-    return summarise_joined(robot, operator, offsets, joined(robot, operator, offsets))
+    both = LogTables(joined(robot, operator, offsets))
+    return summarise_joined(robot, operator, offsets, both)
 
 
 def test_frames_shown_elsewhere_have_the_latency_that_they_had_to_within_the_uncertainty():

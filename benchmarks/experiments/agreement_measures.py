@@ -10,8 +10,8 @@ import numpy as np
 from benchmarks.experiments.replay import Replay
 from tams_app.recording import FrameSent
 from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
-from tams_app.summary.summarise import rate_kbps
-from tams_app.summary.tables import PacketTable, Targets, step_mean
+from tams_app.summary.tables import LogTables, step_mean
+from tams_app.summary.views import rate_kbps
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_interval import freeze_ns
 
@@ -23,7 +23,8 @@ Measures = dict[str, float | None]
 def view_measures(replay: Replay, view: str) -> Measures:
     """Rates, times, frames and loss of one view; SSIM over all frames that have a score."""
     log, span = replay.log, replay.span
-    packets, targets = PacketTable.of(log), Targets.of(log)
+    tables = LogTables(log)
+    packets, targets = tables.packets, tables.targets
     mine = packets.is_video & (packets.view == log.header.views.index(view))
     media = [
         one

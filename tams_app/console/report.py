@@ -25,7 +25,8 @@ from tams_app.summary.joined import (
     on_robots_clock,
     summarise_joined,
 )
-from tams_app.summary.summarise import save_summary, summarise
+from tams_app.summary.summarise import save_summary, summary_of
+from tams_app.summary.tables import LogTables
 
 FIGURE_NAME = "bitrates.png"
 PAGE_NAME = "report.html"
@@ -62,7 +63,7 @@ def report_both(
         robot, operator = in_order(*logs)
         of_robot, of_operator = folders if operator is logs[1] else reversed(folders)
         offsets = clock_offsets(robot, operator)
-        both = joined(robot, operator, offsets)
+        both = LogTables(joined(robot, operator, offsets))
         summary = summarise_joined(robot, operator, offsets, both)
         save_summary(summary, of_robot)
         shown = read_pictures(of_operator / LOG_NAME)
@@ -123,15 +124,15 @@ def write_summary(folder: Path) -> dict[str, Any]:
 
 
 def _summarised(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
-    log = read_log(folder / LOG_NAME)
-    summary = summarise(log)
+    tables = LogTables(read_log(folder / LOG_NAME))
+    summary = summary_of(tables)
     save_summary(summary, folder)
-    _draw(log, summary, read_pictures(folder / LOG_NAME), folder)
-    return log, summary
+    _draw(tables, summary, read_pictures(folder / LOG_NAME), folder)
+    return tables.log, summary
 
 
 def _draw(
-    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], folder: Path
+    tables: LogTables, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], folder: Path
 ) -> None:
     """Write figure and page into `folder`; LogError if they cannot be written."""
     # matplotlib and jinja2: no session starts with them
@@ -139,8 +140,8 @@ def _draw(
     from tams_app.report.plots import save_figure
     from tams_app.report.session_page import write_page
 
-    save_figure(bitrates_figure(log), folder / FIGURE_NAME)
-    write_page(log, summary, pictures, folder / PAGE_NAME)
+    save_figure(bitrates_figure(tables), folder / FIGURE_NAME)
+    write_page(tables, summary, pictures, folder / PAGE_NAME)
 
 
 def session_log(given: Path) -> Path:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from tams_app.palette import view_colour
 from tams_app.recording import SessionLog
 from tams_app.report import plots
-from tams_app.summary.tables import Floats, FrameTable, Integers, PacketTable, Span, Targets
+from tams_app.summary.tables import Floats, Integers, LogTables, PacketTable, Span, Targets
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS
@@ -78,10 +78,10 @@ def window_of_ns(frame_ns: int) -> int:
     return max(WINDOW_NS, round(WINDOW_FRAMES * frame_ns))
 
 
-def frame_interval_ns(log: SessionLog, view: str) -> int:
+def frame_interval_ns(tables: LogTables, view: str) -> int:
     """The median time between captures."""
-    usual_ns = FrameTable.of(log, view).usual_ns
-    return int(np.median(usual_ns)) if len(usual_ns) else NS_PER_S // log.header.fps
+    usual_ns = tables.frames[view].usual_ns
+    return int(np.median(usual_ns)) if len(usual_ns) else NS_PER_S // tables.log.header.fps
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,15 +94,15 @@ class SentRates:
     curves: dict[str, RateCurve]  # of the views that packets are known of
 
     @staticmethod
-    def of(log: SessionLog) -> SentRates | None:
+    def of(tables: LogTables) -> SentRates | None:
         """None for a log without video."""
-        packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
+        log, packets, targets, span = tables.log, tables.packets, tables.targets, tables.span
         origin_ns = log.header.started_ns
         if span is None:
             return None
         found = {
-            view: measured_rate(packets, place, span, frame_interval_ns(log, view), origin_ns)
-            for place, view in enumerate(log.header.views)
+            view: measured_rate(packets, place, span, frame_interval_ns(tables, view), origin_ns)
+            for view, place in tables.places.items()
             if len(packets.size_bytes)
         }
         curves = {view: curve for view, curve in found.items() if len(curve.t_s)}
@@ -122,24 +122,25 @@ class SentRates:
 
 
 @plots.styled
-def bitrates_figure(log: SessionLog) -> Figure:
+def bitrates_figure(tables: LogTables) -> Figure:
     """Target and measured rate of each view over time, its frames a second dotted.
 
     Phases are dashed lines with their names. Also drawn for a log without any video.
     """
-    views, rates = log.header.views, SentRates.of(log)
+    log, rates = tables.log, SentRates.of(tables)
+    views = log.header.views
     figure = plots.new_figure(plots.PAPER_IN, ROW_IN * len(views) + 0.75)
     axes = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for place, (view, axis) in enumerate(zip(views, axes, strict=True)):
         if rates is not None:
             rates.draw(axis, place, view)
-            _draw_frames(axis, log, view, rates.span)
+            _draw_frames(axis, tables, view, rates.span)
         dress_rate(axis, view.upper())
         axis.margins(x=0)
     if rates is not None:
         _draw_phases(log, list(axes), rates.span)
     axes[-1].set_xlabel(plots.TIME_AXIS)
-    longest_ns = max(window_of_ns(frame_interval_ns(log, view)) for view in views)
+    longest_ns = max(window_of_ns(frame_interval_ns(tables, view)) for view in views)
     measured = f"Measured, {longest_ns // NS_PER_MS} ms windows"
     figure.legend(
         handles=[
@@ -162,9 +163,9 @@ def dress_rate(axis: Axes, name: str) -> None:
     axis.grid(axis="y")
 
 
-def _draw_frames(axis: Axes, log: SessionLog, view: str, span: Span) -> None:
+def _draw_frames(axis: Axes, tables: LogTables, view: str, span: Span) -> None:
     """Frames in each trailing second, on a scale of their own up to what was asked for."""
-    capture_ns = FrameTable.of(log, view).capture_ns
+    log, capture_ns = tables.log, tables.frames[view].capture_ns
     ends_ns = np.arange(span.start_ns + NS_PER_S, span.end_ns + 1, NS_PER_S // 4)
     frames = np.searchsorted(capture_ns, ends_ns) - np.searchsorted(capture_ns, ends_ns - NS_PER_S)
     right = axis.twinx()

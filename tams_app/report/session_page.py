@@ -20,7 +20,7 @@ from tams_app.report.figures import phase_stretches, since_start_s
 from tams_app.report.pages import page_environment
 from tams_app.report.plots import NamedStretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
-from tams_app.summary.tables import primary_at
+from tams_app.summary.tables import LogTables, primary_at
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
 from tams_app.units import NS_PER_MS
@@ -73,13 +73,13 @@ class StagesTable:
 
 
 def write_page(
-    log: SessionLog, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], path: Path
+    tables: LogTables, summary: Mapping[str, Any], pictures: Iterable[ShownPicture], path: Path
 ) -> None:
     """Write the page of the session whose folder `path` is in; LogError if it cannot be written.
 
     `pictures`: those that were shown, with times by the log's wall clock.
     """
-    environment = page_environment()
+    log, environment = tables.log, page_environment()
     environment.filters["number"] = known
     stills = stills_of(log, pictures)
     page = environment.get_template("session.html.j2").render(
@@ -92,7 +92,7 @@ def write_page(
         stills=stills,
         has_pictures=any(still.pictures for still in stills),
         stages=stages_table(summary),
-        timeline=to_svg(timeline_figure(log)),
+        timeline=to_svg(timeline_figure(tables)),
     )
     write_file(path, page)
 

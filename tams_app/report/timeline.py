@@ -23,7 +23,7 @@ from tams_app.report.figures import (
     phase_stretches,
     since_start_s,
 )
-from tams_app.summary.tables import FrameTable
+from tams_app.summary.tables import LogTables
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
 
@@ -55,8 +55,9 @@ def stops_of(log: SessionLog) -> list[tuple[float, StopRecord]]:
 
 
 @plots.styled
-def timeline_figure(log: SessionLog) -> Figure:
+def timeline_figure(tables: LogTables) -> Figure:
     """All of a session; also drawn for a log without any video."""
+    log = tables.log
     views, ended_s = log.header.views, since_start_s(log, log.ended_ns)
     heights = [BAND_IN, *([ROW_IN] * (len(views) + 3))]
     figure = plots.new_figure(plots.WIDE_IN, sum(heights) + 0.6)
@@ -65,12 +66,12 @@ def timeline_figure(log: SessionLog) -> Figure:
     )[:, 0]
     band, *of_views, link, delay, quality = rows
     plots.draw_phase_strip(band, phase_stretches(log), ended_s)
-    rates = SentRates.of(log)
+    rates = SentRates.of(tables)
     for place, (view, axis) in enumerate(zip(views, of_views, strict=True)):
         dress_rate(axis, view.upper())
         if rates is not None:
             rates.draw(axis, place, view)
-        _draw_delay(delay, log, place, view)
+        _draw_delay(delay, tables, place, view)
         _draw_quality(quality, log, place, view)
     most = max(0.001, *(axis.dataLim.y1 for axis in of_views))
     for axis in of_views:  # one scale, so that the views can be compared
@@ -116,10 +117,10 @@ def _draw_uplink(link: Axes, log: SessionLog, rates: SentRates) -> None:
         link.step(all_since_start_s(log, ends), kbps / 1000, label="emulated capacity", **dotted)
 
 
-def _draw_delay(axis: Axes, log: SessionLog, place: int, view: str) -> None:
-    frames = FrameTable.of(log, view)
+def _draw_delay(axis: Axes, tables: LogTables, place: int, view: str) -> None:
+    frames = tables.frames[view]
     shown = frames.shown_ns > 0
-    t_s = all_since_start_s(log, frames.shown_ns[shown])
+    t_s = all_since_start_s(tables.log, frames.shown_ns[shown])
     delay_ms = (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS
     curve = plots.broken(t_s, delay_ms)
     axis.plot(*curve, color=view_colour(place), lw=1, label=view.upper())

@@ -21,8 +21,8 @@ from tams_app.recording import Header, SessionLog
 from tams_app.recording.pictures import ShownPicture
 from tams_app.recording.topics import FrameShown
 from tams_app.records import HandHeard
-from tams_app.summary.summarise import summarise
-from tams_app.summary.tables import Integers, capture_indices, percentiles, ratio
+from tams_app.summary.summarise import summary_of
+from tams_app.summary.tables import Integers, LogTables, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _OPERATORS_FACTS = ("operator", PREDICTED_FACT)
@@ -127,14 +127,14 @@ def on_robots_clock(
 
 
 def summarise_joined(
-    robot: SessionLog, operator: SessionLog, offsets: ClockOffsets, both: SessionLog
+    robot: SessionLog, operator: SessionLog, offsets: ClockOffsets, both: LogTables
 ) -> dict[str, Any]:
-    """`summarise` of the frames as they were shown, and `link`.
+    """The summary of the frames as they were shown, and `link`.
 
-    `offsets` and `both` are what `clock_offsets` and `joined` have made of the two logs.
+    `offsets` and `both`: what `clock_offsets` and `joined` have made of the two logs.
     """
     return {
-        **summarise(both),
+        **summary_of(both),
         "complete": robot.complete and operator.complete,
         "link": link_figures(robot, operator, offsets),
     }

@@ -20,8 +20,8 @@ from tams_app.summary.tables import (
     Flags,
     Floats,
     Integers,
+    LogTables,
     Number,
-    capture_indices,
     mean,
     phase_at,
     primary_at,
@@ -58,14 +58,14 @@ class QualityTable:
     captured: Integers
 
     @staticmethod
-    def of(log: SessionLog) -> QualityTable:
-        places = {view: place for place, view in enumerate(log.header.views)}
+    def of(tables: LogTables) -> QualityTable:
+        log, places = tables.log, tables.places
         frames = [one for one in log.quality if one.view in places]
         rows = np.array([_scores(one) for one in frames], dtype=np.float64)
         captures = [(places.get(one.view, -1), one.capture_ns) for one in log.captured]
         view, capture_ns = np.array(captures, dtype=np.int64).reshape(len(captures), 2).T
         captured = [view, phase_at(log, capture_ns), primary_at(log, capture_ns) == view]
-        concealed = {view: _concealed_and_shown(log, view) for view in places}
+        concealed = {view: _concealed_and_shown(tables, view) for view in places}
         frame_view = np.array([places[one.view] for one in frames], dtype=np.int64)
         frame_ns = np.array([one.capture_ns for one in frames], dtype=np.int64)
         return QualityTable(
@@ -75,13 +75,13 @@ class QualityTable:
             dict(zip(SSIM_KINDS, rows.reshape(len(frames), len(SSIM_KINDS)).T, strict=True)),
             np.array([_is_concealed(one, concealed[one.view]) for one in frames], dtype=np.float64),
             concealed,
-            _packets_of(frames, log),
+            _packets_of(frames, tables),
             np.stack(captured, axis=1).astype(np.int64),
         )
 
     def means(self, chosen: Flags) -> dict[str, Number]:
         """The mean of each kind over the chosen frames that have it."""
-        return {kind: mean(_known(score[chosen])) for kind, score in self.scores.items()}
+        return {kind: mean(score[chosen]) for kind, score in self.scores.items()}
 
     def losses(self, chosen: Flags) -> dict[str, Number]:
         """Effects of loss: share of concealed frames among those shown, mean over the others.
@@ -90,14 +90,14 @@ class QualityTable:
         """
         intact = chosen & (self.concealed == 0)
         return {
-            "damaged_fraction": mean(_known(self.concealed[chosen])),
-            INTACT: mean(_known(self.scores["received_ssim"][intact])),
-            "packets_per_frame": mean(_known(self.packets[chosen])),
+            "damaged_fraction": mean(self.concealed[chosen]),
+            INTACT: mean(self.scores["received_ssim"][intact]),
+            "packets_per_frame": mean(self.packets[chosen]),
         }
 
     def counts(self, chosen: Flags) -> dict[str, int]:
         """The number of chosen frames with a score, of each kind."""
-        return {kind: len(_known(score[chosen])) for kind, score in self.scores.items()}
+        return {kind: int(np.sum(~np.isnan(score[chosen]))) for kind, score in self.scores.items()}
 
     def scored(self, chosen: Flags) -> int:
         """The number of chosen frames with a score of any kind."""
@@ -172,36 +172,29 @@ def _mean_of_phases(
     return round(float(np.average(list(means.values()), weights=weights)), 4)
 
 
-def _concealed_and_shown(log: SessionLog, view: str) -> set[int] | None:
+def _concealed_and_shown(tables: LogTables, view: str) -> set[int] | None:
     """Indices of the concealed frames that were shown; None where the log has no packets of it."""
+    log = tables.log
     packets = [packet for packet in log.packets if packet.view == view]
     if not packets:
         return None
     keyframe_of = {frame.index: frame.keyframe for frame in log.sent if frame.view == view}
-    index_of = capture_indices(log, view)
     shown_ns: dict[int, int] = {}
     for one in log.shown:
         if one.view == view:
             shown_ns.setdefault(one.index, one.shown_ns)
-    return concealed_frames(keyframe_of, packets, shown_ns, index_of) & shown_ns.keys()
+    return concealed_frames(keyframe_of, packets, shown_ns, tables.indices[view]) & shown_ns.keys()
 
 
-def _packets_of(frames: list[FrameQuality], log: SessionLog) -> Floats:
-    index_of = {view: capture_indices(log, view) for view in log.header.views}
-    sent = Counter(
-        (packet.view, index_of.get(packet.view, {}).get(packet.rtp_timestamp))
-        for packet in log.packets
-        if packet.kind is PacketKind.MEDIA
-    )
-    found = np.array([sent[one.view, one.index] for one in frames], dtype=np.float64)
-    return np.where(found > 0, found, np.nan)
+def _packets_of(frames: list[FrameQuality], tables: LogTables) -> Floats:
+    packets = tables.packets
+    media = packets.kind == PacketKind.MEDIA.value
+    sent = Counter(zip(packets.view[media].tolist(), packets.frame[media].tolist(), strict=True))
+    found = [sent[tables.places[one.view], one.index] for one in frames]
+    return np.array([count or np.nan for count in found], dtype=np.float64)
 
 
 def _is_concealed(frame: FrameQuality, concealed: set[int] | None) -> float:
     if concealed is None or frame.shown_ns is None:
         return np.nan
     return float(frame.index in concealed)
-
-
-def _known(scores: Floats) -> Floats:
-    return scores[~np.isnan(scores)]

@@ -13,46 +13,47 @@ from tams_app.outputs import write_file
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
 from tams_app.records import LATE_NS, Outcome, PacketKind
-from tams_app.summary.frame_rate import rates, view_rate
-from tams_app.summary.operator import operator, seen
-from tams_app.summary.prediction import prediction_errors
-from tams_app.summary.quality import QualityTable, primary_quality, view_quality
-from tams_app.summary.stages import latency_stages
+from tams_app.summary.operator import operator, prediction_errors, seen
+from tams_app.summary.quality import QualityTable, primary_quality
 from tams_app.summary.tables import (
-    Flags,
-    FrameTable,
     Integers,
+    LogTables,
     Number,
     PacketTable,
-    Span,
-    Targets,
     mean,
     percentiles,
     ratio,
     step_mean,
 )
-from tams_app.summary.tracking import steps, tracking_error, windows
+from tams_app.summary.views import rate_kbps, shortfall_of, view_entry
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.concealment import restored_packets
-from tams_app.video.core.frame_interval import freeze_ns
 
 SCHEMA = 1
-_BESIDE_MEDIA = (PacketKind.REPAIR, PacketKind.PARITY, PacketKind.PADDING)
+_BESIDE_MEDIA = {
+    "resent_fraction": PacketKind.REPAIR,
+    "parity_fraction": PacketKind.PARITY,
+    "padding_fraction": PacketKind.PADDING,
+}
 SUMMARY_NAME = "summary.json"
 BEFORE_NAME = "summary.json.before"
 
 
 def summarise(log: SessionLog) -> dict[str, Any]:
+    """`summary_of` a log of which nothing else is asked."""
+    return summary_of(LogTables(log))
+
+
+def summary_of(tables: LogTables) -> dict[str, Any]:
     """The content of summary.json; keys are fixed, what was not measured is null.
 
     Definitions: docs/GLOSSARY.md, Measures. Means of rates are over the time in which
     targets were given and frames captured; `t_s` counts from the start of the session. Of the
     operator's side of two, `seen` has what its log tells alone.
     """
+    log, quality = tables.log, QualityTable.of(tables)
     header = log.header
-    packets, targets, span = PacketTable.of(log), Targets.of(log), Span.of(log)
-    quality = QualityTable.of(log)
-    views = {view: _view(log, view, packets, targets, quality, span) for view in header.views}
+    views = {view: view_entry(tables, view, quality) for view in header.views}
     seen_here = seen(log)
     return {
         "schema": SCHEMA,
@@ -72,9 +73,9 @@ def summarise(log: SessionLog) -> dict[str, Any]:
         "control": control(log),
         "arm": arm(log),
         "phases": phases(log),
-        "uplink": uplink(log, packets, targets, span),
+        "uplink": uplink(tables),
         "views": views,
-        "rates": rates(log, views),
+        "rates": {"shortfall": shortfall_of(log, views)},
         "primary_view": primary_quality(quality),
         "prediction": prediction_errors(log),
         "operator": operator(log),
@@ -94,69 +95,6 @@ def save_summary(summary: dict[str, Any], folder: Path) -> None:
     if not summary["complete"] and _is_complete(path):
         write_file(folder / BEFORE_NAME, path.read_bytes())
     write_file(path, text)
-
-
-def _view(
-    log: SessionLog,
-    view: str,
-    packets: PacketTable,
-    targets: Targets,
-    quality: QualityTable,
-    span: Span | None,
-) -> dict[str, Any]:
-    """The entry of one view; SSIM is null where the frames were not compared."""
-    frames = FrameTable.of(log, view)
-    mine = packets.is_video & (packets.view == log.header.views.index(view))
-    shown = frames.shown_ns > 0
-    latency_ms = (frames.shown_ns - frames.capture_ns)[shown] / NS_PER_MS
-    found = windows(log, view, frames, packets, targets)
-    return {
-        "target_kbps_mean": step_mean(targets.t_ns, targets.kbps[view], span),
-        "sent_kbps_mean": rate_kbps(packets, mine, packets.entered_ns, span),
-        "tracking_error": tracking_error(found, steps(targets, view)),
-        **view_rate(log, view, frames, span),
-        "frames_captured": len(frames.index),
-        "frames_sent": sum(frame.view == view for frame in log.sent),
-        "frames_left_out": sum(one.view == view and one.under_way for one in log.dropped),
-        "frames_shown": int(np.sum(shown)),
-        "latency_ms": percentiles(latency_ms, ("p50", "p95", "p99")),
-        **latency_stages(log, view, packets),
-        "freezes": _freezes(frames, span),
-        "not_whole_s": _not_whole_s(log, view, span),
-        **view_quality(log, view, quality),
-    }
-
-
-def _freezes(frames: FrameTable, span: Span | None) -> dict[str, Any]:
-    """Times for which the shown frame stayed the same for too long (`freeze_ns`).
-
-    The last frame shown counts until the captures end; before the first there is nothing to freeze.
-    """
-    order = np.argsort(frames.shown_ns, kind="stable")
-    order = order[frames.shown_ns[order] > 0]
-    shown_ns = frames.shown_ns[order]
-    if span is None or not len(shown_ns):
-        return {"count": None, "total_s": None, "longest_s": None}
-    gaps = np.diff(np.append(shown_ns, max(span.end_ns, int(shown_ns[-1]))))
-    longest_ns = [freeze_ns(usual_ns) for usual_ns in frames.usual_ns[order].tolist()]
-    frozen_s = gaps[gaps > longest_ns] / NS_PER_S
-    return {
-        "count": len(frozen_s),
-        "total_s": round(float(np.sum(frozen_s)), 4),
-        "longest_s": round(float(np.max(frozen_s, initial=0.0)), 4),
-    }
-
-
-def _not_whole_s(log: SessionLog, view: str, span: Span | None) -> float | None:
-    """For how long the frame on the screen was not whole (`WholeChain`)."""
-    shown = sorted((one for one in log.shown if one.view == view), key=lambda one: one.shown_ns)
-    if span is None or not shown or any(one.whole is None for one in shown):
-        return None
-    until_ns = [*(one.shown_ns for one in shown[1:]), max(span.end_ns, shown[-1].shown_ns)]
-    found_ns = sum(
-        end_ns - one.shown_ns for one, end_ns in zip(shown, until_ns, strict=True) if not one.whole
-    )
-    return round(found_ns / NS_PER_S, 4)
 
 
 def _missing(log: SessionLog) -> list[dict[str, Any]]:
@@ -272,84 +210,64 @@ def seconds(log: SessionLog, t_ns: int) -> float:
     return round((t_ns - log.header.started_ns) / NS_PER_S, 4)
 
 
-def uplink(
-    log: SessionLog, packets: PacketTable, targets: Targets, span: Span | None
-) -> dict[str, Any]:
+def uplink(tables: LogTables) -> dict[str, Any]:
     """Null where the log has no packets or no capacity (none).
 
     Of a network that was not emulated receivers report all but what each packet carried.
     """
-    capacity_kbps = _capacity_kbps(log, span)
+    packets, targets, span = tables.packets, tables.targets, tables.span
+    capacity_kbps = _capacity_kbps(tables)
     video = packets.is_video
     crossed = packets.departed_ns > 0
+    left_kbps = rate_kbps(packets, crossed, packets.departed_ns, span)  # RTCP with them
     sojourn_ms = (packets.departed_ns - packets.entered_ns)[crossed] / NS_PER_MS
+    utilisation = None
+    if left_kbps is not None and capacity_kbps is not None:
+        utilisation = ratio(left_kbps, capacity_kbps)
     return {
         "capacity_kbps": capacity_kbps,
         "budget_kbps_mean": step_mean(targets.t_ns, targets.budget_kbps, span),
         "sent_kbps_mean": rate_kbps(packets, video, packets.entered_ns, span),
-        "utilisation": _utilisation(packets, crossed, capacity_kbps, span),
+        "utilisation": utilisation,
         "queue_ms": percentiles(sojourn_ms, ("p50", "p95", "max")),
         "loss_fraction": ratio(
             int(np.sum(video)) - int(np.sum(packets.delivered[video])), int(np.sum(video))
         ),
-        **_by_kind(log, packets),
+        "residual_loss_fraction": _residual_loss(tables),
+        **{name: _share_of_bytes(tables, kind) for name, kind in _BESIDE_MEDIA.items()},
     }
 
 
-def _by_kind(log: SessionLog, packets: PacketTable) -> dict[str, Number]:
-    names = (
-        "residual_loss_fraction",
-        "resent_fraction",
-        "parity_fraction",
-        "padding_fraction",
-    )
-    if not log.packets:
-        return dict.fromkeys(names)
-    restored = PacketTable.of(log, restored_packets(log.packets))
-    shares = (_share_of_bytes(packets, kind) for kind in _BESIDE_MEDIA)
-    return dict(zip(names, (_residual_loss(packets, restored), *shares), strict=True))
-
-
-def rate_kbps(packets: PacketTable, chosen: Flags, at_ns: Integers, span: Span | None) -> Number:
-    """Mean rate of the chosen packets whose `at_ns` is in the span; null without packets."""
-    if span is None or not len(packets.size_bytes):
-        return None
-    inside = chosen & (at_ns >= span.start_ns) & (at_ns < span.end_ns)
-    return round(float(np.sum(packets.size_bytes[inside])) * 8 / 1000 / span.seconds, 3)
-
-
-def _capacity_kbps(log: SessionLog, span: Span | None) -> Number:
-    times_ns = np.array([one.t_ns for one in log.capacities], dtype=np.int64)
-    kbps = np.array([one.capacity_kbps for one in log.capacities], dtype=np.float64)
+def _capacity_kbps(tables: LogTables) -> Number:
+    capacities = tables.log.capacities
+    times_ns = np.array([one.t_ns for one in capacities], dtype=np.int64)
+    kbps = np.array([one.capacity_kbps for one in capacities], dtype=np.float64)
     if not np.all(np.isfinite(kbps)):
         return None  # no bottleneck
-    return step_mean(times_ns, kbps, span)
+    return step_mean(times_ns, kbps, tables.span)
 
 
-def _utilisation(
-    packets: PacketTable, crossed: Flags, capacity_kbps: Number, span: Span | None
-) -> Number:
-    """Bytes that left the bottleneck, RTCP with them, over the integral of the capacity."""
-    left_kbps = rate_kbps(packets, crossed, packets.departed_ns, span)
-    if left_kbps is None or capacity_kbps is None:
+def _share_of_bytes(tables: LogTables, kind: PacketKind) -> Number:
+    """The bytes of `kind` over those of video; null where packets are only reported."""
+    if not tables.log.packets:
         return None
-    return ratio(left_kbps, capacity_kbps)
-
-
-def _share_of_bytes(packets: PacketTable, kind: PacketKind) -> Number:
-    """The bytes of `kind` over those of video."""
+    packets = tables.packets
     of_kind = packets.size_bytes[packets.kind == kind.value]
     return ratio(int(np.sum(of_kind)), int(np.sum(packets.size_bytes[packets.is_video])))
 
 
-def _residual_loss(packets: PacketTable, restored: PacketTable) -> Number:
+def _residual_loss(tables: LogTables) -> Number:
     """Media packets that neither arrived in any transmission nor were restored."""
+    if not tables.log.packets:
+        return None
+    packets = tables.packets
     media = packets.kind == PacketKind.MEDIA.value
     # A repair names the original's sequence and carries its RTP timestamp (RFC 4588), which tells
     # apart packets whose 16-bit sequence has wrapped.
     key = _keys(packets)
     sent = np.unique(key[media])
     carried = media | (packets.kind == PacketKind.REPAIR.value)
+    restored = tables.table_of(restored_packets(tables.log.packets))
     arrived = np.union1d(key[carried & (packets.delivered == 1)], _keys(restored))
     missing = len(np.setdiff1d(sent, arrived, assume_unique=True))
     return ratio(missing, len(sent))

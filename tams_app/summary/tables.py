@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -31,7 +32,10 @@ def known_packets(log: SessionLog) -> Sequence[PacketRecord]:
 
 @dataclass(frozen=True, slots=True)
 class PacketTable:
-    """Uplink datagrams as columns of one length; `view` is the place in `header.views`."""
+    """Uplink datagrams as columns of one length; `view` is the place in `header.views`.
+
+    `frame`: index of the capture that it carried a part of; −1 where the log does not tell.
+    """
 
     view: Integers
     kind: Integers
@@ -42,32 +46,12 @@ class PacketTable:
     delivered_ns: Integers
     delivered: Integers  # 1 or 0
     rtp_timestamp: Integers
+    frame: Integers
 
     @property
     def is_video(self) -> Flags:
         """Media, resends and parity, not RTCP or padding."""
         return ~np.isin(self.kind, (PacketKind.RTCP.value, PacketKind.PADDING.value))
-
-    @staticmethod
-    def of(log: SessionLog, packets: Sequence[PacketRecord] | None = None) -> PacketTable:
-        """The packets of `log`, or others of its views."""
-        places = {view: place for place, view in enumerate(log.header.views)}
-        rows = [
-            (
-                places.get(packet.view, -1),
-                packet.kind.value,
-                packet.sequence,
-                packet.size_bytes,
-                packet.entered_ns,
-                packet.departed_ns,
-                packet.delivered_ns,
-                packet.fate is PacketFate.DELIVERED,
-                packet.rtp_timestamp,
-            )
-            for packet in (known_packets(log) if packets is None else packets)
-        ]
-        columns = np.array(rows, dtype=np.int64).reshape(len(rows), 9).T
-        return PacketTable(*columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,19 +66,6 @@ class FrameTable:
     shown_ns: Integers
     usual_ns: Integers
 
-    @staticmethod
-    def of(log: SessionLog, view: str) -> FrameTable:
-        captured = {one.index: one.capture_ns for one in log.captured if one.view == view}
-        shown: dict[int, int] = {}
-        for one in log.shown:
-            if one.view == view and one.index in captured:
-                shown[one.index] = min(one.shown_ns, shown.get(one.index, one.shown_ns))
-        index = np.array(sorted(captured), dtype=np.int64)
-        capture_ns = np.array([captured[number] for number in index], dtype=np.int64)
-        shown_ns = np.array([shown.get(number, 0) for number in index.tolist()], dtype=np.int64)
-        usual_ns = _usual_intervals_ns(capture_ns, log.header.fps)
-        return FrameTable(index, capture_ns, shown_ns, usual_ns)
-
 
 @dataclass(frozen=True, slots=True)
 class Targets:
@@ -103,18 +74,6 @@ class Targets:
     t_ns: Integers
     budget_kbps: Floats
     kbps: dict[str, Floats]  # per view
-
-    @staticmethod
-    def of(log: SessionLog) -> Targets:
-        ordered = sorted(log.allocations, key=lambda one: one.t_ns)
-        return Targets(
-            np.array([one.t_ns for one in ordered], dtype=np.int64),
-            np.array([one.budget_kbps for one in ordered], dtype=np.float64),
-            {
-                view: np.array([one.target_kbps.get(view, 0) for one in ordered], dtype=np.float64)
-                for view in log.header.views
-            },
-        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,17 +87,87 @@ class Span:
     def seconds(self) -> float:
         return (self.end_ns - self.start_ns) / 1e9
 
-    @staticmethod
-    def of(log: SessionLog) -> Span | None:
+
+class LogTables:
+    """A log and its long lists as tables, each made once, when it is first asked for."""
+
+    def __init__(self, log: SessionLog) -> None:
+        """`log` does not change any more."""
+        self.log = log
+        self.places = {view: place for place, view in enumerate(log.header.views)}
+
+    @cached_property
+    def packets(self) -> PacketTable:
+        """All that entered the uplink."""
+        return self.table_of(known_packets(self.log))
+
+    def table_of(self, packets: Sequence[PacketRecord]) -> PacketTable:
+        """A table of packets of the log's views."""
+        indices = self.indices if self.log.packets else {}
+        rows = [
+            (
+                self.places.get(packet.view, -1),
+                packet.kind.value,
+                packet.sequence,
+                packet.size_bytes,
+                packet.entered_ns,
+                packet.departed_ns,
+                packet.delivered_ns,
+                packet.fate is PacketFate.DELIVERED,
+                packet.rtp_timestamp,
+                indices.get(packet.view, {}).get(packet.rtp_timestamp, -1),
+            )
+            for packet in packets
+        ]
+        return PacketTable(*np.array(rows, dtype=np.int64).reshape(len(rows), 10).T)
+
+    @cached_property
+    def indices(self) -> dict[str, dict[int, int]]:
+        """By view, `capture_indices`."""
+        return {view: capture_indices(self.log, view) for view in self.places}
+
+    @cached_property
+    def frames(self) -> dict[str, FrameTable]:
+        """By view, also of one that the header does not name."""
+        views = {*self.places, *(one.view for one in self.log.captured)}
+        return {view: self._frames(view) for view in views}
+
+    def _frames(self, view: str) -> FrameTable:
+        log = self.log
+        captured = {one.index: one.capture_ns for one in log.captured if one.view == view}
+        shown: dict[int, int] = {}
+        for one in log.shown:
+            if one.view == view and one.index in captured:
+                shown[one.index] = min(one.shown_ns, shown.get(one.index, one.shown_ns))
+        index = np.array(sorted(captured), dtype=np.int64)
+        capture_ns = np.array([captured[number] for number in index], dtype=np.int64)
+        shown_ns = np.array([shown.get(number, 0) for number in index.tolist()], dtype=np.int64)
+        usual_ns = _usual_intervals_ns(capture_ns, log.header.fps)
+        return FrameTable(index, capture_ns, shown_ns, usual_ns)
+
+    @cached_property
+    def targets(self) -> Targets:
+        """What the policy asked for."""
+        ordered = sorted(self.log.allocations, key=lambda one: one.t_ns)
+        return Targets(
+            np.array([one.t_ns for one in ordered], dtype=np.int64),
+            np.array([one.budget_kbps for one in ordered], dtype=np.float64),
+            {
+                view: np.array([one.target_kbps.get(view, 0) for one in ordered], dtype=np.float64)
+                for view in self.places
+            },
+        )
+
+    @cached_property
+    def span(self) -> Span | None:
         """From the first allocation and capture to the end of the last capture; None without."""
+        log = self.log
         if not log.captured or not log.allocations:
             return None
         first_capture_ns = min(frame.capture_ns for frame in log.captured)
-        first_target_ns = min(allocation.t_ns for allocation in log.allocations)
         last = max(log.captured, key=lambda frame: frame.capture_ns)
-        frames = FrameTable.of(log, last.view)
-        end_ns = last.capture_ns + int(frames.usual_ns[-1])
-        start_ns = max(first_capture_ns, first_target_ns)
+        end_ns = last.capture_ns + int(self.frames[last.view].usual_ns[-1])
+        start_ns = max(first_capture_ns, int(self.targets.t_ns[0]))
         return Span(start_ns, end_ns) if end_ns > start_ns else None
 
 
@@ -195,7 +224,11 @@ Number: TypeAlias = float | None
 
 
 def percentiles(values: Floats, names: Sequence[str]) -> dict[str, Number]:
-    """For names such as p50, p99_9 and max: that percentile, null without values."""
+    """For names such as p50, p99_9 and max: that percentile of the values that are not NaN.
+
+    Null without any.
+    """
+    values = values[~np.isnan(values)]
     if not len(values):
         return dict.fromkeys(names)
     ranks = [100.0 if name == "max" else float(name[1:].replace("_", ".")) for name in names]
@@ -204,7 +237,9 @@ def percentiles(values: Floats, names: Sequence[str]) -> dict[str, Number]:
 
 
 def mean(values: Floats) -> Number:
-    return round(float(np.mean(values)), 4) if len(values) else None
+    """Of the values that are not NaN; null without any."""
+    known = values[~np.isnan(values)]
+    return round(float(np.mean(known)), 4) if len(known) else None
 
 
 def ratio(part: float, whole: float) -> Number:

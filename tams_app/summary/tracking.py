@@ -17,12 +17,10 @@ from tams_app.recording import SessionLog
 from tams_app.summary.tables import (
     Flags,
     Floats,
-    FrameTable,
     Integers,
+    LogTables,
     Number,
-    PacketTable,
     Targets,
-    capture_indices,
     last_before,
     mean,
 )
@@ -48,11 +46,10 @@ class Windows:
         return (self.sent_kbps - self.target_kbps) / self.target_kbps
 
 
-def windows(
-    log: SessionLog, view: str, frames: FrameTable, packets: PacketTable, targets: Targets
-) -> Windows:
+def windows(tables: LogTables, view: str) -> Windows:
     """Every full window between the first and the last frame that was put on the wire."""
-    per_frame = wire_bytes(log, view, frames, packets)
+    frames, targets = tables.frames[view], tables.targets
+    per_frame = wire_bytes(tables, view)
     on_wire = np.flatnonzero(per_frame)
     inside = slice(on_wire[0], on_wire[-1] + 1) if len(on_wire) else slice(0, 0)
     start_ns, usual_ns = frames.capture_ns[inside], frames.usual_ns[inside]
@@ -70,7 +67,7 @@ def windows(
 
     durations_ns = end_ns - start_ns
     gap = durations_ns > GAP_INTERVALS * usual_ns
-    left_out = total(np.isnan(target) | gap | _without_operator(log, start_ns))
+    left_out = total(np.isnan(target) | gap | _without_operator(tables.log, start_ns))
     time_ns = (end_ns[last] - start_ns[first]).astype(np.float64)
     window_target = total(np.nan_to_num(target) * durations_ns) / time_ns
     whole = (left_out == 0) & (window_target > 0)
@@ -90,17 +87,15 @@ def _without_operator(log: SessionLog, start_ns: Integers) -> Flags:
     return before | after
 
 
-def wire_bytes(log: SessionLog, view: str, frames: FrameTable, packets: PacketTable) -> Floats:
+def wire_bytes(tables: LogTables, view: str) -> Floats:
     """IP bytes of media and repair of each captured frame, shape (frames,)."""
-    mine = packets.is_video & (packets.view == log.header.views.index(view))
-    index_of = capture_indices(log, view)
-    frame = np.array(
-        [index_of.get(one, -1) for one in packets.rtp_timestamp[mine].tolist()], np.int64
-    )
-    place = np.searchsorted(frames.index, frame)
-    known = place < len(frames.index)
-    known[known] = frames.index[place[known]] == frame[known]
-    total: Floats = np.zeros(len(frames.index))
+    packets, index = tables.packets, tables.frames[view].index
+    mine = packets.is_video & (packets.view == tables.places[view])
+    frame = packets.frame[mine]
+    place = np.searchsorted(index, frame)
+    known = place < len(index)
+    known[known] = index[place[known]] == frame[known]
+    total: Floats = np.zeros(len(index))
     np.add.at(total, place[known], packets.size_bytes[mine][known])
     return total
 

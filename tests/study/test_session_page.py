@@ -29,6 +29,7 @@ from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.summary import summarise
+from tams_app.summary.tables import LogTables
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState
@@ -84,7 +85,7 @@ def page(folder: Path) -> str:
 
 def written(log: SessionLog, folder: Path, pictures: Iterable[ShownPicture] = ()) -> str:
     """The page of a log with these pictures."""
-    write_page(log, summarise(log), pictures, folder / "other.html")
+    write_page(LogTables(log), summarise(log), pictures, folder / "other.html")
     return (folder / "other.html").read_text(encoding="utf-8")
 
 
@@ -208,14 +209,14 @@ def test_the_page_and_its_plot_follow_a_dark_scheme(page: str) -> None:
 
 
 def test_words_of_a_plot_can_be_searched_and_it_names_no_address() -> None:
-    plot = str(to_svg(timeline_figure(Synthetic(6.0, switch_s=3.0).log())))
+    plot = str(to_svg(timeline_figure(LogTables(Synthetic(6.0, switch_s=3.0).log()))))
     assert ">Time since session start [s]</text>" in plot
     assert "http" not in plot
 
 
 def test_no_name_in_one_plot_is_a_name_in_another() -> None:
     names = [
-        set(re.findall(r' id="([^"]+)"', str(to_svg(timeline_figure(log)))))
+        set(re.findall(r' id="([^"]+)"', str(to_svg(timeline_figure(LogTables(log))))))
         for log in (Synthetic(6.0).log(), Synthetic(3.0, switch_s=1.0).log())
     ]
     assert names[0]
@@ -263,7 +264,7 @@ def test_holds_and_faults_are_stretches_until_they_end() -> None:
 
 def test_all_views_have_one_scale_and_every_phase_its_name_in_the_figure() -> None:
     log = Synthetic(6.0, switch_s=3.0).log()
-    figure = timeline_figure(log)
+    figure = timeline_figure(LogTables(log))
     band, *rates = figure.axes[:4]
     assert [text.get_text() for text in band.texts] == ["Reach", "Align"]
     assert len({axis.get_ylim() for axis in rates}) == 1
@@ -272,7 +273,7 @@ def test_all_views_have_one_scale_and_every_phase_its_name_in_the_figure() -> No
 
 
 def test_the_uplink_s_row_has_no_colour_of_a_view() -> None:
-    uplink = timeline_figure(Synthetic(6.0).log()).axes[4]
+    uplink = timeline_figure(LogTables(Synthetic(6.0).log())).axes[4]
     handles, labels = uplink.get_legend_handles_labels()
     drawn = {label: line.get_color() for line, label in zip(handles, labels, strict=True)}
     assert drawn == {
@@ -293,7 +294,7 @@ def test_no_line_is_drawn_through_seconds_without_a_sample() -> None:
         for one in log.captured
         if one.capture_ns not in away
     ]
-    *_, delay, quality = timeline_figure(log).axes[:7]
+    *_, delay, quality = timeline_figure(LogTables(log)).axes[:7]
     names = [view.upper() for view in VIEWS]
     for axis in (delay, quality):
         lines = [line for line in axis.lines if line.get_label() in names]
@@ -306,7 +307,7 @@ def test_no_line_is_drawn_through_seconds_without_a_sample() -> None:
 
 def test_a_session_without_video_has_a_figure_too() -> None:
     log = replace(Synthetic(1.0).log(), captured=[], shown=[], packets=[], quality=[], phases=[])
-    assert len(timeline_figure(log).axes) == 7
+    assert len(timeline_figure(LogTables(log)).axes) == 7
 
 
 def test_the_slowest_stage_of_the_latency_is_named_and_an_unknown_one_is_a_dash(

@@ -28,6 +28,7 @@ from tams_app.study.results import StudyData
 from tams_app.study.statistics.estimates import FEWEST_TO_TEST
 from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
+from tams_app.summary.tables import LogTables
 from tams_app.task import judge
 
 HTML_NAME = "report.html"
@@ -64,6 +65,9 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
         figures[name] = to_png(figure)
         return to_svg(figure)
 
+    def trial_figure(trial: str) -> Figure:
+        return bitrates_figure(LogTables(read_log(data.folders[trial] / LOG_NAME)))
+
     page = _template().render(
         data=data,
         plan=data.plan,
@@ -72,7 +76,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
         m=measures,
         draw=draw,
         drawing=drawing,
-        bitrates_figure=lambda trial: bitrates_figure(read_log(data.folders[trial] / LOG_NAME)),
+        bitrates_figure=trial_figure,
         example=_example(data),
         remarks=[text.strip() for text in remarks.split("\n\n") if text.strip()],
         tolerance_ssim=tolerance_ssim,

@@ -13,7 +13,7 @@ from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameCaptured, FrameSent, FrameShown
 from tams_app.records import Allocation, Frame, PacketFate, PacketKind, Phase
 from tams_app.summary import summarise
-from tams_app.summary.tables import FrameTable, PacketTable, Targets
+from tams_app.summary.tables import LogTables
 from tams_app.summary.tracking import wire_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
@@ -48,10 +48,9 @@ class Filmed:
 
     def intervals(self, view: str = "eih") -> np.ndarray:
         """Each frame's size, in the time that its target gave it since the frame before."""
-        frames, packets = FrameTable.of(self.log, view), PacketTable.of(self.log)
-        target_kbps = Targets.of(self.log).kbps[view][0]
-        sizes_ns = wire_bytes(self.log, view, frames, packets) * 8e6 / target_kbps
-        return np.asarray(sizes_ns[1:] / np.diff(frames.capture_ns))
+        tables = LogTables(self.log)
+        sizes_ns = wire_bytes(tables, view) * 8e6 / tables.targets.kbps[view][0]
+        return np.asarray(sizes_ns[1:] / np.diff(tables.frames[view].capture_ns))
 
     def queue_ms(self, from_s: float, until_s: float) -> float:
         """The longest that a packet waited at the bottleneck."""
