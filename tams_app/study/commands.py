@@ -24,7 +24,6 @@ from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
 from tams_app.study.trial_process import LocalPool, TrialPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
-from tams_app.task.marks import marks_in
 
 REMARKS_NAME = "remarks.txt"
 REMARKS_BYTES = 100_000
@@ -97,8 +96,7 @@ def run_simulated(
     dask: str | None = None,
 ) -> int:
     """`study run` on simulated trials: 0 if all there were to run are done, else 1."""
-    with study.locked():
-        plan = study.recover(study.load())
+    with study.opened() as plan:
         if not plan.simulated:
             raise ConfigError(f"{study.path}: is planned for people on hardware: leave out --sim")
         if not plan.left:
@@ -125,7 +123,7 @@ def run_guided(
     with study.locked():
         if study.load().simulated:
             raise ConfigError(f"{study.path}: is planned for the simulated rig: add --sim")
-        guided = GuidedRun(study, runner, console, marks_in)
+        guided = GuidedRun(study, runner, console)
         guided.run(participant)
     return int(guided.failed)
 
@@ -133,9 +131,8 @@ def run_guided(
 def void_trial(folder: Path, trial_id: str, reason: str, console: Console) -> int:
     """`study void`: the trial's last attempt does not count; its data and the reason stay."""
     study = StudyFolder(folder)
-    study.load()  # a folder without a study is not locked
-    with study.locked():
-        study.save(void(study.recover(study.load()), trial_id, reason))
+    with study.opened() as plan:
+        study.save(void(plan, trial_id, reason))
     console.print(f"{trial_id} is void and will be taken again.")
     return 0
 
@@ -146,9 +143,7 @@ def forget_participant(folder: Path, pseudonym: str, console: Console, yes: bool
     Asks first unless `yes`; ConfigError where there is no terminal to ask at.
     """
     study = StudyFolder(folder)
-    study.load()  # a folder without a study is not locked
-    with study.locked():
-        plan = study.recover(study.load())
+    with study.opened() as plan:
         plan.participant(pseudonym)
         removed = [one for one in plan.trials if one.participant == pseudonym and one.attempts]
         what = f"{len(removed)} trials with all attempts, the tables and the report"

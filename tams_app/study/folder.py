@@ -88,6 +88,19 @@ class StudyFolder:
         finally:
             os.close(handle)
 
+    @contextmanager
+    def opened(self) -> Iterator[Plan]:
+        """The plan, with what a crash left open settled, kept from other commands meanwhile."""
+        self.load()  # a folder without a study is not locked
+        with self.locked():
+            yield self.recover(self.load())
+
+    def settle(self, plan: Plan, trial_id: str, attempt: Attempt, **changes: Any) -> Plan:
+        """The plan with a changed attempt, as it is kept from now on."""
+        plan = plan.with_attempt(trial_id, attempt.model_copy(update=changes))
+        self.save(plan)
+        return plan
+
     def new_attempt(self, plan: Plan, trial_id: str) -> tuple[Plan, Attempt]:
         """Make a folder that never was and note the attempt in the plan."""
         trial = plan.trial(trial_id)
@@ -102,9 +115,7 @@ class StudyFolder:
                 except FileExistsError:  # a crash came before it was noted
                     number += 1
         attempt = Attempt(folder=relative.as_posix())
-        plan = plan.with_attempt(trial_id, attempt)
-        self.save(plan)
-        return plan, attempt
+        return self.settle(plan, trial_id, attempt), attempt
 
     def recover(self, plan: Plan) -> Plan:
         """Settle what a crash or an interruption left open: attempts, and who is forgotten.
@@ -131,11 +142,20 @@ class StudyFolder:
 
     def summary(self, attempt: Attempt) -> dict[str, Any] | None:
         """The attempt's summary.json, None where there is none or it is not whole."""
+        summary = self._content(attempt, SUMMARY_NAME)
+        return summary if "outcome" in summary else None
+
+    def processor(self, attempt: Attempt) -> str | None:
+        """The processor that an attempt ran on, None where it does not say."""
+        return self._content(attempt, MACHINE_NAME).get("processor")
+
+    def _content(self, attempt: Attempt, name: str) -> dict[str, Any]:
+        """The object in a file of an attempt, an empty one where there is none."""
         try:
-            content = json.loads((self.path / attempt.folder / SUMMARY_NAME).read_bytes())
+            content = json.loads((self.path / attempt.folder / name).read_bytes())
         except (OSError, ValueError):
-            return None
-        return content if isinstance(content, dict) and "outcome" in content else None
+            return {}
+        return content if isinstance(content, dict) else {}
 
     def has_ended(self, attempt: Attempt) -> bool:
         """True if the attempt ran to its end and left a whole summary."""

@@ -6,48 +6,30 @@ stop at any question, or be interrupted anywhere: the next call goes on from the
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from rich.prompt import Confirm, FloatPrompt, IntPrompt, InvalidResponse, Prompt
+from rich.prompt import Prompt
 
-from tams_app.config import Config, TrialConfig
+from tams_app.config import Config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.printing import Console
 from tams_app.study.folder import StudyFolder
-from tams_app.study.plan import (
-    Attempt,
-    AttemptState,
-    ParticipantState,
-    Plan,
-    PlannedTrial,
-    Verdict,
-    void,
-)
+from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan, PlannedTrial, void
 from tams_app.study.runner import TrialRunner, mark_ended
-from tams_app.task import judge
-from tams_app.task.marks import MAX_DROPS, Marks
+from tams_app.study.verdict import ask_verdict, marks_in
 
 
 class GuidedRun:
     """One sitting with one participant; the caller holds the study's lock.
 
-    `find_marks`: what a trial's folder shows. `failed`: it ended at a trial that could not be run.
+    `failed`: it ended at a trial that could not be run.
     """
 
-    def __init__(
-        self,
-        study: StudyFolder,
-        runner: TrialRunner,
-        console: Console,
-        find_marks: Callable[[Path], Marks],
-    ) -> None:
+    def __init__(self, study: StudyFolder, runner: TrialRunner, console: Console) -> None:
         self.failed = False
         self._study = study
         self._runner = runner
         self._console = console
-        self._find_marks = find_marks
         self._config: Config = study.config()
         self._plan: Plan = study.recover(study.load())
 
@@ -106,13 +88,14 @@ class GuidedRun:
         except TamsError as error:
             return self._fail(trial, attempt, str(error))
         except KeyboardInterrupt:
-            self._settle(trial, attempt, AttemptState.INTERRUPTED, "stopped by the experimenter")
+            reason = "stopped by the experimenter"
+            self._settle(trial, attempt, AttemptState.INTERRUPTED, reason=reason)
             raise
         if trial.practice:
             self._settle(trial, attempt, AttemptState.DONE)
             return True
-        ran = self._settle(trial, attempt, AttemptState.RAN)
-        self._judge(trial, ran)
+        self._settle(trial, attempt, AttemptState.RAN)
+        self._judge(trial, attempt)
         return True
 
     def _prepare(self, trial: PlannedTrial) -> bool:
@@ -139,13 +122,12 @@ class GuidedRun:
             self._plan = void(self._plan, trial.id, reason)
             self._study.save(self._plan)
             return
-        marks = self._find_marks(self._study.path / attempt.folder)
+        marks = marks_in(self._study.path / attempt.folder)
         verdict = ask_verdict(self._console, self._config.trial, marks)
-        judged = attempt.model_copy(update={"verdict": verdict})
-        self._settle(trial, judged, AttemptState.DONE)
+        self._settle(trial, attempt, AttemptState.DONE, verdict=verdict)
 
     def _fail(self, trial: PlannedTrial, attempt: Attempt, reason: str) -> bool:
-        self._settle(trial, attempt, AttemptState.FAILED, reason)
+        self._settle(trial, attempt, AttemptState.FAILED, reason=reason)
         self._print(f"{trial.id} could not be run: {reason}")
         self.failed = self._choose("What now?", a="again", s="stop here") == "s"
         return not self.failed
@@ -164,63 +146,6 @@ class GuidedRun:
         self._print(f"Stopped. `{again}` goes on from here.")
 
     def _settle(
-        self, trial: PlannedTrial, attempt: Attempt, state: AttemptState, reason: str = ""
-    ) -> Attempt:
-        settled = attempt.model_copy(update={"state": state, "reason": reason})
-        self._plan = self._plan.with_attempt(trial.id, settled)
-        self._study.save(self._plan)
-        return settled
-
-
-def ask_verdict(console: Console, rules: TrialConfig, marks: Marks) -> Verdict:
-    """Completed, drops, time and success, asked until the answers fit each other and the rules.
-
-    What was marked is what Enter answers. A success that the rules exclude is not accepted; a
-    completion within the rules may still be no success (the block was placed wrongly), and is
-    asked for.
-    """
-    question = f"Was the block placed within {rules.limit_s:g} s?"
-    marked: Any = marks.placed or ...  # none: an answer is asked for
-    completed = Confirm.ask(question, default=marked, console=console)
-    drops = _drops(console, marks.drops)
-    if not completed:
-        return Verdict(completed=False, success=False, drops=drops)
-    time_s = _completion_time(console, rules, marks.time_s)
-    obstacle = _obstacle(drops, time_s)
-    if obstacle:
-        console.print(f"Not a success by the rules: {obstacle}.")
-    success = not obstacle and Confirm.ask("Was it placed correctly (a success)?", console=console)
-    return Verdict(completed=True, success=success, drops=drops, completion_time_s=time_s)
-
-
-def _drops(console: Console, counted: int | None) -> int:
-    possible = [str(number) for number in range(MAX_DROPS + 1)]
-    marked: Any = ... if counted is None else counted
-    return IntPrompt.ask(
-        "How many drops?", choices=possible, show_choices=False, default=marked, console=console
-    )
-
-
-def _completion_time(console: Console, rules: TrialConfig, measured_s: float | None) -> float:
-    """The log's time if the experimenter takes it, else the one they give."""
-    if measured_s is not None and 0 < measured_s <= rules.limit_s:
-        question = f"The gripper opened last {measured_s:.1f} s after the start. Take that time?"
-        if Confirm.ask(question, console=console):
-            return measured_s
-
-    class Seconds(FloatPrompt):
-        def process_response(self, value: str) -> float:
-            seconds = super().process_response(value.replace(",", "."))
-            if not 0 < seconds <= rules.limit_s:
-                raise InvalidResponse(f"More than 0 s and at most {rules.limit_s:g} s, please.")
-            return seconds
-
-    return Seconds.ask("How many seconds from the start to the placing?", console=console)
-
-
-def _obstacle(drops: int, time_s: float) -> str:
-    if drops > judge.MAX_DROPS:
-        return f"more than {judge.MAX_DROPS} drops"
-    if time_s > judge.SUCCESS_WITHIN_S:
-        return f"later than {judge.SUCCESS_WITHIN_S:g} s"
-    return ""
+        self, trial: PlannedTrial, attempt: Attempt, state: AttemptState, **changes: Any
+    ) -> None:
+        self._plan = self._study.settle(self._plan, trial.id, attempt, state=state, **changes)

@@ -32,7 +32,7 @@ from tams_app.session.run import run
 from tams_app.session.session import Session
 from tams_app.session.shared_memory import session_bytes
 from tams_app.study.plan import PlannedTrial
-from tams_app.task.marks import DROPS_FACT, MAX_DROPS, PLACED_FACT
+from tams_app.study.verdict import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
 BEGINNING = (
     "The trial begins when the trigger is first pressed. p ends it when the block is placed, q "

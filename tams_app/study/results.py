@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +15,6 @@ from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, Plan
 from tams_app.study.planning import make_plan
-from tams_app.study.runner import MACHINE_NAME
 from tams_app.study.tables import Row, phase_rows, trial_row
 from tams_app.summary.quality import SSIM_KINDS
 
@@ -69,7 +67,7 @@ def read_results(study: StudyFolder) -> StudyData:
             unreadable.append(trial.id)
             continue
         folders[trial.id] = study.path / attempt.folder
-        trials.append(trial_row(trial, summary, _processor(folders[trial.id]), config))
+        trials.append(trial_row(trial, summary, study.processor(attempt), config))
         if not trial.practice:
             phases += phase_rows(trial, summary)
     tables = pd.DataFrame(trials).convert_dtypes(), pd.DataFrame(phases).convert_dtypes()
@@ -192,11 +190,3 @@ def _read_csv(path: Path) -> pd.DataFrame:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
     except ValueError as error:  # pandas' parser errors, and text that is not UTF-8
         raise ConfigError(f"{path}: is no table: {error}") from error
-
-
-def _processor(folder: Path) -> str | None:
-    try:
-        content = json.loads((folder / MACHINE_NAME).read_bytes())
-    except (OSError, ValueError):
-        return None
-    return content.get("processor") if isinstance(content, dict) else None

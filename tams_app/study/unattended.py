@@ -48,9 +48,7 @@ def run_unattended(study: StudyFolder, pool: TrialPool, display: TrialsProgress)
                 if not failure and not study.has_ended(attempt):
                     failure = "its summary is not whole"
                 state = AttemptState.FAILED if failure else AttemptState.DONE
-                attempt = attempt.model_copy(update={"state": state, "reason": failure})
-                plan = plan.with_attempt(job.trial.id, attempt)
-                study.save(plan)
+                plan = study.settle(plan, job.trial.id, attempt, state=state, reason=failure)
                 display.trial_ended()
                 if failure:
                     tally.failures[job.trial.id] = failure

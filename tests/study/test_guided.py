@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ from tams_app.study.folder import StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import AttemptState, Verdict
 from tams_app.study.runner import TrialRunner
-from tams_app.task.marks import Marks
+from tams_app.study.verdict import Marks
 from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, make_study
 
@@ -27,14 +27,19 @@ HARDWARE = {
 RUNNER = PlantedRunner(judged=False)
 
 
+@pytest.fixture(autouse=True)
+def _measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every log has a completion time."""
+    monkeypatch.setattr("tams_app.study.guided.marks_in", lambda folder: Marks(31.5))
+
+
 def sit(
     study: StudyFolder,
     person: ScriptedConsole,
     runner: TrialRunner = RUNNER,
     participant: str | None = None,
-    found: Callable[[Path], Marks] = lambda _: Marks(31.5),
 ) -> int:
-    return GuidedRun(study, runner, person, found).run(participant)
+    return GuidedRun(study, runner, person).run(participant)
 
 
 def hardware_study(path: Path, participants: int = 1, **more: object) -> StudyFolder:

@@ -22,7 +22,7 @@ from tams_app.recording import read_log
 from tams_app.session.session import Session
 from tams_app.study import live_trial
 from tams_app.study.live_trial import LiveTrial, LiveTrialRunner
-from tams_app.task.marks import DROPS_FACT, PLACED_FACT
+from tams_app.study.verdict import DROPS_FACT, PLACED_FACT
 from tests.faces.terminal.test_line import STATE
 from tests.study.synthetic_study import planned_trial
 

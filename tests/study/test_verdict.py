@@ -11,12 +11,12 @@ from tams_app.config import TrialConfig
 from tams_app.recording import SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord, Phase, PhaseChange
-from tams_app.study.guided import ask_verdict
 from tams_app.study.plan import Verdict
-from tams_app.task.marks import (
+from tams_app.study.verdict import (
     DROPS_FACT,
     PLACED_FACT,
     Marks,
+    ask_verdict,
     completion_time_s,
     marks_in,
     marks_of,
