@@ -17,12 +17,13 @@ from tams_app.errors import ConfigError, require_extra
 from tams_app.outputs import inner_folder
 from tams_app.printing import Console
 from tams_app.progress import waiting
+from tams_app.study.dask_pool import DaskPool
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import Participant, ParticipantState, Plan, conditions_of_all, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
-from tams_app.study.trial_process import LocalPool, TrialPool
+from tams_app.study.trial_process import LocalPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
 
 REMARKS_NAME = "remarks.txt"
@@ -102,7 +103,7 @@ def run_simulated(
         if not plan.left:
             console.print("All trials of this study are done.")
             return 0
-        pool = _pool(runner, workers, dask)
+        pool = LocalPool(runner, workers) if dask is None else DaskPool(runner, dask)
         try:
             with TrialsProgress(console, len(plan.left), pool.slots) as display:
                 tally = run_unattended(study, pool, display)
@@ -242,14 +243,6 @@ def _show_how_to_go_on(study: StudyFolder, console: Console) -> None:
         f"`study run --sim {study.path}` goes on with the others.",
         soft_wrap=True,
     )
-
-
-def _pool(runner: TrialRunner, workers: int | None, dask: str | None) -> TrialPool:
-    if dask is None:
-        return LocalPool(runner, workers)
-    from tams_app.study.dask_pool import DaskPool
-
-    return DaskPool(runner, dask)
 
 
 def _progress_of(plan: Plan, person: Participant) -> dict[str, Any]:

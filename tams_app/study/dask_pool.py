@@ -6,7 +6,6 @@ from __future__ import annotations
 import io
 import tarfile
 import tempfile
-from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -22,13 +21,13 @@ _LOST = "the cluster lost it"
 
 
 class DaskPool:
-    """Trials as tasks of the scheduler at `address`; SetupError if it cannot be used."""
+    """As `LocalPool`, on the cluster of the scheduler at `address`; SetupError without one."""
 
     def __init__(self, runner: TrialRunner, address: str) -> None:
         require_extra("dask", "--dask")
         distributed: Any = import_module("distributed")
         self._runner = runner
-        self._wait: Callable[..., Any] = distributed.wait
+        self._wait: Any = distributed.wait
         try:
             self._client: Any = distributed.Client(
                 address, timeout=CONNECT_TIMEOUT_S, set_as_default=False

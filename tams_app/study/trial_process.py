@@ -13,7 +13,6 @@ import time
 import traceback
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from tams_app.errors import TamsError
 from tams_app.study.plan import PlannedTrial
@@ -96,25 +95,11 @@ class TrialProcess:
         return printed[-1] if printed else f"its process ended with exit code {code}"
 
 
-class TrialPool(Protocol):
-    """Somewhere that trials run side by side."""
-
-    @property
-    def slots(self) -> int:
-        """The number of trials at a time, at least 1."""
-
-    def start(self, job: Job) -> None:
-        """Begin a trial; at most `slots` run at a time."""
-
-    def wait(self) -> list[tuple[Job, str]]:
-        """Wait for at least one to end: what ended, and why it failed ("" if it did not)."""
-
-    def close(self) -> None:
-        """End those that still run; may be called twice."""
-
-
 class LocalPool:
-    """Processes on this machine; `workers` None: one for each core that we may use."""
+    """Processes on this machine; `workers` None: one for each core that we may use.
+
+    `slots`: the number of trials at a time, at least 1.
+    """
 
     def __init__(self, runner: TrialRunner, workers: int | None = None) -> None:
         cores = sorted(os.sched_getaffinity(0))
@@ -125,10 +110,12 @@ class LocalPool:
         self._running: dict[TrialProcess, int | None] = {}
 
     def start(self, job: Job) -> None:
+        """Begin a trial; at most `slots` run at a time."""
         core = self._free.pop(0)
         self._running[TrialProcess(self._runner, job, core)] = core
 
     def wait(self) -> list[tuple[Job, str]]:
+        """Wait for at least one to end: what ended, and why it failed ("" if it did not)."""
         while self._running:
             ended = [(one, failure) for one in self._running if (failure := one.poll()) is not None]
             if ended:
@@ -139,6 +126,7 @@ class LocalPool:
         return []
 
     def close(self) -> None:
+        """End those that still run; may be called twice."""
         for process in self._running:
             process.stop()
         self._running.clear()

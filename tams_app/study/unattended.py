@@ -15,9 +15,10 @@ from rich.progress import (
 )
 
 from tams_app.printing import Console
+from tams_app.study.dask_pool import DaskPool
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState
-from tams_app.study.trial_process import Job, TrialPool
+from tams_app.study.trial_process import Job, LocalPool
 
 
 @dataclass(slots=True)
@@ -28,7 +29,9 @@ class Tally:
     failures: dict[str, str] = field(default_factory=dict)
 
 
-def run_unattended(study: StudyFolder, pool: TrialPool, display: TrialsProgress) -> Tally:
+def run_unattended(
+    study: StudyFolder, pool: LocalPool | DaskPool, display: TrialsProgress
+) -> Tally:
     """Run every trial that has no result yet; the caller holds the study's lock.
 
     A trial that fails is reported and tried again by the next call, under a new name. However this

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
 from inspect import getmembers, isfunction
 from pathlib import Path
@@ -26,7 +25,6 @@ from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData
 from tams_app.study.statistics.estimates import FEWEST_TO_TEST
-from tams_app.study.statistics.mixed_model import NotFitted
 from tams_app.study.tables import PHASES
 from tams_app.summary.tables import LogTables
 from tams_app.task import judge
@@ -59,9 +57,8 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
     measures = Measures(data)
     figures: dict[str, bytes] = {}
 
-    def draw(name: str, make: Callable[..., Figure], *arguments: Any, **options: Any) -> Markup:
+    def draw(name: str, figure: Figure) -> Markup:
         """The figure as an element of the page."""
-        figure = make(*arguments, **options)
         figures[name] = to_png(figure)
         return to_svg(figure)
 
@@ -90,12 +87,10 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
 
 def _template() -> jinja2.Template:
     environment = page_environment(Path(__file__).parent)
-    environment.filters |= dict(getmembers(wording, isfunction))
-    environment.filters["apply"] = lambda text, name: environment.filters[name](text)
-    environment.filters["prefixed"] = lambda text, prefix: f"{prefix}{text}"
-    environment.tests["not_fitted"] = lambda found: isinstance(found, NotFitted)
+    words = dict(getmembers(wording, isfunction))
+    environment.filters |= words
     environment.globals |= {
-        "counted": wording.counted,
+        **words,
         "paper": paper,
         "PHASES": PHASES,
         "FEWEST_TO_TEST": FEWEST_TO_TEST,

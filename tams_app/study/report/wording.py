@@ -64,6 +64,10 @@ def counted(count: int, noun: str) -> str:
     return f"{count} {noun}{'' if count == 1 else 's'}"
 
 
+def prefixed(text: str, prefix: str) -> str:
+    return f"{prefix}{text}"
+
+
 def p_value(p: float) -> str:
     if p < 0.001:
         return "p < .001"
