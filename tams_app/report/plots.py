@@ -118,25 +118,6 @@ def draw_event(axis: Axes, t_s: float, text: str, line: Style, words: Style) -> 
         axis.annotate(text, (t_s, 1.0), **{**at, "xytext": (2, -2), "va": "top", **words})
 
 
-def draw_interval(
-    axis: Axes, where: float, found: tuple[float, float | None, float | None], across: bool = False,
-    **mark: Any,
-) -> None:  # fmt: skip
-    """A mark with its confidence interval, upright at x or lying (`across`) at y.
-
-    `found`: value, low and high; without one of the latter there is no interval.
-    """
-    value, low, high = found
-    error = None if low is None or high is None else [[value - low], [high - value]]
-    axis.errorbar(
-        *((value, where) if across else (where, value)),
-        xerr=error if across else None,
-        yerr=None if across else error,
-        **{"ecolor": INK, "elinewidth": 0.9, "capsize": 2.5, "markeredgecolor": INK,
-           "markeredgewidth": 0.5, "markersize": 6, **mark},
-    )  # fmt: skip
-
-
 def legend_beside(figure: Figure, axis: Axes, where: str = "upper center") -> None:
     """The labels of `axis` in one row outside the panels."""
     handles, labels = axis.get_legend_handles_labels()

@@ -38,7 +38,7 @@ def ssim_figure(measures: Measures) -> Figure:
     for place, strategy, column, network, x in _side_by_side(measures, 0.5):
         label = name(strategy) if column == 0 else None
         found = measures.mean(strategy, network, "primary_received_ssim")
-        _draw_estimate(axis, x, found, place, label)
+        _draw_estimate(axis, x, found, label=label, **_look(place))
         theirs = paper.RECEIVED_SSIM.get((strategy, network))
         if theirs is not None:
             label = "paper, people" if column == place == 0 else None
@@ -65,7 +65,7 @@ def ssim_phases_figure(measures: Measures) -> Figure:
             for column, phase in enumerate(PHASES):
                 found = measures.phase_mean(strategy, network, phase)
                 label = name(strategy) if column == 0 else None
-                _draw_estimate(axis, column + shifts[place], found, place, label)
+                _draw_estimate(axis, column + shifts[place], found, label=label, **_look(place))
         _name_phases(axis, rotation=35, ha="right", fontsize=plots.SMALL_PT)
         axis.set_title(name(network))
     axes[0].set_ylabel("Received SSIM, primary view")
@@ -94,7 +94,8 @@ def differences_figure(
             for row, network in enumerate(plan.networks):
                 found = measures.difference(other, network, quantity.column).estimate
                 label = f"against {name(other)}" if row == 0 else None
-                _draw_estimate(axis, row + shift, found, place, label, across=True)
+                look = _look(place)
+                _draw_estimate(axis, row + shift, found, across=True, label=label, **look)
         axis.set_title(quantity.title)
         axis.set_xlabel(quantity.better, fontsize=plots.SMALL_PT)
         axis.set_ylim(len(plan.networks) - 0.5, -0.5)
@@ -156,7 +157,7 @@ def success_figure(measures: Measures) -> Figure:
             alpha=0.8,
             **fill,
         )
-        plots.draw_interval(axis, x, (value, low, high), fmt="none")
+        _draw_estimate(axis, x, Estimate(value, low, high, found.n), fmt="none")
         above: plots.Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
         axis.annotate(f"{value:.0f} %", (x, high), fontsize=plots.SMALL_PT, **above)
         theirs = paper.SUCCESS_SHARE.get((strategy, network))
@@ -236,26 +237,26 @@ def _name_phases(axis: Axes, **style: Any) -> None:
     axis.set_xticks(range(len(PHASES)), [phase_name(one) for one in PHASES], **style)
 
 
+def _look(place: int) -> plots.Style:
+    """Marker and colour of strategy number `place`."""
+    return {"fmt": MARKERS[place % len(MARKERS)], "color": COLOURS[place % len(COLOURS)]}
+
+
 def _draw_estimate(
-    axis: Axes,
-    where: float,
-    found: Estimate | None,
-    place: int,
-    label: str | None,
-    across: bool = False,
+    axis: Axes, where: float, found: Estimate | None, across: bool = False, **mark: Any
 ) -> None:
-    """A marker for strategy number `place`, its interval upright at x, or lying (`across`) at y."""
+    """A mark with its interval, upright at x or lying (`across`) at y; nothing if none is known."""
     if found is None:
         return
-    plots.draw_interval(
-        axis,
-        where,
-        (found.value, found.low, found.high),
-        across,
-        fmt=MARKERS[place % len(MARKERS)],
-        color=COLOURS[place % len(COLOURS)],
-        label=label,
-    )
+    value, low, high = found.value, found.low, found.high
+    error = None if low is None or high is None else [[value - low], [high - value]]
+    axis.errorbar(
+        *((value, where) if across else (where, value)),
+        xerr=error if across else None,
+        yerr=None if across else error,
+        **{"ecolor": plots.INK, "elinewidth": 0.9, "capsize": 2.5, "markeredgecolor": plots.INK,
+           "markeredgewidth": 0.5, "markersize": 6, **mark},
+    )  # fmt: skip
 
 
 def _draw_box(
