@@ -111,7 +111,7 @@ def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
         rows.append((view, [f"{known(one['p50'])} / {known(one['p95'])}" for one in columns]))
     if not rows:
         return None
-    view, stage = max(slowest_ms, key=lambda one: slowest_ms[one])
+    view, stage = max(slowest_ms, key=slowest_ms.__getitem__)
     names = [*STAGES.values(), "without network"]
     return StagesTable(names, rows, view, stage_words(stage))
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from operator import attrgetter
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -50,7 +52,7 @@ def held_stretches(log: SessionLog) -> list[plots.NamedStretch]:
 
 def stops_of(log: SessionLog) -> list[tuple[float, StopRecord]]:
     """Each stop with its time in seconds since the start, in the order of their numbers."""
-    ordered = sorted(log.stops, key=lambda stop: stop.visible_ns)
+    ordered = sorted(log.stops, key=attrgetter("visible_ns"))
     return [(since_start_s(log, stop.visible_ns), stop) for stop in ordered]
 
 
@@ -104,12 +106,13 @@ def _draw_uplink(link: Axes, log: SessionLog, rates: SentRates) -> None:
         sent = sum(np.interp(t_s, curve.t_s, curve.kbps) for curve in curves) / 1000
         link.plot(t_s, sent, color=UPLINK_SENT, lw=2.2, label="sent, all views")
     step: plots.Style = {"where": "post", "lw": 1}
-    budget_kbps = np.append(rates.targets.budget_kbps, rates.targets.budget_kbps[-1])
+    targets = rates.targets
+    budget_kbps, estimate_kbps = (
+        np.append(kbps, kbps[-1]) for kbps in (targets.budget_kbps, targets.capacity_kbps)
+    )
     link.step(rates.t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
-    believed = [one.capacity_kbps for one in sorted(log.allocations, key=lambda one: one.t_ns)]
-    estimate = np.array([np.nan if kbps is None else kbps for kbps in (*believed, believed[-1])])
     dashed: plots.Style = {**step, "ls": "--", "color": CAPACITY_ESTIMATE}
-    link.step(rates.t_s, estimate / 1000, label="capacity estimate", **dashed)
+    link.step(rates.t_s, estimate_kbps / 1000, label="capacity estimate", **dashed)
     if emulated := [one for one in log.capacities if one.capacity_kbps is not None]:
         ends = np.array([*(one.t_ns for one in emulated), rates.span.end_ns])
         kbps = np.array([one.capacity_kbps for one in (*emulated, emulated[-1])], dtype=float)

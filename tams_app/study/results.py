@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from operator import attrgetter
 from pathlib import Path
 
 import pandas as pd
@@ -60,7 +61,7 @@ def read_results(study: StudyFolder) -> StudyData:
     trials: list[Row] = []
     phases: list[Row] = []
     unreadable, folders = [], {}
-    for trial in sorted((one for one in plan.trials if one.is_done), key=lambda one: one.id):
+    for trial in sorted((one for one in plan.trials if one.is_done), key=attrgetter("id")):
         attempt = trial.last
         summary = study.summary(attempt) if attempt else None
         if attempt is None or summary is None:

@@ -65,8 +65,7 @@ def _relied_on(log: SessionLog) -> dict[str, Any]:
     looked = [glance for glances in found.values() for glance in glances]
     primary = primary_at(log, np.array([glance.t_ns for glance in looked], dtype=np.int64))
     agreeing = sum(
-        log.header.views.index(max(glance.relied_on, key=lambda view: glance.relied_on[view]))
-        == place
+        log.header.views.index(max(glance.relied_on, key=glance.relied_on.__getitem__)) == place
         for glance, place in zip(looked, primary, strict=True)
     )
     return {

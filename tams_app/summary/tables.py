@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from operator import attrgetter
 from typing import TypeAlias
 
 import numpy as np
@@ -73,6 +74,7 @@ class Targets:
 
     t_ns: Integers
     budget_kbps: Floats
+    capacity_kbps: Floats  # as the policy believed it; NaN where it knew none
     kbps: dict[str, Floats]  # per view
 
 
@@ -148,10 +150,11 @@ class LogTables:
     @cached_property
     def targets(self) -> Targets:
         """What the policy asked for."""
-        ordered = sorted(self.log.allocations, key=lambda one: one.t_ns)
+        ordered = sorted(self.log.allocations, key=attrgetter("t_ns"))
         return Targets(
             np.array([one.t_ns for one in ordered], dtype=np.int64),
             np.array([one.budget_kbps for one in ordered], dtype=np.float64),
+            np.array([one.capacity_kbps for one in ordered], dtype=np.float64),
             {
                 view: np.array([one.target_kbps.get(view, 0) for one in ordered], dtype=np.float64)
                 for view in self.places
@@ -165,7 +168,7 @@ class LogTables:
         if not log.captured or not log.allocations:
             return None
         first_capture_ns = min(frame.capture_ns for frame in log.captured)
-        last = max(log.captured, key=lambda frame: frame.capture_ns)
+        last = max(log.captured, key=attrgetter("capture_ns"))
         end_ns = last.capture_ns + int(self.frames[last.view].usual_ns[-1])
         start_ns = max(first_capture_ns, int(self.targets.t_ns[0]))
         return Span(start_ns, end_ns) if end_ns > start_ns else None
@@ -173,7 +176,7 @@ class LogTables:
 
 def phase_at(log: SessionLog, t_ns: Integers) -> Integers:
     """The number of the phase at each time, its place in `Phase`; −1 before the first."""
-    changes = sorted(log.phases, key=lambda change: change.t_ns)
+    changes = sorted(log.phases, key=attrgetter("t_ns"))
     began_ns = np.array([change.t_ns for change in changes], dtype=np.int64)
     numbers = {phase: number for number, phase in enumerate(Phase)}
     phase = np.array([-1, *(numbers[change.phase] for change in changes)], dtype=np.int64)
@@ -183,7 +186,7 @@ def phase_at(log: SessionLog, t_ns: Integers) -> Integers:
 def primary_at(log: SessionLog, t_ns: Integers) -> Integers:
     """The primary view at each time, its place in `header.views`; −1 where none is known."""
     weights, phases = WeightMatrix(log.header.weights), tuple(Phase)
-    pins = sorted(log.pins, key=lambda pin: pin.t_ns)
+    pins = sorted(log.pins, key=attrgetter("t_ns"))
     began = np.searchsorted(np.array([pin.t_ns for pin in pins], dtype=np.int64), t_ns, "right")
     pinned = ["", *(pin.view for pin in pins)]
     places = [

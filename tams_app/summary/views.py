@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Any
 
@@ -96,7 +97,7 @@ def _freezes(frames: FrameTable, span: Span | None) -> dict[str, Any]:
 
 def _not_whole_s(log: SessionLog, view: str, span: Span | None) -> float | None:
     """For how long the frame on the screen was not whole (`WholeChain`)."""
-    shown = sorted((one for one in log.shown if one.view == view), key=lambda one: one.shown_ns)
+    shown = sorted((one for one in log.shown if one.view == view), key=attrgetter("shown_ns"))
     if span is None or not shown or any(one.whole is None for one in shown):
         return None
     until_ns = [*(one.shown_ns for one in shown[1:]), max(span.end_ns, shown[-1].shown_ns)]
