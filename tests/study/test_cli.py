@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-from unittest.mock import MagicMock
 
 import pytest
 
@@ -113,15 +112,8 @@ def test_plan_run_show_void_report_forget(study: Run, config: Path, tmp_path: Pa
 
 
 def test_report_writes_where_it_is_told_and_is_made_again_from_its_tables(
-    study: Run, config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    study: Run, config: Path, tmp_path: Path, undrawn: None
 ) -> None:
-    for extra in ("jinja2", "pandas", "pyarrow", "statsmodels"):
-        pytest.importorskip(extra)
-    from tams_app.study.report import build
-
-    monkeypatch.setattr(build, "drawing", MagicMock())  # figures take most of the time
-    monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
-    monkeypatch.setattr(build, "to_svg", lambda figure: "drawn")
     folder, tables = tmp_path / "s", tmp_path / "s" / "tables"
     study("run", "--sim", "--participants", 1, "--config", config, "--out", folder)
     code, text, err = study("report", folder, "--out", tmp_path / "r", "--tolerance-ssim", 0.02)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from unittest.mock import MagicMock
 
 import pytest
 
@@ -80,21 +79,16 @@ def test_a_sitting_that_ends_at_a_trial_that_could_not_be_run_has_failed(tmp_pat
 
 
 def test_the_tracking_example_is_drawn_from_a_fitting_trial_s_log(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, undrawn: None
 ) -> None:
-    for extra in ("jinja2", "pandas", "statsmodels"):
-        pytest.importorskip(extra)
-    from tams_app.study.report import build
+    from tams_app.study.report.build import build_report
     from tams_app.study.results import read_results
 
     study = make_study(tmp_path, 1, **SMALL)
     fill_study(study, PlantedRunner())
     for trial in study.load().trials:
         write_log(tmp_path / trial.attempts[0].folder / "session.mcap")
-    monkeypatch.setattr(build, "drawing", MagicMock())  # the other figures
-    monkeypatch.setattr(build, "to_png", lambda figure: b"drawn")
-    monkeypatch.setattr(build, "to_svg", lambda figure: "drawn")
-    report = build.build_report(read_results(study))
+    report = build_report(read_results(study))
     assert "rate of each view, TAMS on S2 (P01-0" in report.html
     assert report.figures["tracking"] == b"drawn"
 

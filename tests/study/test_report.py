@@ -6,14 +6,13 @@ import html
 import re
 from pathlib import Path
 from typing import Any
-from unittest.mock import MagicMock
 
 import cv2
 import pytest
 
 from tams_app.errors import ConfigError
 from tams_app.study.plan import void
-from tams_app.study.report import build, drawing
+from tams_app.study.report import drawing
 from tams_app.study.report.build import build_report
 from tams_app.study.report.findings import (
     Quantity,
@@ -50,17 +49,13 @@ def measured(runner: PlantedRunner, people: int = 12, **more: Any) -> Measures:
     return Measures(planted_data(runner, people, **{**TWO_BY_TWO, **more}))
 
 
+def page_of(data: StudyData, **more: Any) -> Page:
+    return Page(build_report(data, **more).html)
+
+
 def estimate(found: PairedDifference) -> float:
     assert found.estimate is not None
     return found.estimate.value
-
-
-def words_of(data: StudyData, monkeypatch: pytest.MonkeyPatch, **more: Any) -> Page:
-    """The report without its figures, which take most of the time."""
-    monkeypatch.setattr(build, "drawing", MagicMock())
-    monkeypatch.setattr(build, "to_png", lambda figure: b"")
-    monkeypatch.setattr(build, "to_svg", lambda figure: "drawn")
-    return Page(build_report(data, **more).html)
 
 
 @pytest.fixture(scope="module")
@@ -152,11 +147,11 @@ def test_a_study_s_report_has_only_what_that_study_gave(page: Page, even: StudyD
         assert set(re.findall(r"P\d\d-\d\d", text)) <= trials
 
 
-def test_what_is_missing_is_listed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_missing_is_listed(tmp_path: Path, undrawn: None) -> None:
     study = make_study(tmp_path, 2, **TWO_BY_TWO)
     fill_study(study, PlantedRunner(missing_phase="PRE_RELEASE"), leave=("P02-03",))
     study.save(void(study.load(), "P01-02", "the light went out"))
-    sentences = words_of(read_results(study), monkeypatch, tolerance_ssim=0.002).sentences
+    sentences = page_of(read_results(study), tolerance_ssim=0.002).sentences
     assert "Missing: 2 planned trials: P01-02, P02-03." in sentences
     assert "P01-02: void, the light went out" in sentences
     assert any(text.startswith("Not counterbalanced") for text in sentences)
@@ -172,11 +167,11 @@ def test_how_long_the_phases_lasted_is_told(page: Page) -> None:
     )
 
 
-def test_a_study_that_knows_little_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_study_that_knows_little_says_so(undrawn: None) -> None:
     """One participant, no loss, no reliance, no completed trial; thresholds that were set."""
     runner = PlantedRunner({"tams": 500.0, "equal": 500.0}, damage_told=False, relied=False)
     data = planted_data(runner, 1, policy__phases__v_eps_mm_s=7.0, **TWO_BY_TWO)
-    sentences = words_of(data, monkeypatch).sentences
+    sentences = page_of(data).sentences
     assert "Phases are inferred with thresholds other than TAMS's defaults." in sentences
     assert not any("the paper prints none" in text for text in sentences)
     assert "No trial tells which frames loss left incomplete." in sentences
@@ -219,9 +214,7 @@ def test_a_phase_that_one_trial_of_a_pair_lacks_is_left_out_of_the_other() -> No
     assert cut == pytest.approx(whole, abs=0.004)
 
 
-def test_what_coding_won_and_loss_took_again_are_told_apart(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_what_coding_won_and_loss_took_again_are_told_apart(undrawn: None) -> None:
     """Planted on s3: equal received SSIM, of which loss takes .03 more from TAMS."""
     lost = {"tams": 0.05, "equal": 0.02}
     data = planted_data(PlantedRunner(noise_s=2.0, lapses=0.0, lost_ssim=lost), 12, **TWO_BY_TWO)
@@ -234,7 +227,7 @@ def test_what_coding_won_and_loss_took_again_are_told_apart(
     assert difference("lost_ssim", "s3") == pytest.approx(-0.03)
     assert difference("undamaged_ssim", "s3") == pytest.approx(received + 0.03, abs=1e-4)
     assert difference("lost_ssim", "s1") == pytest.approx(0)
-    page = words_of(data, monkeypatch)
+    page = page_of(data)
     parts = page.table("Received SSIM, TAMS minus the other, in two parts")
     assert parts.column(3)["S3, against Equal"].startswith("−0.0300 ")
     packets = page.table("how many packets").column(4)
