@@ -88,10 +88,10 @@ def test_a_session_with_real_devices_loads_nothing_of_the_simulated_rig():
     assert not [name for name in found if name.startswith("hw.sim")]
 
 
-def test_neither_side_loads_study_reports_or_viewers():
+def test_neither_side_loads_studies_summaries_reports_or_viewers():
     found = loaded("tams_app.robot.side", "tams_app.station.station")
-    above = ("tams_app.study", "tams_app.report", "tams_app.telemetry", "tams_app.console")
-    assert not [name for name in found if name.startswith(above)]
+    above = [f"tams_app.{one}" for one in ("study", "summary", "report", "telemetry", "console")]
+    assert not [name for name in found if name.startswith(tuple(above))]
 
 
 def test_a_session_with_real_devices_loads_no_simulator():

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tams_app.errors import LogError
+from tams_app.link.messages import OPERATOR_FACT, SESSION_FACT
 from tams_app.recording import FrameShown, SessionLog
 from tams_app.records import (
     HandHeard,
@@ -20,14 +21,7 @@ from tams_app.records import (
     UplinkSummary,
 )
 from tams_app.summary import summarise
-from tams_app.summary.joined import (
-    OPERATOR_FACT,
-    SESSION_FACT,
-    clock_offsets,
-    in_order,
-    joined,
-    summarise_joined,
-)
+from tams_app.summary.joined import clock_offsets, in_order, joined, summarise_joined
 from tams_app.summary.tables import LogTables
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, header, rtp_timestamp

@@ -10,22 +10,24 @@ from typing import Any
 
 from tams_app.console.summary_tables import link_table, seen_tables, summary_tables
 from tams_app.errors import UnreadableLogError
+from tams_app.link.messages import (
+    OPERATOR_FACT,
+    OPERATOR_FOLDER_FACT,
+    ROBOT_FOLDER_FACT,
+    SESSION_FACT,
+)
 from tams_app.printing import Console
 from tams_app.progress import waiting
 from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.summary.joined import (
-    OPERATOR_FACT,
-    OPERATOR_FOLDER_FACT,
-    ROBOT_FOLDER_FACT,
-    SESSION_FACT,
     clock_offsets,
     in_order,
     joined,
     on_robots_clock,
     summarise_joined,
 )
-from tams_app.summary.summarise import save_summary, summary_of
+from tams_app.summary.summarise import save_summary, session_summary
 from tams_app.summary.tables import LogTables
 
 FIGURE_NAME = "bitrates.png"
@@ -125,7 +127,7 @@ def write_summary(folder: Path) -> dict[str, Any]:
 
 def _summarised(folder: Path) -> tuple[SessionLog, dict[str, Any]]:
     tables = LogTables(read_log(folder / LOG_NAME))
-    summary = summary_of(tables)
+    summary = session_summary(tables)
     save_summary(summary, folder)
     _draw(tables, summary, read_pictures(folder / LOG_NAME), folder)
     return tables.log, summary

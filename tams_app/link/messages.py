@@ -17,6 +17,11 @@ from tams_app.vectors import Floats3
 HAND_RATE_HZ = 120.0
 STATE_RATE_HZ = 60.0
 PROTOCOL = 5
+# Facts of the logs of both sides, by which one is found to the other:
+SESSION_FACT = "link_session"  # the same in both
+ROBOT_FOLDER_FACT = "robot_folder"  # of the operator's side: name of the other log's folder
+OPERATOR_FOLDER_FACT = "operator_folder"  # the same of the robot's side
+OPERATOR_FACT = "link_operator"  # of the operator's side: the number in what it sends
 
 
 class MessageError(TamsError):

@@ -18,7 +18,13 @@ from tams_app.config.section import Section
 from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import Gateway
-from tams_app.link.messages import PROTOCOL, Welcome, encode
+from tams_app.link.messages import (
+    OPERATOR_FOLDER_FACT,
+    PROTOCOL,
+    SESSION_FACT,
+    Welcome,
+    encode,
+)
 from tams_app.recording.journal import Journal
 from tams_app.records import Allocation, LinkHealth, Placed, Record, SessionState, SteeredBy, Tick
 from tams_app.robot.control import Signals
@@ -26,7 +32,6 @@ from tams_app.robot.linked_hand import LinkedHand
 from tams_app.robot.linked_state import LinkedState, state_interval_ns
 from tams_app.robot.operator import StreamedOperator
 from tams_app.runtime.clock import Clock
-from tams_app.summary.joined import OPERATOR_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrames

@@ -10,14 +10,13 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.addresses import called
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
-from tams_app.link.messages import Welcome
+from tams_app.link.messages import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT, Welcome
 from tams_app.recording.journal import Journal
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.parts import Parts
 from tams_app.station.seat import require_local_seat
 from tams_app.station.welcome import driven, follow, repair_of, welcome_of
-from tams_app.summary.joined import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT
 from tams_app.teleop.hands import HAND_FACT, hand_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule

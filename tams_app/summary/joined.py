@@ -16,21 +16,18 @@ from typing import Any
 import numpy as np
 
 from tams_app.errors import LogError
+from tams_app.link.messages import OPERATOR_FACT, SESSION_FACT
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import Header, SessionLog
 from tams_app.recording.pictures import ShownPicture
 from tams_app.recording.topics import FrameShown
 from tams_app.records import HandHeard
-from tams_app.summary.summarise import summary_of
+from tams_app.summary.summarise import session_summary
 from tams_app.summary.tables import Integers, LogTables, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _OPERATORS_FACTS = ("operator", PREDICTED_FACT)
 _BY_LINK = "link "  # so the labels of these reasons begin
-SESSION_FACT = "link_session"  # the same in both logs
-ROBOT_FOLDER_FACT = "robot_folder"  # of the operator's side: name of the other log's folder
-OPERATOR_FOLDER_FACT = "operator_folder"  # the same of the robot's side
-OPERATOR_FACT = "link_operator"  # of the operator's side: the number in what it sends
 _WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
 _PERCENTILES = ("p50", "p95", "p99", "max")
 
@@ -134,7 +131,7 @@ def summarise_joined(
     `offsets` and `both`: what `clock_offsets` and `joined` have made of the two logs.
     """
     return {
-        **summary_of(both),
+        **session_summary(both),
         "complete": robot.complete and operator.complete,
         "link": link_figures(robot, operator, offsets),
     }

@@ -40,11 +40,11 @@ BEFORE_NAME = "summary.json.before"
 
 
 def summarise(log: SessionLog) -> dict[str, Any]:
-    """`summary_of` a log of which nothing else is asked."""
-    return summary_of(LogTables(log))
+    """`session_summary` a log of which nothing else is asked."""
+    return session_summary(LogTables(log))
 
 
-def summary_of(tables: LogTables) -> dict[str, Any]:
+def session_summary(tables: LogTables) -> dict[str, Any]:
     """The content of summary.json; keys are fixed, what was not measured is null.
 
     Definitions: docs/GLOSSARY.md, Measures. Means of rates are over the time in which

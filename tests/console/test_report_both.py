@@ -17,12 +17,12 @@ import pytest
 from tams_app.cli import _main
 from tams_app.config import load_config
 from tams_app.console.report import report_both, report_session
+from tams_app.link.messages import OPERATOR_FOLDER_FACT, ROBOT_FOLDER_FACT
 from tams_app.printing import Console
 from tams_app.recording import LOG_NAME, Facts, SessionLog
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.session.viewing import viewers_of
-from tams_app.summary.joined import OPERATOR_FOLDER_FACT, ROBOT_FOLDER_FACT
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS
 from tests.test_summary_joined import HOUR_NS, pair

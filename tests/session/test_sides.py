@@ -8,7 +8,13 @@ import msgspec
 import pytest
 
 from tams_app.config import Config, load_config
-from tams_app.link.messages import HandMessage, StateMessage, Welcome, decode
+from tams_app.link.messages import (
+    OPERATOR_FOLDER_FACT,
+    HandMessage,
+    StateMessage,
+    Welcome,
+    decode,
+)
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.presses import PressCounter
 from tams_app.records import (
@@ -38,7 +44,6 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.station.linked_robot import LinkedRobot
 from tams_app.station.requests import Requests
 from tams_app.station.welcome import follow
-from tams_app.summary.joined import OPERATOR_FOLDER_FACT
 from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
