@@ -22,6 +22,7 @@ from tams_app.recording import Header, SessionLog
 from tams_app.recording.pictures import ShownPicture
 from tams_app.recording.topics import FrameShown
 from tams_app.records import HandHeard
+from tams_app.summary.operator import LINK_NAMES, round_trip_ms
 from tams_app.summary.summarise import session_summary
 from tams_app.summary.tables import Integers, LogTables, capture_indices, percentiles, ratio
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -29,7 +30,6 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 _OPERATORS_FACTS = ("operator", PREDICTED_FACT)
 _BY_LINK = "link "  # so the labels of these reasons begin
 _WINDOW_NS = 10 * NS_PER_S  # two clocks of ±50 ppm drift apart by at most a millisecond
-_PERCENTILES = ("p50", "p95", "p99", "max")
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,10 +151,7 @@ def link_figures(robot: SessionLog, operator: SessionLog, offsets: ClockOffsets)
         "sample_age_ms": _ages_ms([(one.pose_ns, one.t_ns) for one in posed], offsets),
         "command_latency_ms": _command_latency_ms(robot, posed, offsets),
         "state_age_ms": _state_ages_ms(operator, offsets),
-        "round_trip_ms": percentiles(
-            np.array([one.t_ns - one.echo_ns for one in received if one.echo_ns > 0]) / NS_PER_MS,
-            _PERCENTILES,
-        ),
+        "round_trip_ms": round_trip_ms(received),
         "stops_per_minute": _stops_per_minute(robot),
         "video": {
             "packets": reported or None,
@@ -180,7 +177,7 @@ def _stops_per_minute(robot: SessionLog) -> dict[str, float]:
 def _ages_ms(times_ns: list[tuple[int, int]], offsets: ClockOffsets) -> dict[str, Any]:
     """From when each was made at the operator's side until a time of the robot's."""
     made_ns, at_ns = np.array(times_ns, dtype=np.int64).reshape(-1, 2).T
-    return percentiles((at_ns - offsets.to_robot(made_ns)) / NS_PER_MS, _PERCENTILES)
+    return percentiles((at_ns - offsets.to_robot(made_ns)) / NS_PER_MS, LINK_NAMES)
 
 
 def _command_latency_ms(
@@ -203,4 +200,4 @@ def _state_ages_ms(operator: SessionLog, offsets: ClockOffsets) -> dict[str, Any
     received = operator.states_received
     at = offsets.to_robot(np.array([one.t_ns for one in received], dtype=np.int64))
     sent = np.array([one.sent_ns for one in received], dtype=np.int64)
-    return percentiles((at - sent) / NS_PER_MS, _PERCENTILES)
+    return percentiles((at - sent) / NS_PER_MS, LINK_NAMES)

@@ -2,18 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.recording import SessionLog
-from tams_app.records import MountPrediction, OperatorGlance, Phase, Pose
-from tams_app.summary.tables import Flags, Floats, percentiles, phase_at, primary_at, ratio
+from tams_app.records import HandHeard, MountPrediction, OperatorGlance, Phase, Pose, StateHeard
+from tams_app.summary.tables import (
+    Flags,
+    Floats,
+    Number,
+    percentiles,
+    phase_at,
+    primary_at,
+    ratio,
+)
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _MOVED_M = 0.002  # since the newest state: else there is nothing to predict
-_NAMES = ("p50", "p95")  # of the percentiles
+LINK_NAMES = ("p50", "p95", "p99", "max")  # of the percentiles
+_NAMES = ("p50", "p95")
 
 
 def operator(log: SessionLog) -> dict[str, Any]:
@@ -41,10 +51,9 @@ def seen(log: SessionLog) -> dict[str, Any] | None:
     seconds = max(log.ended_ns - log.header.started_ns, 1) / NS_PER_S
     frames = {view: sum(one.view == view for one in log.shown) for view in log.header.views}
     heard_ns = np.array([one.t_ns for one in log.states_received])
-    trips_ns = [one.t_ns - one.echo_ns for one in log.states_received if one.echo_ns > 0]
     gaps_ms = np.diff(heard_ns) / NS_PER_MS
     return {
-        "round_trip_ms": percentiles(np.array(trips_ns) / NS_PER_MS, ("p50", "p95", "p99", "max")),
+        "round_trip_ms": round_trip_ms(log.states_received),
         "messages": len(heard_ns),
         "longest_gap_ms": percentiles(gaps_ms, ("max",))["max"],
         "shown": {
@@ -52,6 +61,12 @@ def seen(log: SessionLog) -> dict[str, Any] | None:
             for view, number in frames.items()
         },
     }
+
+
+def round_trip_ms(received: Sequence[HandHeard | StateHeard]) -> dict[str, Number]:
+    """By the stamps of one's own that came back."""
+    trips_ns = [one.t_ns - one.echo_ns for one in received if one.echo_ns > 0]
+    return percentiles(np.array(trips_ns) / NS_PER_MS, LINK_NAMES)
 
 
 def _glances_per_s(glances: list[OperatorGlance]) -> float | None:

@@ -40,7 +40,7 @@ BEFORE_NAME = "summary.json.before"
 
 
 def summarise(log: SessionLog) -> dict[str, Any]:
-    """`session_summary` a log of which nothing else is asked."""
+    """`session_summary` of a log of which nothing else is asked."""
     return session_summary(LogTables(log))
 
 
