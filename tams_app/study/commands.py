@@ -103,7 +103,9 @@ def run_simulated(
         if not plan.left:
             console.print("All trials of this study are done.")
             return 0
-        pool = LocalPool(runner, workers) if dask is None else DaskPool(runner, dask)
+        pool: LocalPool | DaskPool = (
+            LocalPool(runner, workers) if dask is None else DaskPool(runner, dask)
+        )
         try:
             with TrialsProgress(console, len(plan.left), pool.slots) as display:
                 tally = run_unattended(study, pool, display)

@@ -16,20 +16,11 @@ from tams_app.records import Phase
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, Plan
 from tams_app.study.planning import make_plan
-from tams_app.study.tables import Row, phase_rows, trial_row
-from tams_app.summary.quality import SSIM_KINDS
+from tams_app.study.tables import PHASE_SCORES, TRIAL_KEY, Row, phase_rows, trial_row
 
 TRIALS_TABLE = "trials"
 PHASES_TABLE = "phases"
-_TRIAL_KEY = ("trial", "participant", "strategy", "network", "repetition")
-_NEEDED_OF_TRIALS = (*_TRIAL_KEY, "practice", "seed", "completed", "success", "censored_time_s")
-_PHASE_VALUES = (
-    "duration_s",
-    *SSIM_KINDS,
-    "damaged_fraction",
-    "undamaged_received_ssim",
-    "packets_per_frame_count",
-)
+_NEEDED_OF_TRIALS = (*TRIAL_KEY, "practice", "seed", "completed", "success", "censored_time_s")
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,7 +136,8 @@ def study_data(
     views = config.video.views
     trials = _with_columns(trials, (*_NEEDED_OF_TRIALS, "glance_agreement_fraction"))
     relied_on = [f"relied_on_{view}_fraction" for view in views]
-    phases = _with_columns(phases, (*_TRIAL_KEY, "phase", *_PHASE_VALUES, *relied_on))
+    needed = (*TRIAL_KEY, "phase", "duration_s", *PHASE_SCORES, *relied_on)
+    phases = _with_columns(phases, needed)
     weights = WeightMatrix(config.policy.weights.matrix)
     phases[_SHARE] = pd.NA
     for phase in Phase:

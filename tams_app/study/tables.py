@@ -18,6 +18,7 @@ Cell: TypeAlias = str | int | float | bool | None
 Row: TypeAlias = dict[str, Cell]
 
 PHASES = tuple(phase.value for phase in Phase)
+TRIAL_KEY = ("trial", "participant", "strategy", "network", "repetition")  # begins every row
 
 # column -> where it is in summary.json
 _SESSION: dict[str, str] = {
@@ -54,13 +55,13 @@ _VIEW: dict[str, str] = {
 }
 
 # column -> key in a phase's scores
-_PHASE: dict[str, str] = {
+PHASE_SCORES: dict[str, str] = {
     **{kind: kind for kind in SSIM_KINDS},
     "damaged_fraction": "damaged_fraction",
     "undamaged_received_ssim": "undamaged_received_ssim",
     "packets_per_frame_count": "packets_per_frame",
-    **{f"{kind}_count": f"n.{kind}" for kind in SSIM_KINDS},
 }
+_PHASE = PHASE_SCORES | {f"{kind}_count": f"n.{kind}" for kind in SSIM_KINDS}
 
 
 def trial_row(
@@ -115,13 +116,7 @@ def phase_rows(trial: PlannedTrial, summary: Mapping[str, Any]) -> list[Row]:
 
 
 def _key(trial: PlannedTrial) -> Row:
-    return {
-        "trial": trial.id,
-        "participant": trial.participant,
-        "strategy": trial.strategy,
-        "network": trial.network,
-        "repetition": trial.repetition,
-    }
+    return {"trial": trial.id, **{name: getattr(trial, name) for name in TRIAL_KEY[1:]}}
 
 
 def _censored_s(completed: bool | None, time_s: float | None, limit_s: float) -> float | None:

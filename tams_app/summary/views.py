@@ -131,8 +131,9 @@ def _stage_columns(tables: LogTables, view: str) -> tuple[Floats, ...]:
     packets = tables.packets
     media = (packets.kind == PacketKind.MEDIA.value) & (packets.view == tables.places[view])
     order = np.argsort(packets.entered_ns[media], kind="stable")
-    entered = (column[media][order].tolist() for column in (packets.frame, packets.entered_ns))
-    last_entered_ns = dict(zip(*entered, strict=True))  # of a frame's packets the last one's stays
+    frame, entered_ns = packets.frame[media][order], packets.entered_ns[media][order]
+    # of a frame's packets that of the last one stays
+    last_entered_ns = dict(zip(frame.tolist(), entered_ns.tolist(), strict=True))
     rows = []
     for index in sent.keys() | shown.keys():
         source, end = sent.get(index), shown.get(index)
