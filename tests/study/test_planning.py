@@ -32,31 +32,10 @@ pytestmark = pytest.mark.untimed
 def test_the_published_study_is_planned_as_it_was_run() -> None:
     """Who does what in which order, with which seeds, must never change for a study's seed."""
     plan = make_plan(load_config(None, {"study.repetitions": 1}), 18)
-    planned = {
-        (
-            one.id,
-            one.participant,
-            one.strategy,
-            one.network,
-            one.order,
-            one.seed,
-            one.participant_seed,
-        )
-        for one in plan.trials
-    }
+    names = ("participant", "strategy", "network", "order", "seed", "participant_seed")
+    planned = {(one.id, *(str(getattr(one, name)) for name in names)) for one in plan.trials}
     with (PROJECT_DIRECTORY / "docs/study/trials.csv").open(encoding="utf-8") as file:
-        run = {
-            (
-                row["trial"],
-                row["participant"],
-                row["strategy"],
-                row["network"],
-                int(row["order"]),
-                int(row["seed"]),
-                int(row["participant_seed"]),
-            )
-            for row in csv.DictReader(file)
-        }
+        run = {(row["trial"], *(row[name] for name in names)) for row in csv.DictReader(file)}
     assert planned == run
     assert balance_sentence(plan).startswith("Counterbalanced: 18 participants")
     assert [one.id for one in plan.trials[:9]] == [f"P01-{number:02}" for number in range(1, 10)]
