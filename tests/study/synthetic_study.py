@@ -16,7 +16,6 @@ from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState, PlannedTrial
 from tams_app.study.planning import make_plan
 from tams_app.study.runner import mark_ended
-from tams_app.study.tables import phase_rows, trial_row
 from tams_app.summary.quality import SSIM_KINDS
 
 if TYPE_CHECKING:
@@ -204,7 +203,7 @@ def planted_data(
     """What a report is made of, without a folder; `change`: scores by strategy, network, phase."""
     import pandas
 
-    from tams_app.study.results import study_data
+    from tams_app.study.results import phase_rows, study_data, trial_row
 
     config = small_config(**overrides)
     plan = make_plan(config, participants)

@@ -9,7 +9,14 @@ import pytest
 
 from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.planning import make_plan
-from tams_app.study.tables import PHASES, Row, phase_rows, trial_row
+from tams_app.study.results import (
+    PHASES,
+    Row,
+    phase_rows,
+    read_results,
+    trial_row,
+    write_tables,
+)
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study, small_config
 
 pytestmark = pytest.mark.untimed
@@ -30,8 +37,6 @@ def planted_rows(runner: PlantedRunner, **overrides: Any) -> tuple[list[Row], li
 
 
 def test_one_row_per_trial_and_one_per_trial_and_phase(tmp_path: Path) -> None:
-    from tams_app.study.results import read_results, write_tables
-
     study = make_study(tmp_path, 2, study__practice_trials=1)
     fill_study(study, PlantedRunner(missing_phase="ALIGN"), leave=("P02-05",))
     paths = write_tables(read_results(study), tmp_path / "tables")
