@@ -22,8 +22,7 @@ from tams_app.study.report.findings import (
 )
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import StudyData, read_results, read_tables, write_tables
-from tams_app.study.statistics.estimates import Estimate, PairedDifference
-from tams_app.study.statistics.mixed_model import MixedModel
+from tams_app.study.statistics import Estimate, MixedModel, PairedDifference
 from tests.study.report_page import Page
 from tests.study.synthetic_study import (
     PlantedRunner,

@@ -8,20 +8,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.study.statistics.estimates import (
+from tams_app.study.statistics import (
     FEWEST_TO_TEST,
+    MixedModel,
+    NotFitted,
     PairedDifference,
+    Term,
     cohens_d,
+    fit_mixed_model,
     mean_interval,
     paired_difference,
     welch,
     wilson_interval,
-)
-from tams_app.study.statistics.mixed_model import (
-    MixedModel,
-    NotFitted,
-    Term,
-    fit_mixed_model,
 )
 
 pytestmark = pytest.mark.untimed

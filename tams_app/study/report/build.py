@@ -24,7 +24,7 @@ from tams_app.study.report import drawing, paper, wording
 from tams_app.study.report.findings import PARTS, claims, compared
 from tams_app.study.report.measures import Measures
 from tams_app.study.results import PHASES, StudyData
-from tams_app.study.statistics.estimates import FEWEST_TO_TEST
+from tams_app.study.statistics import FEWEST_TO_TEST
 from tams_app.summary.tables import LogTables
 from tams_app.task import judge
 

@@ -18,7 +18,7 @@ from tams_app.study.report.findings import Quantity
 from tams_app.study.report.measures import Measures
 from tams_app.study.report.wording import name, phase_name
 from tams_app.study.results import PHASES
-from tams_app.study.statistics.estimates import Estimate
+from tams_app.study.statistics import Estimate
 
 # of strategies
 COLOURS = (

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 from tams_app.study.report.measures import Measures
 from tams_app.study.report.wording import counted, interval, name, p_value
-from tams_app.study.statistics.estimates import PairedDifference
+from tams_app.study.statistics import PairedDifference
 
 
 @dataclass(frozen=True, slots=True)

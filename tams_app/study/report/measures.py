@@ -10,16 +10,18 @@ import pandas as pd
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 from tams_app.study.results import PHASES, StudyData
-from tams_app.study.statistics.estimates import (
+from tams_app.study.statistics import (
     Estimate,
+    MixedModel,
+    NotFitted,
     PairedDifference,
     Welch,
+    fit_mixed_model,
     mean_interval,
     paired_difference,
     welch,
     wilson_interval,
 )
-from tams_app.study.statistics.mixed_model import MixedModel, NotFitted, fit_mixed_model
 from tams_app.summary.quality import SSIM_KINDS
 
 _SHORTEST_PHASE_S = 0.005  # a tick lasts .0083 s

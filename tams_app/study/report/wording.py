@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tams_app.study.statistics.estimates import Estimate
+from tams_app.study.statistics import Estimate
 
 NONE = "–"
 _NAMES = {"tams": "TAMS", "equal": "Equal", "static": "Static"}

@@ -1,1 +1,0 @@
-"""Statistics of a study: pure functions over numbers; intervals are 95 %."""
