@@ -85,7 +85,7 @@ def test_a_planted_advantage_holds_and_a_disadvantage_is_said_as_plainly(
     measures = measured(runner)
     of_ssim, of_time, _ = claims(measures)
     assert of_ssim.tally == of_time.tally == f"2 comparisons: {finding}: 2"
-    difference = measures.phase_difference("equal", "s1", "REACH")
+    difference = measures.difference("equal", "s1", "received_ssim", "REACH")
     assert estimate(difference) == pytest.approx(ssim, abs=0.005)
 
 

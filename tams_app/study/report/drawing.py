@@ -63,7 +63,7 @@ def ssim_phases_figure(measures: Measures) -> Figure:
     for axis, network in zip(axes, plan.networks, strict=True):
         for place, strategy in enumerate(plan.strategies):
             for column, phase in enumerate(PHASES):
-                found = measures.phase_mean(strategy, network, phase)
+                found = measures.mean(strategy, network, "received_ssim", phase)
                 label = name(strategy) if column == 0 else None
                 _draw_estimate(axis, column + shifts[place], found, label=label, **_look(place))
         _name_phases(axis, rotation=35, ha="right", fontsize=plots.SMALL_PT)

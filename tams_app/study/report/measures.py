@@ -51,20 +51,16 @@ class Measures:
         """How many trials of a condition there are."""
         return len(_select(self.data.trials, "trial", strategy=strategy, network=network))
 
-    def mean(self, strategy: str, network: str, column: str) -> Estimate | None:
-        """A trial's value: mean and interval over participants."""
-        return _over_participants(self.data.trials, column, strategy=strategy, network=network)
-
-    def phase_mean(
-        self, strategy: str, network: str, phase: str, column: str = "received_ssim"
+    def mean(
+        self, strategy: str, network: str, column: str, phase: str | None = None
     ) -> Estimate | None:
-        """A value of one phase: mean and interval over participants."""
-        where = {"strategy": strategy, "network": network, "phase": phase}
-        return _over_participants(self.data.phases, column, **where)
+        """The value of a trial, or of one phase of it: mean and interval over participants."""
+        rows = self._rows(phase)
+        return _over_participants(rows, column, strategy=strategy, network=network)
 
     def relied_on(self, phase: str, view: str) -> Estimate | None:
         """A view's share of what the operator's glances show in a phase, over all conditions."""
-        return _over_participants(self.data.phases, f"relied_on_{view}_fraction", phase=phase)
+        return _over_participants(self._rows(phase), f"relied_on_{view}_fraction")
 
     def values(self, strategy: str, network: str, column: str) -> list[float]:
         """Each trial's value that is there."""
@@ -92,23 +88,15 @@ class Measures:
         known = self.values(strategy, network, column)
         return wilson_interval(round(sum(known)), len(known))
 
-    def difference(self, other: str, network: str, column: str) -> PairedDifference:
-        """Proposed minus `other`, on pairs of trials that share everything else."""
-        first, second = self._pair_values(self.data.trials, other, column, network=network)
-        return paired_difference(first, second)
-
-    def phase_difference(self, other: str, network: str, phase: str) -> PairedDifference:
-        """The same of received SSIM in one phase."""
-        where = {"network": network, "phase": phase}
-        first, second = self._pair_values(self.data.phases, other, "received_ssim", **where)
-        return paired_difference(first, second)
+    def difference(
+        self, other: str, network: str, column: str, phase: str | None = None
+    ) -> PairedDifference:
+        """Proposed minus `other`, on pairs of trials that share everything else, or in a phase."""
+        return paired_difference(*self._pair_values(other, network, column, phase))
 
     def common_phases_difference(self, other: str, network: str) -> PairedDifference:
         """The same of the mean of received SSIM over the phases that both trials of a pair have."""
-        values = [
-            self._pair_values(self.data.phases, other, "received_ssim", network=network, phase=one)
-            for one in PHASES
-        ]
+        values = (self._pair_values(other, network, "received_ssim", one) for one in PHASES)
         differences = pd.concat([(first - second).dropna() for first, second in values])
         means = differences.groupby(level=[0, 1]).mean()
         return paired_difference(means, means * 0.0)
@@ -155,7 +143,7 @@ class Measures:
 
     def unscored(self, phase: str) -> int:
         """In how many trials no frame of the primary view was scored in a phase."""
-        rows = self.data.phases[self.data.phases["phase"] == phase]
+        rows = self._rows(phase)
         scored = rows[list(SSIM_KINDS)].notna().any(axis=1)
         return len(self.data.trials) - int(scored.sum())
 
@@ -181,13 +169,18 @@ class Measures:
         tables = (self.data.trials, self.data.phases)
         return any(column in one and one[column].notna().any() for one in tables)
 
+    def _rows(self, phase: str | None) -> pd.DataFrame:
+        """Of the trials, or of one of their phases."""
+        phases = self.data.phases
+        return self.data.trials if phase is None else phases[phases["phase"] == phase]
+
     def _pair_values(
-        self, table: pd.DataFrame, other: str, column: str, **where: str
+        self, other: str, network: str, column: str, phase: str | None
     ) -> tuple[pd.Series, pd.Series]:
         """The proposed strategy's values and the other's, by participant and repetition."""
-        by_pair = table.set_index(["participant", "repetition"])
+        by_pair = self._rows(phase).set_index(["participant", "repetition"])
         first, second = (
-            _select(by_pair, column, strategy=one, **where).astype("Float64").dropna()
+            _select(by_pair, column, strategy=one, network=network).astype("Float64").dropna()
             for one in (self.data.plan.proposed, other)
         )
         return first, second

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from tams_app.records import Phase
 from tams_app.study.statistics import Estimate
 
 NONE = "–"
@@ -22,7 +23,7 @@ def term_name(term: str) -> str:
 
 
 def phase_name(phase: str) -> str:
-    return phase.replace("_", "-").capitalize()
+    return Phase(phase).word
 
 
 def number(value: float | None, digits: int, signed: bool = False) -> str:
