@@ -13,14 +13,12 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 import matplotlib as mpl
-import numpy as np
 from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from tams_app.outputs import made_folder, new_file
-from tams_app.summary.tables import Floats
 
 Style: TypeAlias = dict[str, Any]  # keyword arguments of matplotlib
 
@@ -102,12 +100,6 @@ def draw_phase_strip(axis: Axes, phases: Sequence[NamedStretch], whole_s: float)
             va="top",
             ha="right" if is_last else "left",
         )
-
-
-def broken(t_s: Floats, values: Floats, longest_s: float = 1.0) -> tuple[Floats, Floats]:
-    """The points of a curve, with a break where none follows within `longest_s`."""
-    gaps = np.flatnonzero(np.diff(t_s) > longest_s) + 1
-    return np.insert(t_s, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
 def draw_event(axis: Axes, t_s: float, text: str, line: Style, words: Style) -> None:

@@ -25,7 +25,7 @@ from tams_app.report.figures import (
     phase_stretches,
     since_start_s,
 )
-from tams_app.summary.tables import LogTables
+from tams_app.summary.tables import Floats, LogTables
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS
 
@@ -125,7 +125,7 @@ def _draw_delay(axis: Axes, tables: LogTables, place: int, view: str) -> None:
     shown = frames.shown_ns > 0
     t_s = all_since_start_s(tables.log, frames.shown_ns[shown])
     delay_ms = (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS
-    curve = plots.broken(t_s, delay_ms)
+    curve = _broken(t_s, delay_ms)
     axis.plot(*curve, color=view_colour(place), lw=1, label=view.upper())
 
 
@@ -139,8 +139,14 @@ def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
     values = np.array([value for _, value in scored])
     ends = np.unique(seconds)
     means = np.array([values[seconds == end].mean() for end in ends])
-    curve = plots.broken((ends + 0.5) * _QUALITY_WINDOW_S, means, _QUALITY_WINDOW_S)
+    curve = _broken((ends + 0.5) * _QUALITY_WINDOW_S, means, _QUALITY_WINDOW_S)
     axis.plot(*curve, ".-", ms=3, color=view_colour(place), label=view.upper())
+
+
+def _broken(t_s: Floats, values: Floats, longest_s: float = 1.0) -> tuple[Floats, Floats]:
+    """The points of a curve, with a break where none follows within `longest_s`."""
+    gaps = np.flatnonzero(np.diff(t_s) > longest_s) + 1
+    return np.insert(t_s, gaps, np.nan), np.insert(values, gaps, np.nan)
 
 
 def _draw_stops(axis: Axes, log: SessionLog) -> None:
