@@ -108,12 +108,11 @@ def run_simulated(
         )
         try:
             with TrialsProgress(console, len(plan.left), pool.slots) as display:
-                tally = run_unattended(study, pool, display)
+                failed = len(run_unattended(study, pool, display))
         except KeyboardInterrupt:
             _show_how_to_go_on(study, console)
             raise
-    failed = len(tally.failures)
-    console.print(f"{tally.done} trials done, {failed} failed.")
+    console.print(f"{len(plan.left) - failed} trials done, {failed} failed.")
     if failed:
         console.print("The next `study run` tries those again.")
     return 1 if failed else 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
 from datetime import timedelta
 
 from rich.progress import (
@@ -21,24 +20,18 @@ from tams_app.study.plan import Attempt, AttemptState
 from tams_app.study.trial_process import Job, LocalPool
 
 
-@dataclass(slots=True)
-class Tally:
-    """The trials of one call: those done now, and the failures of others, by trial id."""
-
-    done: int = 0
-    failures: dict[str, str] = field(default_factory=dict)
-
-
 def run_unattended(
     study: StudyFolder, pool: LocalPool | DaskPool, display: TrialsProgress
-) -> Tally:
-    """Run every trial that has no result yet; the caller holds the study's lock.
+) -> dict[str, str]:
+    """Run every trial that has no result yet; why some failed, by trial id.
 
-    A trial that fails is reported and tried again by the next call, under a new name. However this
-    ends, `pool` is closed and the plan shows what was cut short.
+    The caller holds the study's lock. A trial that fails is reported and tried again by the next
+    call, under a new name. However this ends, `pool` is closed and the plan shows what was cut
+    short.
     """
     plan = study.recover(study.load())
-    tally, todo = Tally(), list(plan.left)
+    failures: dict[str, str] = {}
+    todo = list(plan.left)
     running: dict[str, Attempt] = {}  # by trial id
     try:
         while todo or running:
@@ -54,14 +47,12 @@ def run_unattended(
                 plan = study.settle(plan, job.trial.id, attempt, state=state, reason=failure)
                 display.trial_ended()
                 if failure:
-                    tally.failures[job.trial.id] = failure
+                    failures[job.trial.id] = failure
                     display.notify(f"{job.trial.id} failed: {failure} (see {attempt.folder})")
-                else:
-                    tally.done += 1
     finally:
         pool.close()
         study.recover(study.load())
-    return tally
+    return failures
 
 
 class TrialsProgress(Progress):
