@@ -93,7 +93,7 @@ class StudyFolder:
         """The plan, with what a crash left open settled, kept from other commands meanwhile."""
         self.load()  # a folder without a study is not locked
         with self.locked():
-            yield self.recover(self.load())
+            yield self.recover()
 
     def settle(self, plan: Plan, trial_id: str, attempt: Attempt, **changes: Any) -> Plan:
         """The plan with a changed attempt, as it is kept from now on."""
@@ -117,13 +117,14 @@ class StudyFolder:
         attempt = Attempt(folder=relative.as_posix())
         return self.settle(plan, trial_id, attempt), attempt
 
-    def recover(self, plan: Plan) -> Plan:
-        """Settle what a crash or an interruption left open: attempts, and who is forgotten.
+    def recover(self) -> Plan:
+        """The plan, in which what a crash or an interruption left open is settled.
 
-        On hardware the verdict on an attempt that ran to its end is due.
+        That is attempts, and who is forgotten. On hardware the verdict on an attempt that ran to
+        its end is due.
         """
+        recovered = plan = self.load()
         ended = AttemptState.DONE if plan.simulated else AttemptState.RAN
-        recovered = plan
         for trial in plan.trials:
             attempt = trial.last
             if attempt is None or attempt.state is not AttemptState.STARTED:

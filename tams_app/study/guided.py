@@ -31,7 +31,7 @@ class GuidedRun:
         self._runner = runner
         self._console = console
         self._config: Config = study.config()
-        self._plan: Plan = study.recover(study.load())
+        self._plan: Plan = study.recover()
 
     def run(self, participant: str | None = None) -> int:
         """Go through what `participant` has left (None: the first who has any); trials done now.

@@ -29,7 +29,7 @@ def run_unattended(
     call, under a new name. However this ends, `pool` is closed and the plan shows what was cut
     short.
     """
-    plan = study.recover(study.load())
+    plan = study.recover()
     failures: dict[str, str] = {}
     todo = list(plan.left)
     running: dict[str, Attempt] = {}  # by trial id
@@ -51,7 +51,7 @@ def run_unattended(
                     display.notify(f"{job.trial.id} failed: {failure} (see {attempt.folder})")
     finally:
         pool.close()
-        study.recover(study.load())
+        study.recover()
     return failures
 
 

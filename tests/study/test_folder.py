@@ -75,7 +75,7 @@ def test_after_a_crash_whole_trials_count_and_others_are_kept_and_retried(tmp_pa
     mark_ended(folders[second])
     summary = folders[second] / "summary.json"
     summary.write_text(summary.read_text()[:100])  # torn
-    recovered = study.recover(study.load())
+    recovered = study.recover()
     states = [recovered.trial(one).last.state for one in (first, second, third, fourth)]  # type: ignore[union-attr]
     assert states == [AttemptState.DONE] + [AttemptState.INTERRUPTED] * 3
     assert study.load() == recovered
@@ -117,7 +117,7 @@ def test_forgetting_that_a_crash_cut_short_is_finished_by_the_next_command(
         with pytest.raises(Crash):
             study.forget(study.load(), "P01")
     assert (tmp_path / "trials/P01").is_dir()
-    plan = study.recover(study.load())
+    plan = study.recover()
     assert not (tmp_path / "trials/P01").exists()
     assert plan.participant("P01").state is ParticipantState.FORGOTTEN
     assert {trial.participant for trial in plan.trials} == {"P02"}
