@@ -18,12 +18,13 @@ from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
+from tams_app.recording.journal import Journal
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, Pose, Record, SceneTruth, Tick
 from tams_app.robot import build
 from tams_app.robot.control import Signals, SteadyVideo
+from tams_app.robot.engine import RecordedSteps
 from tams_app.robot.listener import Listener
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import session_header
 from tams_app.session.virtual.rig import VirtualRobot
@@ -142,7 +143,7 @@ class _Recording(Listener):
             SteadyVideo(),
             0,
             Signals(),
-            (self, SessionRecords(clock, log)),
+            (self, RecordedSteps(Journal(clock, log))),
         )
         robot.arm.connect()
         controller.start()

@@ -6,7 +6,8 @@ from collections.abc import Callable, Sequence
 
 from hw.arms import arm_kind
 from tams_app.config import Config
-from tams_app.records import Phase, PhaseChange
+from tams_app.recording.journal import Journal
+from tams_app.records import Phase, PhaseChange, Record
 from tams_app.robot import build
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
@@ -14,7 +15,6 @@ from tams_app.robot.listener import Listener
 from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialObserver
 from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.teleop.hands import HAND_FACT
@@ -37,7 +37,7 @@ class Engine:
         devices: ConnectedDevices,
         operator: Operator,
         video: Video,
-        log: SessionRecords,
+        log: Journal,
         signals: Signals,
         ended: Callable[[], None],
         listeners: Sequence[Listener] = (),
@@ -63,7 +63,8 @@ class Engine:
             lambda: operator.is_simulated,  # a person takes their time
             placed,
         )
-        self.policy = PolicyLoop(config, clock, video, log, (log, *listeners))
+        recorded = RecordedSteps(log)
+        self.policy = PolicyLoop(config, clock, video, log, (recorded, *listeners))
         arming = ArmingNotes(signals, lambda: operator.hand, arm_at_once)
         heat = HeatWatch(arm_kind(config.arm.model).limits.hot_motor_c)
         guard = () if devices.guard is None else (devices.guard,)
@@ -77,7 +78,7 @@ class Engine:
             video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before any report
-            (*guard, self.trial, log, self.policy, *listeners),
+            (*guard, self.trial, recorded, self.policy, *listeners),
             (arming, heat, self._stops),
         )
 
@@ -94,3 +95,13 @@ class Engine:
         """The control loop has ended: log a stop whose end was not seen."""
         for stop in self._stops.finish():
             self._log.record(stop)
+
+
+class RecordedSteps(Listener):
+    """Records what the loops make, at its place among their listeners."""
+
+    def __init__(self, log: Journal) -> None:
+        self._log = log
+
+    def receive(self, record: Record) -> None:
+        self._log.record(record)

@@ -9,9 +9,9 @@ from tams_app.config import Config
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.weights import WeightMatrix
+from tams_app.recording.journal import Journal
 from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs, Record
 from tams_app.robot.listener import Listener
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.uplink_meter import summary_of
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
@@ -30,7 +30,7 @@ class PolicyLoop(Listener):
         config: Config,
         clock: Clock,
         video: Video,
-        log: SessionRecords,
+        log: Journal,
         listeners: Sequence[Listener] = (),
     ) -> None:
         """`listeners` get what is known of the uplink, and each allocation once the encoders have

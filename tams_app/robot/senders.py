@@ -10,9 +10,9 @@ from pathlib import Path
 
 from hw.camera import Camera
 from tams_app.config import Config, LinkConfig, Network
+from tams_app.recording.journal import Journal
 from tams_app.records import Frame, LatencyState, PacketRecord
 from tams_app.robot.operator import StreamedOperator
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
@@ -34,7 +34,7 @@ class Senders(Video):
         config: Config,
         network: Network,
         clock: Clock,
-        log: SessionRecords,
+        log: Journal,
         on_captured: Callable[[Frame], None],
         operator: StreamedOperator,
         logs: Path,

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from hw.boundary import session_boundary
 from tams_app.config import Config, LinkConfig
+from tams_app.recording.journal import Journal
 from tams_app.records import Activity, Frame, PacketRecord, Placed, Record, SessionState, Tick
 from tams_app.robot import build
 from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
@@ -23,7 +24,6 @@ from tams_app.robot.guarding import Guarding
 from tams_app.robot.listener import Listener
 from tams_app.robot.operator import StreamedOperator
 from tams_app.robot.senders import Capture, Senders
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
@@ -49,7 +49,7 @@ class Ground:
     config: Config
     clock: Clock
     parts: Parts
-    log: SessionRecords
+    log: Journal
     signals: Signals
     ending: Ending  # of the session
 

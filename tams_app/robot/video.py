@@ -9,8 +9,8 @@ from collections.abc import Callable, Mapping
 from tams_app.config import Config, Network
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
+from tams_app.recording.journal import Journal
 from tams_app.records import Frame, Phase, UplinkReport
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
@@ -34,7 +34,7 @@ class Video(ABC):
         network: Network,
         clock: Clock,
         epoch_ns: int,
-        log: SessionRecords,
+        log: Journal,
         on_captured: Callable[[Frame], None],
         codecs: Codecs = SOFTWARE,
         real: bool = False,

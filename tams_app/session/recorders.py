@@ -13,9 +13,9 @@ import psutil
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
+from tams_app.recording.journal import Journal
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import Clock
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invite_viewers, viewers_of
@@ -24,7 +24,7 @@ REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
 
 
-class Recorders(SessionRecords):
+class Recorders(Journal):
     """The log and the reference recorder of one session; nothing here blocks but `close`."""
 
     def __init__(
@@ -60,7 +60,7 @@ class Recorders(SessionRecords):
                 reference.start()
             log.start()
             self._stack = stack.pop_all()
-        super().__init__(clock, log, reference, show)
+        super().__init__(clock, log, show, reference)
         invite_viewers(config, self.note)
         self._recorder = log
         self._warned: set[str] = set()
@@ -119,7 +119,7 @@ def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Head
 @contextmanager
 def virtual_records(
     config: Config, folder: Path, clock: Clock, wall_start_ns: int
-) -> Iterator[SessionRecords]:
+) -> Iterator[Journal]:
     """The log of a session in virtual time that begins now, at `wall_start_ns` by the wall's clock.
 
     Each record is written in the thread that makes it; the end of the context closes the log.
@@ -131,7 +131,7 @@ def virtual_records(
         folder / LOG_NAME, header, clock, keeping.min_free_mb, keeping.bitstream, viewers
     )
     with closing(log):
-        yield SessionRecords(clock, log)
+        yield Journal(clock, log)
 
 
 class LoadMonitor:

@@ -12,9 +12,9 @@ import numpy as np
 from hw.camera import Camera
 from tams_app.config import Network, load_config
 from tams_app.errors import TamsError
+from tams_app.recording.journal import Journal
 from tams_app.records import Frame, Image, PacketRecord, ShownFrame
 from tams_app.robot.senders import Capture, Senders
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
@@ -104,7 +104,7 @@ class Chain:
         self.failures: list[tuple[str, BaseException]] = []
         self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
         clock = MonotonicClock()
-        log = SessionRecords(clock, NoLog(on_shown))
+        log = Journal(clock, NoLog(on_shown))
         self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
         self._station = Station(config, clock, self._parts, log, Displays(), is_rig=True)
         self.operator = LocalOperator(self._station, config, AVDEC)

@@ -11,6 +11,7 @@ from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
+from tams_app.recording.journal import Journal
 from tams_app.records import (
     Allocation,
     Frame,
@@ -25,7 +26,6 @@ from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.engine import Engine
 from tams_app.robot.listener import Listener
 from tams_app.robot.operator import Operator
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.local_operator import LocalOperator
@@ -117,7 +117,7 @@ class Bench:
         self.arm = InProcessArm(CONFIG.arm, self.clock, self.model)
         self.arm.connect()
         self.hand, self.signals = HeldController(), Signals()
-        records = SessionRecords(self.clock, self.log, show=self.heard.append)
+        records = Journal(self.clock, self.log, show=self.heard.append)
         self.captured, self.shown = [], []
         self.person = Person(self.hand)
         shown = (self.person.see, records.record, self.shown.append)

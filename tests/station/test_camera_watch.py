@@ -11,8 +11,8 @@ import pytest
 from tams_app.config import load_config
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.present import AsReceived, Correction
+from tams_app.recording.journal import Journal
 from tams_app.records import Lens, Pose, ShownFrame, Solid, SolidKind
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
@@ -93,7 +93,7 @@ def test_a_camera_that_stands_still_is_not_one_on_the_arm(bench: Bench) -> None:
 def test_the_station_has_the_frames_checked_that_it_shows(tmp_path: Path) -> None:
     config = load_config(None, {"video.width": LENS.width, "video.height": LENS.height})
     told: list[str] = []
-    log = SessionRecords(VirtualClock(), Unkept(), show=told.append)
+    log = Journal(VirtualClock(), Unkept(), show=told.append)
     parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera(WRONG, ())}
     with parts.stack:
         station = Station(config, VirtualClock(), parts, log, Displays(), True, cameras=cameras)

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
+from tams_app.recording.journal import Journal
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
-from tams_app.robot.session_records import SessionRecords
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
@@ -49,7 +49,7 @@ def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path)
 def test_the_hand_of_a_log_is_the_configured_one_and_moves_as_it_was_recorded(tmp_path):
     path = write(tmp_path / "session.mcap", 40)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
-    log = SessionRecords(VirtualClock(), Unkept())
+    log = Journal(VirtualClock(), Unkept())
     station = Station(
         config, VirtualClock(), Parts(tmp_path, pytest.fail, 0), log, Displays(), True
     )
@@ -66,7 +66,7 @@ def test_the_hand_of_a_log_is_the_configured_one_and_moves_as_it_was_recorded(tm
 def test_a_person_is_told_whether_they_drive_the_rig_or_an_arm(tmp_path, is_rig, what):
     config = load_config(None, {"controller.device": "keyboard"})
     told = []
-    log = SessionRecords(VirtualClock(), Unkept(), show=told.append)
+    log = Journal(VirtualClock(), Unkept(), show=told.append)
     parts = Parts(tmp_path, pytest.fail, 0)
     Station(config, VirtualClock(), parts, log, Displays(), is_rig).wait_ready()
     assert told == [f"a person drives the {what}: keyboard"]

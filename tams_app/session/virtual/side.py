@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from functools import partial
 
 from tams_app.config import Config
+from tams_app.recording.journal import Journal
 from tams_app.records import Frame, Outcome, PhaseChange, Record
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.engine import Engine
 from tams_app.robot.listener import Listener
 from tams_app.robot.observers import TRIAL_RATE_HZ
-from tams_app.robot.session_records import SessionRecords
 from tams_app.runtime.clock import Clock
 from tams_app.session.task_place import task_regions
 from tams_app.session.virtual.operator import VirtualOperator
@@ -31,7 +31,7 @@ class VirtualRobotSide(Listener):
         config: Config,
         clock: Clock,
         events: EventQueue,
-        log: SessionRecords,
+        log: Journal,
         operator: VirtualOperator,
         captured: Callable[[Frame], None],
         ended: Callable[[str], None],

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 
 from tams_app.config import Config
+from tams_app.recording.journal import Journal
 from tams_app.records import Frame, FrameQuality, ShownFrame
-from tams_app.robot.session_records import SessionRecords
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
@@ -67,7 +67,7 @@ class TrialVideo(Video):
         self,
         config: Config,
         clock: Clock,
-        log: SessionRecords,
+        log: Journal,
         on_captured: Callable[[Frame], None],
         on_shown: Callable[[ShownFrame], None],
     ) -> None:
