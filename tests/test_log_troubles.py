@@ -53,7 +53,7 @@ def test_a_viewer_that_fails_or_cannot_be_closed_costs_the_log_nothing(
 ) -> None:
     viewer = Mock(**{f"{at}.side_effect": RuntimeError("a viewer")})
     path = tmp_path / "session.mcap"
-    log = Recorder(path, header(), VirtualClock(), 0, never_fails, viewers=lambda *_: viewer)
+    log = Recorder(path, header(), VirtualClock(), 0, never_fails, viewers=[viewer])
     log.start()
     for number in range(10):
         log.record(tick(number))

@@ -12,14 +12,14 @@ from typing import Any
 
 from tams_app.errors import ConfigError, not_one_of
 from tams_app.recording.codec import Codec
+from tams_app.recording.rates import Rates
 from tams_app.recording.topics import TOPICS
-from tams_app.telemetry.rates import Rates
 
 _HEAD = """\
 # The fields of the log
 
 Every field of each topic whose messages are JSON, made from the records in `tams_app/records/`,
-`tams_app/recording/topics.py` and `tams_app/telemetry/rates.py` by `run_tams.py log fields`.
+`tams_app/recording/topics.py` and `tams_app/recording/rates.py` by `run_tams.py log fields`.
 [LOG.md](LOG.md#topics) says what a topic has a message for, and the conventions of units, frames
 and clocks. *By name*: an object with a value for each name, such as each view. Fields behind a dot
 are those of the object, or of each object of the list.

@@ -24,12 +24,12 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from tams_app.errors import LogError
 from tams_app.outputs import refuse_existing
 from tams_app.recording import Header, read_records
+from tams_app.recording.rates import RatesMeter
 from tams_app.ros2.conversion import Conversion, Sent
 from tams_app.ros2.messages import cdr, ros_name
 from tams_app.ros2.topics import RosTopic, published
 from tams_app.ros2.types import typestore
 from tams_app.telemetry import Scene
-from tams_app.telemetry.rates import RatesMeter
 
 _NEVER = QosTime(0, 0)  # as rosbag2 writes what is not set
 
@@ -74,11 +74,8 @@ def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None])
     newest_ns = header.started_ns
     for t_ns, record in records:
         newest_ns = max(newest_ns, t_ns)
-        for sent in conversion.of(record):
-            write(sent)
-        meter.receive(record)
-        if (rates := meter.take(newest_ns)) is not None:
-            for sent in conversion.of(rates):
+        for one in (record, meter.step(record, newest_ns)):
+            for sent in conversion.of(one):
                 write(sent)
     return counts
 

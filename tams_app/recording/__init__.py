@@ -1,7 +1,6 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
-from tams_app.recording.mcap_log import MakeViewers as MakeViewers
-from tams_app.recording.mcap_log import Viewers as Viewers
+from tams_app.recording.mcap_log import Viewer as Viewer
 from tams_app.recording.mcap_stream import Gap as Gap
 from tams_app.recording.mcap_stream import damage_sentence as damage_sentence
 from tams_app.recording.reader import damage_of as damage_of

@@ -7,10 +7,10 @@ memory and written whole, so that a kill leaves no half-written chunk behind.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import Any
 
 from foxglove import Context, Schema, open_mcap, set_log_level
 from foxglove.channels import CompressedVideoChannel
@@ -18,6 +18,7 @@ from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
 from tams_app.recording.disk import LogFile
+from tams_app.recording.rates import RatesMeter
 from tams_app.recording.topics import (
     HEADER,
     PROFILE,
@@ -42,20 +43,18 @@ def _keep_sdk_quiet() -> None:
 _keep_sdk_quiet()  # only before the first file or server of the process
 
 
-class Viewers(Protocol):
-    """Channels beside the log's own, in the same file."""
+class Viewer:
+    """A consumer of everything that a log keeps, for other programs; in the log's thread."""
 
-    def receive(self, record: Any, now_ns: int) -> None:
-        """A record that the log keeps, an encoded frame, or a frame shown that was wanted."""
+    def receive(self, record: Any) -> None:
+        """A record of the log, an encoded frame, a second's `Rates`, or a frame that it wanted."""
 
     def wants(self, view: str, shown_ns: int) -> bool:
         """Whether a frame shown now is wanted with its pixels; each view in one thread."""
+        return False
 
     def close(self) -> None:
         """The log ends; may be called twice."""
-
-
-MakeViewers: TypeAlias = Callable[[Context, Header], Viewers]
 
 
 class McapLog:
@@ -70,15 +69,16 @@ class McapLog:
         path: Path,
         header: Header,
         bitstream: bool = True,
-        viewers: MakeViewers | None = None,
+        viewers: Sequence[Viewer] = (),
+        context: Context | None = None,
     ) -> None:
         """`bitstream`: keep the encoded frames themselves, not only when they were sent.
 
-        `viewers` makes the channels that are derived from the others.
+        `context` is one in which viewers have made channels, which go into the file, too.
         """
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
-        self._context = Context()
+        self._context = Context() if context is None else context
         self._closed = False
         self._file = LogFile(path)
         self._mcap = open_mcap(
@@ -92,11 +92,11 @@ class McapLog:
         )
         self._channels: dict[type, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
-        self._viewers: Viewers | None = None
+        self._viewers = tuple(viewers)
+        self._meter = RatesMeter(header.views, header.started_ns)
         self.newest_ns = 0  # the latest time of any record
         self.viewers_failure = ""  # why nothing is derived for viewers any more
         try:
-            self._viewers = None if viewers is None else viewers(self._context, header)
             self._write_record(header, HEADER.time_ns(header))
             self.flush()
         except BaseException:
@@ -111,9 +111,11 @@ class McapLog:
             item = OutcomeGiven(now_ns, item)
         if not isinstance(item, EncodedFrame | ShownFrame):  # the latter is for viewers alone
             self._write_record(item, TOPICS[type(item)].time_ns(item))
-        if self._viewers is not None and not self.viewers_failure:
+        if self._viewers and not self.viewers_failure:
             with self._spared():
-                self._viewers.receive(item, now_ns)
+                self._send(item)
+                if (rates := self._meter.step(item, now_ns)) is not None:
+                    self._send(rates)
 
     @property
     def size_bytes(self) -> int:
@@ -122,9 +124,11 @@ class McapLog:
 
     def wants_pixels(self, shown: ShownFrame) -> bool:
         """Whether a frame shown is to be written with its pixels, too; each view in one thread."""
-        if self._viewers is None or self.viewers_failure:
+        if self.viewers_failure:
             return False
-        return self._viewers.wants(shown.view, shown.shown_ns)
+        # each is asked, as each keeps its own pace
+        wanted = [viewer.wants(shown.view, shown.shown_ns) for viewer in self._viewers]
+        return any(wanted)
 
     def flush(self) -> None:
         """Finish the chunk and hand it to the system; LogError if the disk refused."""
@@ -136,9 +140,9 @@ class McapLog:
         if self._closed:
             return
         self._closed = True
-        if self._viewers is not None:
-            with self._spared():
-                self._viewers.close()
+        with self._spared():
+            for viewer in self._viewers:
+                viewer.close()
         self._mcap.close()
         self._file.close()  # of an error the owner has learned from `flush`
 
@@ -149,6 +153,10 @@ class McapLog:
             yield
         except Exception as error:  # noqa: BLE001 - viewers may be anything
             self.viewers_failure = f"viewers are sent nothing more ({error!r}); the log goes on"
+
+    def _send(self, record: Any) -> None:
+        for viewer in self._viewers:
+            viewer.receive(record)
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         self.newest_ns = max(self.newest_ns, t_ns)

@@ -13,8 +13,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar
 
+from foxglove import Context
+
 from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
-from tams_app.recording.mcap_log import MakeViewers, McapLog
+from tams_app.recording.mcap_log import McapLog, Viewer
 from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, RecordsLost
 from tams_app.records import Frame, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
@@ -87,19 +89,19 @@ class Recorder(QueuedWriter[Record]):
         min_free_mb: float,
         on_failure: Callable[[str, BaseException], None],
         bitstream: bool = True,
-        viewers: MakeViewers | None = None,
+        viewers: Sequence[Viewer] = (),
+        context: Context | None = None,
     ) -> None:
         """Create the file and write the header; LogError if there is no space or no folder.
 
-        `bitstream`: keep the encoded frames themselves, not only when they were sent. `viewers`
-        makes the channels that are derived from the records, which this thread feeds.
+        `bitstream`, `viewers` and `context`: as of `McapLog`.
         """
         super().__init__("recorder", CAPACITY, on_failure)
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream, viewers)
+        self._log = McapLog(path, header, bitstream, viewers, context)
         self._began_ns: int | None = None  # to write; None: nothing is being written
         self._told_lost = 0  # records of which the log says that they are lost
 
@@ -185,14 +187,15 @@ class DirectRecorder:
         clock: Clock,
         min_free_mb: float,
         bitstream: bool = True,
-        viewers: MakeViewers | None = None,
+        viewers: Sequence[Viewer] = (),
+        context: Context | None = None,
     ) -> None:
         """Create the file and write the header; LogError if there is no space or no folder."""
         require_free_space(path.parent, min_free_mb)
         self._clock = clock
         self._directory = path.parent
         self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream, viewers)
+        self._log = McapLog(path, header, bitstream, viewers, context)
         self._packets: list[PacketRecord] = []
         self._next_batch_ns = clock.now_ns() + BATCH_NS
         self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS

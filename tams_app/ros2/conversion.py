@@ -15,6 +15,7 @@ from typing import Any
 from cyclonedds.idl import IdlStruct
 
 from tams_app.recording import Facts, Header
+from tams_app.recording.rates import Rates
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import (
     Allocation,
@@ -31,7 +32,6 @@ from tams_app.ros2 import messages, topics
 from tams_app.telemetry.lines import Spoken, line_of
 from tams_app.telemetry.messages import BASE
 from tams_app.telemetry.motion import MOTION_HZ, Pace, joint_angles
-from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, thing_frames
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import HAND_FACT, HandWords, words_of

@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 
 from tams_app.recording.codec import Codec
+from tams_app.recording.rates import Rates
 from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven
 from tams_app.records import (
     Allocation,
@@ -17,7 +18,6 @@ from tams_app.records import (
     StopRecord,
     Tick,
 )
-from tams_app.telemetry.rates import Rates
 
 EMERGENCY_STOP = "/tams/emergency_stop"  # the one topic that we receive
 LONGEST_BYTES = 1 << 20  # of a datagram; a socket's own limit may be lower

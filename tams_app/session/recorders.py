@@ -47,10 +47,13 @@ class Recorders(Journal):
             if config.recording.ros2 is not None:
                 bridge = Ros2Bridge(config.recording.ros2, header, clock, folder / "helpers")
                 stack.callback(bridge.end)
-            viewers = viewers_of(config, others=[] if bridge is None else [bridge])
-            log = Recorder(
-                folder / LOG_NAME, header, clock, free_mb, on_failure, bitstream, viewers
-            )
+            viewers, context = viewers_of(config, header)
+            for viewer in viewers:
+                stack.callback(viewer.close)  # where no log comes to be, which closes them, too
+            if bridge is not None:
+                viewers.append(bridge)
+            path = folder / LOG_NAME
+            log = Recorder(path, header, clock, free_mb, on_failure, bitstream, viewers, context)
             stack.callback(log.close)
             if config.recording.record_reference:
                 reference = ReferenceRecorder(
@@ -126,10 +129,9 @@ def virtual_records(
     """
     keeping, now_ns = config.recording, clock.now_ns()
     header = session_header(config, now_ns, wall_start_ns - now_ns)
-    viewers = viewers_of(config, live=False)
-    log = DirectRecorder(
-        folder / LOG_NAME, header, clock, keeping.min_free_mb, keeping.bitstream, viewers
-    )
+    viewers, context = viewers_of(config, header, live=False)
+    free_mb, path = keeping.min_free_mb, folder / LOG_NAME
+    log = DirectRecorder(path, header, clock, free_mb, keeping.bitstream, viewers, context)
     with closing(log):
         yield Journal(clock, log)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from tams_app.errors import HelperError, SetupError, require_extra
-from tams_app.recording import Header
+from tams_app.recording import Header, Viewer
 from tams_app.records import TakeNote
 from tams_app.ros2.wire import EMERGENCY_STOP, STOP, encode
 from tams_app.runtime.clock import Clock
@@ -26,8 +26,8 @@ _POLL_S = 0.2
 _SEND_BUFFER_BYTES = 1 << 20  # as far as the system allows: what waits for the process at most
 
 
-class Ros2Bridge:
-    """Satisfies `tams_app.recording.Viewers` for the recorder's thread; `end` it after the log.
+class Ros2Bridge(Viewer):
+    """Hands records to the bridge's process; `end` it after the log, which it outlives.
 
     `dropped`: records that found the socket full.
     """
@@ -60,7 +60,7 @@ class Ros2Bridge:
                 raise SetupError(f"{error}; leave out --ros2 to go without") from error
             self._socket = ours
             self._stack = stack.pop_all()
-        self.receive(header, header.started_ns)
+        self.receive(header)
 
     @property
     def pid(self) -> int | None:
@@ -76,7 +76,7 @@ class Ros2Bridge:
         self._listener = Worker("ros2", lambda stop: self._listen(estop, note, stop), fails)
         self._listener.start()
 
-    def receive(self, record: Any, now_ns: int) -> None:
+    def receive(self, record: Any) -> None:
         """Hand over a record, if it is one that ROS 2 receives; at once, or not at all."""
         if self._gone or (content := encode(record)) is None:
             return
@@ -86,13 +86,6 @@ class Ros2Bridge:
             self._gone = True
         except OSError:  # full, or a frame that is too long for it
             self.dropped += 1
-
-    def wants(self, view: str, shown_ns: int) -> bool:
-        """Never: ROS 2 gets the bitstream."""
-        return False
-
-    def close(self) -> None:
-        """The log ends, but not yet the bridge."""
 
     def stop_listening(self) -> None:
         """Before the log ends, so that it has what became of the bridge."""

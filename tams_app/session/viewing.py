@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from foxglove import Context
@@ -11,12 +11,12 @@ from pydantic import ValidationError
 from hw.arms import arm_kind
 from tams_app.config import Config, LimitsConfig
 from tams_app.errors import require_extra
-from tams_app.recording import Header, MakeViewers, Viewers
+from tams_app.recording import Header, Viewer
 from tams_app.records import ArmFigure, Pose, Solid, SolidKind, TakeNote
 from tams_app.robot.build import ready_pose
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
-from tams_app.telemetry import Address, Scene, Telemetry, ViewerGroup, check_address
+from tams_app.telemetry import Address, Scene, Telemetry, check_address
 from tams_app.vectors import Floats3
 
 _BLOCK_COLOUR = (0.85, 0.15, 0.12)
@@ -50,27 +50,18 @@ def invite_viewers(config: Config, note: TakeNote) -> None:
         note("warning", f"all who reach {address.url} see this session: no password is asked")
 
 
-def viewers_of(
-    config: Config, live: bool = True, others: Sequence[Viewers] = ()
-) -> MakeViewers | None:
-    """Makes the channels for viewers; None if there is no viewer. `live`: may be connected to.
+def viewers_of(config: Config, header: Header, live: bool = True) -> tuple[list[Viewer], Context]:
+    """The channels for viewers in the log of that header, if it has any, and their context.
 
-    `others`: who is notified of the session besides.
+    `live`: viewers may connect to them.
     """
+    context, keeping = Context(), config.recording
     address = address_of(config) if live else None
-    has_channels = config.recording.viewers or address is not None
-    if not has_channels and not others:
-        return None
-
-    def make(context: Context, header: Header) -> Viewers:
-        channels: list[Viewers] = []
-        if has_channels:
-            scene, pictures_per_s = scene_of(config), config.recording.pictures_per_s
-            origins = config.recording.foxglove_origins
-            channels.append(Telemetry(context, header, scene, pictures_per_s, address, origins))
-        return ViewerGroup(header, [*channels, *others])
-
-    return make
+    if not keeping.viewers and address is None:
+        return [], context
+    scene, pictures_per_s = scene_of(config), keeping.pictures_per_s
+    origins = keeping.foxglove_origins
+    return [Telemetry(context, header, scene, pictures_per_s, address, origins)], context
 
 
 def scene_of_header(header: Header) -> Scene | None:

@@ -5,8 +5,7 @@ shown, the rates of each second; in the log's file and, if asked for, live over 
 """
 
 from tams_app.telemetry.address import Address, check_address
-from tams_app.telemetry.rates import ViewerGroup
 from tams_app.telemetry.scene import Scene
 from tams_app.telemetry.telemetry import Telemetry
 
-__all__ = ["Address", "Scene", "Telemetry", "ViewerGroup", "check_address"]
+__all__ = ["Address", "Scene", "Telemetry", "check_address"]

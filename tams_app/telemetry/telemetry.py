@@ -10,8 +10,9 @@ from foxglove import Context, Schema
 from foxglove.channels import CompressedImageChannel
 from foxglove.messages import CompressedImage
 
-from tams_app.recording import Header
+from tams_app.recording import Header, Viewer
 from tams_app.recording.codec import Codec
+from tams_app.recording.rates import Rates
 from tams_app.recording.topics import PICTURE_PREFIX, OutcomeGiven
 from tams_app.records import MountPrediction, Note, SceneTruth, ShownFrame, StopRecord, Tick
 from tams_app.telemetry.address import Address
@@ -19,7 +20,6 @@ from tams_app.telemetry.gate import LiveServer
 from tams_app.telemetry.lines import LogLines
 from tams_app.telemetry.messages import timestamp
 from tams_app.telemetry.motion import MotionChannels, Pace
-from tams_app.telemetry.rates import Rates
 from tams_app.telemetry.scene import Scene, SceneChannels
 
 SCENE_HZ = 0.2
@@ -62,8 +62,8 @@ class Pictures:
         self._channels[shown.view].log(message, log_time=wall_ns)
 
 
-class Telemetry:
-    """Feeds every channel; satisfies `tams_app.recording.Viewers`. From one thread at a time."""
+class Telemetry(Viewer):
+    """Feeds every channel."""
 
     def __init__(
         self,
@@ -103,20 +103,18 @@ class Telemetry:
             None if address is None else LiveServer(context, address, header.name, origins)
         )
 
-    def receive(self, record: Any, now_ns: int) -> None:
-        """A record that the log keeps, the rates of a second, or a frame shown that was wanted."""
+    def receive(self, record: Any) -> None:
         if on_record := self._on.get(type(record)):
             on_record(record)
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        """True if a frame shown now is wanted with its pixels; each view in one thread."""
         return self._pictures.wants(view, shown_ns)
 
     def close(self) -> None:
         """Let the viewers go; may be called twice."""
-        if self._server is not None:
-            self._server.stop()
-            self._server = None
+        server, self._server = self._server, None
+        if server is not None:
+            server.stop()
 
     def _on_tick(self, tick: Tick) -> None:
         if self._scene_pace.is_due(tick.started_ns):

@@ -35,9 +35,8 @@ FIRST_GREY, LATER_GREY = 60, 200  # of what is shown as the phase begins, and af
 
 def write(folder: Path, log: SessionLog, records: Iterable[Any]) -> Path:
     folder.mkdir()
-    with closing(
-        McapLog(folder / LOG_NAME, log.header, viewers=viewers_of(load_config(), live=False))
-    ) as file:
+    viewers = viewers_of(load_config(), log.header, live=False)
+    with closing(McapLog(folder / LOG_NAME, log.header, True, *viewers)) as file:
         file.write(Facts(log.header.started_ns, log.facts), 0)
         for record in records:
             file.write(record, 0)

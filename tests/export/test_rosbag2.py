@@ -39,8 +39,8 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of three seconds with all kinds of records."""
     folder = tmp_path_factory.mktemp("20260101-100000-run")
     clock = VirtualClock(START_NS)
-    viewers = viewers_of(load_config(), live=False)
-    log = DirectRecorder(folder / LOG_NAME, full_header(), clock, 0, True, viewers)
+    viewers = viewers_of(load_config(), full_header(), live=False)
+    log = DirectRecorder(folder / LOG_NAME, full_header(), clock, 0, True, *viewers)
     with closing(log):
         log.record(Note(START_NS, "info", "ready"))
         log.record(truth())

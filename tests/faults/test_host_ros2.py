@@ -74,6 +74,6 @@ def test_a_bridge_that_is_gone_or_stands_still_does_not_touch_the_arm(
     first = virtual_bench.next
     for _ in range(12):
         virtual_bench.tick()
-        bridge.receive(virtual_bench.ticks[-1], virtual_bench.clock.now_ns())
+        bridge.receive(virtual_bench.ticks[-1])
     assert {output.arming for output in virtual_bench.outputs[first:]} == {ArmingState.ENGAGED}
     assert virtual_bench.travel_m(first) > 0.001

@@ -8,6 +8,7 @@ import numpy as np
 
 from tams_app.config import load_config
 from tams_app.recording import Header
+from tams_app.recording.rates import Rates, ViewRates
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import (
     EncodedFrame,
@@ -20,7 +21,6 @@ from tams_app.records import (
     StopRecord,
 )
 from tams_app.rotation import Rotation
-from tams_app.telemetry.rates import Rates, ViewRates
 from tests.synthetic_session import START_NS, VIEWS, header, tick
 
 T_NS = START_NS + 1_234_567_891

@@ -48,7 +48,7 @@ from tests.ros2.dds import (
     until,
 )
 from tests.ros2.records import T_NS, frame, full_header, one_of_each
-from tests.synthetic_session import START_NS, VIEWS, tick
+from tests.synthetic_session import VIEWS, tick
 
 pytestmark = pytest.mark.waiting
 
@@ -110,7 +110,7 @@ def test_a_node_hears_every_record_that_ros_is_told_of(domain: int, bridge: Ros2
         nonlocal number
         number += 1
         for record in (tick(number * 120), *one_of_each()):
-            bridge.receive(record, START_NS)
+            bridge.receive(record)
 
     def all_heard() -> bool:
         for topic, reader in readers.items():
@@ -129,7 +129,7 @@ def test_a_node_that_comes_later_knows_the_phase_and_the_frames_that_stand_still
 ) -> None:
     first = Node(domain).reader(PHASE)
     for phase in (Phase.REACH, Phase.ALIGN):
-        bridge.receive(PhaseChange(T_NS, phase, "test"), T_NS)
+        bridge.receive(PhaseChange(T_NS, phase, "test"))
     # so that it was published before the next node comes
     heard_until([first], lambda heard: any(one.data == "ALIGN" for one in heard))
     late = Node(domain)
@@ -167,10 +167,10 @@ def test_a_publisher_that_says_nothing_stops_nothing(domain: int, bridge: Ros2Br
     joints = node.reader(JOINTS)
     writer = node.stop_writer(RELIABLE)
     numbers = iter(range(1, 10_000))
-    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers)), START_NS))
+    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers))))
     del writer  # comes and goes
     gc.collect()
-    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers)), START_NS))
+    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers))))
     assert not heard.stopped
     assert heard.notes == []
 
@@ -181,21 +181,21 @@ def test_a_bridge_that_stands_still_holds_up_nothing_and_goes_on_afterwards(
     heard, node = Heard(bridge), Node(domain)
     joints = node.reader(JOINTS)
     numbers = iter(range(1, 1_000_000))
-    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers)), START_NS))
+    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers))))
     os.kill(pid_of(bridge), signal.SIGSTOP)
     try:
         while bridge.dropped < 1000:
-            bridge.receive(tick(next(numbers)), START_NS)
+            bridge.receive(tick(next(numbers)))
         until(lambda: bool(heard.notes))
     finally:
         os.kill(pid_of(bridge), signal.SIGCONT)
     assert heard.notes == ["the ROS 2 bridge is too slow: records are missing in ROS 2"]
     until(lambda: not joints.take(1000))
-    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers)), START_NS))
+    until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers))))
 
 
 def test_a_frame_that_is_too_long_for_the_socket_is_left_out(bridge: Ros2Bridge) -> None:
-    bridge.receive(frame(data=bytes(8_000_000)), START_NS)
+    bridge.receive(frame(data=bytes(8_000_000)))
     assert bridge.dropped == 1
 
 
@@ -204,7 +204,7 @@ def test_a_bridge_that_dies_is_one_sentence(bridge: Ros2Bridge) -> None:
     os.kill(pid_of(bridge), signal.SIGKILL)
     until(lambda: bool(heard.notes))
     for number in range(100):
-        bridge.receive(tick(number), START_NS)
+        bridge.receive(tick(number))
     bridge.stop_listening()
     (note,) = heard.notes
     assert note.startswith("the ROS 2 bridge has ended: nothing is published any more")
@@ -216,7 +216,7 @@ def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros
     numbers = iter(range(1, 1_000_000))
     process = psutil.Process(pid_of(bridge))
     process.terminate()
-    until(lambda: bool(heard.notes), lambda: bridge.receive(tick(next(numbers)), START_NS))
+    until(lambda: bool(heard.notes), lambda: bridge.receive(tick(next(numbers))))
 
 
 def recorders(domain: int, folder: Path, signals: Signals) -> Recorders:

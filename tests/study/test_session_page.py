@@ -59,8 +59,8 @@ def folder(tmp_path: Path) -> Path:
     path.mkdir()
     clock = VirtualClock(START_NS)
     phases = (Phase.REACH, Phase.ALIGN, Phase.PRE_RELEASE)
-    viewers = viewers_of(load_config(), live=False)
-    log = DirectRecorder(path / "session.mcap", header(), clock, 0, True, viewers)
+    viewers = viewers_of(load_config(), header(), live=False)
+    log = DirectRecorder(path / "session.mcap", header(), clock, 0, True, *viewers)
     with closing(log):
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))

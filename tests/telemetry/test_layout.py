@@ -50,7 +50,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
     path = tmp_path_factory.mktemp("log") / "session.mcap"
     pose = Pose(np.array([0.3, 0.0, 0.01]), Rotation.identity())
     clock = VirtualClock(START_NS)
-    viewers = viewers_of(load_config(None, {}), live=False)
+    viewers = viewers_of(load_config(None, {}), header(), live=False)
     items = [
         Note(START_NS, "info", "READY"),
         SceneTruth(START_NS, pose, pose, pose, 0.0, 0.016),
@@ -58,7 +58,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
         *(FrameQuality(view, 0, 0, 0, 0, False, False, 0.9, 0.9, 0.8) for view in VIEWS),
         *live_records(1.0),
     ]
-    with closing(DirectRecorder(path, header(), clock, 0, True, viewers)) as recorder:
+    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as recorder:
         for item in items:
             recorder.record(item)
             clock.advance_ns(NS_PER_MS)

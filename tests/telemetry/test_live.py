@@ -43,7 +43,7 @@ def recorder(path: Path, port: int) -> Recorder:
         raise AssertionError(thread) from failure
 
     config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
-    made = Recorder(path, header(), MonotonicClock(), 0, fails, True, viewers_of(config))
+    made = Recorder(path, header(), MonotonicClock(), 0, fails, True, *viewers_of(config, header()))
     made.start()
     return made
 

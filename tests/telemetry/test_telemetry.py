@@ -56,8 +56,8 @@ def recorded(
     """The log of `items`, written so far apart."""
     config = load_config(None, overrides)
     path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
-    made = DirectRecorder(path, header(), clock, 0, True, viewers_of(config, live=False))
-    with closing(made) as log:
+    viewers = viewers_of(config, header(), live=False)
+    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as log:
         for item in items:
             log.record(item)
             clock.advance_ns(apart_ns)
@@ -242,9 +242,8 @@ def test_a_live_log_has_the_same_pictures(tmp_path: Path) -> None:
         raise AssertionError(thread) from failure
 
     path = tmp_path / "live.mcap"
-    live = Recorder(
-        path, header(), MonotonicClock(), 0, fails, True, viewers_of(config, live=False)
-    )
+    viewers = viewers_of(config, header(), live=False)
+    live = Recorder(path, header(), MonotonicClock(), 0, fails, True, *viewers)
     live.start()
     for frame in shown_frames(2):
         live.record(frame)
@@ -279,8 +278,8 @@ def test_the_rates_of_a_second_are_what_was_sent_shown_and_scored(tmp_path: Path
     ]
     items = [*scores, *lost, *live_records(1.0)]
     path, clock = tmp_path / "session.mcap", VirtualClock(t)
-    viewers = viewers_of(load_config(None, {}), live=False)
-    with closing(DirectRecorder(path, header(), clock, 0, True, viewers)) as log:
+    viewers = viewers_of(load_config(None, {}), header(), live=False)
+    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as log:
         for item in items:
             log.record(item)
         clock.advance_ns(NS_PER_S)

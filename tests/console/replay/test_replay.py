@@ -57,10 +57,10 @@ def log_path(tmp_path: Path) -> Path:
     config = load_config()
     clock = VirtualClock(START_NS)
     made = header(config=config.model_dump(mode="json"))
-    viewers = viewers_of(config, live=False)
+    viewers = viewers_of(config, made, live=False)
     path = tmp_path / "session.mcap"
     phases = (Phase.REACH, Phase.ALIGN, Phase.GRASP, Phase.TRANSPORT)
-    with closing(DirectRecorder(path, made, clock, 0, True, viewers)) as log:
+    with closing(DirectRecorder(path, made, clock, 0, True, *viewers)) as log:
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))
             log.record(Note(second(number + 0.5), "info", f"note {number}"))

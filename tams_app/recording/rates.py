@@ -1,15 +1,14 @@
-"""The sums of each second, for plots (`/rates`), and the viewers that get them with all else."""
+"""The sums of each second, which viewers get beside the records."""
 
 from __future__ import annotations
 
 import statistics
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias
 
 from tams_app.capacity import finite
-from tams_app.recording import Header, Viewers
 from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
 from tams_app.records import (
     Allocation,
@@ -95,7 +94,7 @@ class _Second:
 
 
 class RatesMeter:
-    """Counts what is recorded; `take` gives a record once a second.
+    """Counts what is recorded, and gives the sums once a second.
 
     A packet counts when its fate is recorded, a score when it is. Where no network is emulated,
     packets are known by what receivers report, padding among them.
@@ -114,8 +113,12 @@ class RatesMeter:
             view: deque(maxlen=_UNDER_WAY) for view in views
         }
 
-    def receive(self, record: Any) -> None:
-        """Count a record, if it is one that counts."""
+    def step(self, record: Any, now_ns: int) -> Rates | None:
+        """Count a record; the sums of a second that has ended by `now_ns`, None while none has."""
+        self._count(record)
+        return None if now_ns - self._begun_ns < PERIOD_NS else self._take(now_ns)
+
+    def _count(self, record: Any) -> None:
         match record:
             case Allocation():
                 self._allocation = record
@@ -144,11 +147,8 @@ class RatesMeter:
         if captures and captures[0][0] == frame.index:
             second.latency_ms.append((frame.shown_ns - captures[0][1]) / NS_PER_MS)
 
-    def take(self, now_ns: int) -> Rates | None:
-        """The sums of the second that has ended by `now_ns`; None while none has."""
+    def _take(self, now_ns: int) -> Rates:
         passed_ns = now_ns - self._begun_ns
-        if passed_ns < PERIOD_NS:
-            return None
         passed_s = passed_ns / NS_PER_S
         seconds, allocation = self._seconds, self._allocation
         figures = uplink_figures(self._packets, self._views, passed_ns)
@@ -183,35 +183,6 @@ class RatesMeter:
             task_live_ssim=_mean(one.task_live for one in second.scored),
             task_received_ssim=_mean(one.task_received for one in second.scored),
         )
-
-
-class ViewerGroup:
-    """Satisfies `tams_app.recording.Viewers`: each gets every record, and `Rates` each second."""
-
-    def __init__(self, header: Header, viewers: Sequence[Viewers]) -> None:
-        self._viewers = tuple(viewers)
-        self._meter = RatesMeter(header.views, header.started_ns)
-
-    def receive(self, record: Any, now_ns: int) -> None:
-        """A record that the log keeps, or a frame shown that was wanted."""
-        self._send(record, now_ns)
-        self._meter.receive(record)
-        if (rates := self._meter.take(now_ns)) is not None:
-            self._send(rates, now_ns)
-
-    def wants(self, view: str, shown_ns: int) -> bool:
-        """True if any of them wants a frame shown now with its pixels."""
-        wanted = [viewer.wants(view, shown_ns) for viewer in self._viewers]  # all keep their pace
-        return any(wanted)
-
-    def close(self) -> None:
-        """The log ends; may be called twice."""
-        for viewer in self._viewers:
-            viewer.close()
-
-    def _send(self, record: Any, now_ns: int) -> None:
-        for viewer in self._viewers:
-            viewer.receive(record, now_ns)
 
 
 def _mean(scores: Iterable[float | None]) -> float | None:
