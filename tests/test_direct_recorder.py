@@ -7,8 +7,7 @@ from contextlib import closing
 import pytest
 
 from tams_app.errors import LogError
-from tams_app.recording import Recorder, read_log, read_video
-from tams_app.recording import writer as writer_module
+from tams_app.recording import Recorder, disk, read_log, read_video
 from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
@@ -54,13 +53,9 @@ def test_without_the_bitstream_only_the_frames_sizes_stay(tmp_path):
 def test_a_disk_that_fills_up_ends_it_in_one_sentence(tmp_path, monkeypatch):
     clock = VirtualClock(START_NS)
     item = next(iter(live_records(2.0)))
-    with closing(DirectRecorder(tmp_path / "session.mcap", header(), clock, 0)) as log:
-        monkeypatch.setattr(writer_module, "require_reserve", full)
+    with closing(DirectRecorder(tmp_path / "session.mcap", header(), clock, 100)) as log:
+        monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
         clock.advance_ns(2 * NS_PER_S)
-        with pytest.raises(LogError, match="nearly full"):
+        with pytest.raises(LogError, match="only 9 MB are free"):
             log.record(item)
     assert read_log(tmp_path / "session.mcap").header == header()
-
-
-def full(*_):
-    raise LogError("the disk is nearly full")

@@ -32,16 +32,6 @@ def require_free_space(directory: Path, min_free_mb: float) -> None:
         )
 
 
-def require_reserve(directory: Path, reserve_mb: float) -> None:
-    """LogError if a log that is being written has filled the disk but for `reserve_mb` [MB]."""
-    free = free_mb(directory)
-    if free < reserve_mb:
-        raise LogError(
-            f"{directory}: recording ended because only {free:.0f} MB are free; "
-            "delete old logs; what was written before is readable"
-        )
-
-
 class LogFile:
     """A new file in the shape the MCAP writers want: `write`, `seek`, `flush`, `tell`.
 
@@ -51,8 +41,11 @@ class LogFile:
     the GIL, so a slow disk never holds up the control loop.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, min_free_mb: float = 0.0) -> None:
+        """LogError if there is no folder, or less than `min_free_mb` [MB] free on its disk."""
+        require_free_space(path.parent, min_free_mb)
         self.path = path
+        self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._error: OSError | None = None
         self._size_bytes = 0
         try:
@@ -94,6 +87,15 @@ class LogFile:
             raise LogError(
                 f"{self.path}: the log cannot be written any more: {self._error.strerror}; "
                 "what was written before is readable"
+            )
+
+    def check_space(self) -> None:
+        """LogError if the disk was filled but for the reserve."""
+        free = free_mb(self.path.parent)
+        if free < self._reserve_mb:
+            raise LogError(
+                f"{self.path.parent}: recording ended because only {free:.0f} MB are free; "
+                "delete old logs; what was written before is readable"
             )
 
     def close(self) -> None:

@@ -17,6 +17,7 @@ from foxglove.channels import CompressedVideoChannel
 from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
+from tams_app.recording.codec import Codec
 from tams_app.recording.disk import LogFile
 from tams_app.recording.rates import RatesMeter
 from tams_app.recording.topics import (
@@ -41,6 +42,20 @@ def _keep_sdk_quiet() -> None:
 
 
 _keep_sdk_quiet()  # only before the first file or server of the process
+
+
+def timestamp(wall_ns: int) -> Timestamp:
+    """Nanoseconds since 1970, in a message of Foxglove's."""
+    seconds, nanoseconds = divmod(wall_ns, NS_PER_S)
+    return Timestamp(sec=seconds, nsec=nanoseconds)
+
+
+def json_channel(context: Context, topic: str, codec: Codec[Any]) -> Any:
+    """A channel for records of ours, with their schema."""
+    name = codec.record_type.__name__
+    schema = Schema(name=name, encoding="jsonschema", data=codec.schema())
+    # not foxglove.Channel: that one keeps every channel of the process in a global table
+    return context._create_channel(topic, message_encoding="json", schema=schema)
 
 
 class Viewer:
@@ -71,16 +86,18 @@ class McapLog:
         bitstream: bool = True,
         viewers: Sequence[Viewer] = (),
         context: Context | None = None,
+        min_free_mb: float = 0.0,
     ) -> None:
-        """`bitstream`: keep the encoded frames themselves, not only when they were sent.
+        """Create the file and write the header; LogError if there is no space or no folder.
 
-        `context` is one in which viewers have made channels, which go into the file, too.
+        `bitstream`: keep the encoded frames themselves, not only when they were sent. `context`:
+        one in which viewers have made channels, which go into the file, too.
         """
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context() if context is None else context
         self._closed = False
-        self._file = LogFile(path)
+        self._file = LogFile(path, min_free_mb)
         self._mcap = open_mcap(
             self._file,
             context=self._context,
@@ -90,7 +107,7 @@ class McapLog:
                 disable_seeking=True,  # else a killed process leaves a chunk of unknown length
             ),
         )
-        self._channels: dict[type, Any] = {}
+        self._channels: dict[str, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
         self._viewers = tuple(viewers)
         self._meter = RatesMeter(header.views, header.started_ns)
@@ -135,6 +152,10 @@ class McapLog:
         self._mcap.flush()
         self._file.check()
 
+    def check_space(self) -> None:
+        """LogError if the disk was filled but for a reserve."""
+        self._file.check_space()
+
     def close(self) -> None:
         """Finish the file, or cut it after its last whole chunk; may be called twice."""
         if self._closed:
@@ -160,16 +181,12 @@ class McapLog:
 
     def _write_record(self, item: Any, t_ns: int) -> None:
         self.newest_ns = max(self.newest_ns, t_ns)
-        channel = self._channels.get(type(item)) or self._open_channel(type(item))
-        channel.log(TOPICS[type(item)].codec.encode(item), t_ns + self._offset_ns)
-
-    def _open_channel(self, record_type: type) -> Any:
-        topic = TOPICS[record_type]
-        schema = Schema(name=record_type.__name__, encoding="jsonschema", data=topic.codec.schema())
-        # not foxglove.Channel: that one keeps every channel of the process in a global table
-        channel = self._context._create_channel(topic.name, message_encoding="json", schema=schema)
-        self._channels[record_type] = channel
-        return channel
+        topic = TOPICS[type(item)]
+        channel = self._channels.get(topic.name)
+        if channel is None:
+            channel = json_channel(self._context, topic.name, topic.codec)
+            self._channels[topic.name] = channel
+        channel.log(topic.codec.encode(item), t_ns + self._offset_ns)
 
     def _write_video(self, frame: EncodedFrame) -> None:
         self._write_record(FrameSent.of(frame), frame.encoded_ns)
@@ -180,13 +197,9 @@ class McapLog:
             channel = CompressedVideoChannel(VIDEO_PREFIX + frame.view, context=self._context)
             self._videos[frame.view] = channel
         message = CompressedVideo(
-            timestamp=self._timestamp(frame.capture_ns),
+            timestamp=timestamp(frame.capture_ns + self._offset_ns),
             frame_id=frame.view,
             data=frame.data,
             format="h264",
         )
         channel.log(message, log_time=frame.encoded_ns + self._offset_ns)
-
-    def _timestamp(self, t_ns: int) -> Timestamp:
-        seconds, nanoseconds = divmod(t_ns + self._offset_ns, NS_PER_S)
-        return Timestamp(sec=seconds, nsec=nanoseconds)

@@ -12,22 +12,23 @@ from pathlib import Path
 from typing import IO, cast
 
 import numpy as np
-from foxglove.messages import RawImage, Timestamp
+from foxglove.messages import RawImage
 from mcap.writer import Writer
 
 from tams_app.recording import wire
-from tams_app.recording.disk import RESERVE_FRACTION, LogFile, require_free_space, require_reserve
+from tams_app.recording.disk import LogFile
+from tams_app.recording.mcap_log import timestamp
 from tams_app.recording.mcap_stream import McapStream
 from tams_app.recording.topics import REFERENCE_PREFIX, REFERENCE_PROFILE
-from tams_app.recording.writer import QueuedWriter
 from tams_app.records import Frame, Image
-from tams_app.units import NS_PER_S
+from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.runtime.worker import Worker
 
 CAPACITY_FRAMES = 45  # half a second of three views, 40 MB
 _WIDTH, _HEIGHT, _DATA = 2, 3, 6  # field numbers of foxglove.RawImage
 
 
-class ReferenceRecorder(QueuedWriter[Frame]):
+class ReferenceRecorder:
     """Writes captured frames without loss; `record` never blocks, drops are counted."""
 
     def __init__(
@@ -38,23 +39,35 @@ class ReferenceRecorder(QueuedWriter[Frame]):
         on_failure: Callable[[str, BaseException], None],
     ) -> None:
         """Create the file; LogError if there is no space or no folder."""
-        super().__init__("reference-recorder", CAPACITY_FRAMES, on_failure)
-        require_free_space(path.parent, min_free_mb)
-        self._directory = path.parent
-        self._reserve_mb = min_free_mb * RESERVE_FRACTION
         self._offset_ns = wall_offset_ns
-        self._file = LogFile(path)
+        self._file = LogFile(path, min_free_mb)
         self._writer = Writer(cast(IO[bytes], self._file), chunk_size=1)
         self._writer.start(profile=REFERENCE_PROFILE, library="tams")
         schema = RawImage.get_schema()
         self._schema_id = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         self._channels: dict[str, int] = {}
         self._finished = False
+        self._queue: BoundedQueue[Frame] = BoundedQueue(CAPACITY_FRAMES)
+        self._worker = Worker("reference-recorder", self._run, on_failure)
+
+    def start(self) -> None:
+        self._worker.start()
+
+    @property
+    def dropped(self) -> int:
+        """Frames that found the queue full."""
+        return self._queue.dropped
 
     def record(self, frame: Frame) -> None:
         """Queue one frame; its image must not be changed afterwards."""
-        if self.failure is None:
+        if self._worker.failure is None:
             self._queue.put(frame)
+
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued and finish the file; may be called twice."""
+        if self._worker.alive:
+            self._worker.stop(timeout_s)
+        self._finish()  # done by the thread already, unless it never ran
 
     def _run(self, stop: threading.Event) -> None:
         try:
@@ -67,11 +80,11 @@ class ReferenceRecorder(QueuedWriter[Frame]):
             self._finish()
 
     def _write(self, frame: Frame) -> None:
-        require_reserve(self._directory, self._reserve_mb)
+        self._file.check_space()
         height, width = frame.image.shape[:2]
-        seconds, nanoseconds = divmod(frame.capture_ns + self._offset_ns, NS_PER_S)
+        wall_ns = frame.capture_ns + self._offset_ns
         message = RawImage(
-            timestamp=Timestamp(sec=seconds, nsec=nanoseconds),
+            timestamp=timestamp(wall_ns),
             frame_id=frame.view,
             width=width,
             height=height,
@@ -79,7 +92,6 @@ class ReferenceRecorder(QueuedWriter[Frame]):
             step=width * 3,
             data=frame.image.tobytes(),
         )
-        wall_ns = frame.capture_ns + self._offset_ns
         self._writer.add_message(
             self._channel(frame.view), wall_ns, message.encode(), wall_ns, sequence=frame.index
         )

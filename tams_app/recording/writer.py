@@ -8,14 +8,11 @@ from __future__ import annotations
 
 import threading
 import time
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Generic, TypeVar
 
 from foxglove import Context
 
-from tams_app.recording.disk import RESERVE_FRACTION, require_free_space, require_reserve
 from tams_app.recording.mcap_log import McapLog, Viewer
 from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, RecordsLost
 from tams_app.records import Frame, PacketRecord, Record, ShownFrame
@@ -24,7 +21,6 @@ from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-T = TypeVar("T")
 CAPACITY = 20_000  # records waiting: more than ten seconds of a full session
 POLL_S = 0.05  # waking per record would cost a switch of threads each
 SLICE_S = 0.0003  # the writer lets go of the GIL at least this often ...
@@ -36,44 +32,7 @@ HANGS_NS = 2 * NS_PER_S  # what waits then still has room
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
-class QueuedWriter(ABC, Generic[T]):
-    """A queue that any thread fills without blocking, and the thread that writes what is in it."""
-
-    def __init__(
-        self, name: str, capacity: int, on_failure: Callable[[str, BaseException], None]
-    ) -> None:
-        self._queue: BoundedQueue[T] = BoundedQueue(capacity)
-        self._worker = Worker(name, self._run, on_failure)
-
-    def start(self) -> None:
-        self._worker.start()
-
-    @property
-    def dropped(self) -> int:
-        """Records that found the queue full."""
-        return self._queue.dropped
-
-    @property
-    def failure(self) -> BaseException | None:
-        """Why recording ended early, None while all is well."""
-        return self._worker.failure
-
-    def close(self, timeout_s: float = 10.0) -> None:
-        """Write what is queued and finish the file; may be called twice."""
-        if self._worker.alive:
-            self._worker.stop(timeout_s)
-        self._finish()  # done by the thread already, unless it never ran
-
-    @abstractmethod
-    def _run(self, stop: threading.Event) -> None:
-        """Write what is queued until `stop` is set; the body of the thread."""
-
-    @abstractmethod
-    def _finish(self) -> None:
-        """Finish the file; may be called twice."""
-
-
-class Recorder(QueuedWriter[Record]):
+class Recorder:
     """Writes one session log.
 
     `record` may be called from any thread and never blocks: what finds the queue full is dropped
@@ -96,14 +55,25 @@ class Recorder(QueuedWriter[Record]):
 
         `bitstream`, `viewers` and `context`: as of `McapLog`.
         """
-        super().__init__("recorder", CAPACITY, on_failure)
-        require_free_space(path.parent, min_free_mb)
         self._clock = clock
-        self._directory = path.parent
-        self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream, viewers, context)
+        self._log = McapLog(path, header, bitstream, viewers, context, min_free_mb)
+        self._queue: BoundedQueue[Record] = BoundedQueue(CAPACITY)
+        self._worker = Worker("recorder", self._run, on_failure)
         self._began_ns: int | None = None  # to write; None: nothing is being written
         self._told_lost = 0  # records of which the log says that they are lost
+
+    def start(self) -> None:
+        self._worker.start()
+
+    @property
+    def dropped(self) -> int:
+        """Records that found the queue full."""
+        return self._queue.dropped
+
+    @property
+    def failure(self) -> BaseException | None:
+        """Why recording ended early, None while all is well."""
+        return self._worker.failure
 
     def troubles(self) -> list[str]:
         """What its owner has to know now, a sentence each; of any thread, and without waiting."""
@@ -131,6 +101,12 @@ class Recorder(QueuedWriter[Record]):
         if self.failure is None:
             self._queue.put_all(packets)
 
+    def close(self, timeout_s: float = 10.0) -> None:
+        """Write what is queued and finish the file; may be called twice."""
+        if self._worker.alive:
+            self._worker.stop(timeout_s)
+        self._log.close()  # done by the thread already, unless it never ran
+
     def _run(self, stop: threading.Event) -> None:
         try:
             next_flush_ns = next_check_ns = self._clock.now_ns()
@@ -141,16 +117,13 @@ class Recorder(QueuedWriter[Record]):
                     self._log.flush()
                     next_flush_ns = now_ns + FLUSH_NS
                 if now_ns >= next_check_ns:
-                    require_reserve(self._directory, self._reserve_mb)
+                    self._log.check_space()
                     next_check_ns = now_ns + SPACE_CHECK_NS
                 self._began_ns = None
             self._write_queued()
             self._log.flush()
         finally:
-            self._finish()
-
-    def _finish(self) -> None:
-        self._log.close()
+            self._log.close()
 
     def _write_queued(self) -> None:
         packets: list[PacketRecord] = []
@@ -191,11 +164,8 @@ class DirectRecorder:
         context: Context | None = None,
     ) -> None:
         """Create the file and write the header; LogError if there is no space or no folder."""
-        require_free_space(path.parent, min_free_mb)
         self._clock = clock
-        self._directory = path.parent
-        self._reserve_mb = min_free_mb * RESERVE_FRACTION
-        self._log = McapLog(path, header, bitstream, viewers, context)
+        self._log = McapLog(path, header, bitstream, viewers, context, min_free_mb)
         self._packets: list[PacketRecord] = []
         self._next_batch_ns = clock.now_ns() + BATCH_NS
         self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
@@ -212,7 +182,7 @@ class DirectRecorder:
         if now_ns >= self._next_check_ns:
             self._next_check_ns = now_ns + SPACE_CHECK_NS
             self._log.flush()
-            require_reserve(self._directory, self._reserve_mb)
+            self._log.check_space()
         for one in _kept(self._log, item):
             self._log.write(one, now_ns)
 

@@ -9,9 +9,9 @@ from foxglove import Context
 from foxglove.channels import LogChannel
 from foxglove.messages import Log, LogLevel
 
+from tams_app.recording.mcap_log import timestamp
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Note, Outcome, StopRecord
-from tams_app.telemetry.messages import timestamp
 from tams_app.units import NS_PER_MS
 
 Spoken: TypeAlias = Note | StopRecord | OutcomeGiven

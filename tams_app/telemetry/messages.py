@@ -11,22 +11,15 @@ from foxglove.messages import (
     FrameTransform,
     Quaternion,
     SceneEntity,
-    Timestamp,
     Vector3,
 )
 from foxglove.messages import Pose as FoxglovePose
 
+from tams_app.recording.mcap_log import timestamp
 from tams_app.records import Pose, Solid, SolidKind
-from tams_app.units import NS_PER_S
 from tams_app.vectors import Floats3
 
 BASE = "base"
-
-
-def timestamp(wall_ns: int) -> Timestamp:
-    """Nanoseconds since 1970."""
-    seconds, nanoseconds = divmod(wall_ns, NS_PER_S)
-    return Timestamp(sec=seconds, nsec=nanoseconds)
 
 
 def vector(numbers: Iterable[float]) -> Vector3:

@@ -7,9 +7,10 @@ from foxglove import Context
 from foxglove.channels import FrameTransformsChannel, JointStatesChannel, PoseInFrameChannel
 from foxglove.messages import FrameTransforms, JointState, JointStates, PoseInFrame
 
+from tams_app.recording.mcap_log import timestamp
 from tams_app.records import ArmState, MountPrediction, Pose, SceneTruth, Tick
 from tams_app.rotation import Rotation
-from tams_app.telemetry.messages import BASE, pose_of, timestamp, transform
+from tams_app.telemetry.messages import BASE, pose_of, transform
 from tams_app.telemetry.scene import TRACKING, Scene, thing_frames
 from tams_app.units import NS_PER_S
 

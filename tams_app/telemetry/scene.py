@@ -22,8 +22,9 @@ from foxglove.messages import (
     SceneUpdate,
 )
 
+from tams_app.recording.mcap_log import timestamp
 from tams_app.records import ArmFigure, ArmState, Lens, Pose, SceneTruth, Solid
-from tams_app.telemetry.messages import BASE, colour_of, entities, timestamp, transform
+from tams_app.telemetry.messages import BASE, colour_of, entities, transform
 from tams_app.vectors import Floats3
 
 TRACKING = "tracking"

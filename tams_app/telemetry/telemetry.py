@@ -6,19 +6,19 @@ from collections.abc import Callable, Collection
 from typing import Any
 
 import cv2
-from foxglove import Context, Schema
+from foxglove import Context
 from foxglove.channels import CompressedImageChannel
 from foxglove.messages import CompressedImage
 
 from tams_app.recording import Header, Viewer
 from tams_app.recording.codec import Codec
+from tams_app.recording.mcap_log import json_channel, timestamp
 from tams_app.recording.rates import Rates
 from tams_app.recording.topics import PICTURE_PREFIX, OutcomeGiven
 from tams_app.records import MountPrediction, Note, SceneTruth, ShownFrame, StopRecord, Tick
 from tams_app.telemetry.address import Address
 from tams_app.telemetry.gate import LiveServer
 from tams_app.telemetry.lines import LogLines
-from tams_app.telemetry.messages import timestamp
 from tams_app.telemetry.motion import MotionChannels, Pace
 from tams_app.telemetry.scene import Scene, SceneChannels
 
@@ -86,9 +86,7 @@ class Telemetry(Viewer):
         self._scene = SceneChannels(context, scene)
         self._scene_pace = Pace(SCENE_HZ)
         self._codec = Codec(Rates)
-        schema = Schema(name=Rates.__name__, encoding="jsonschema", data=self._codec.schema())
-        # not foxglove.Channel: that one keeps every channel of the process in a global table
-        self._rates = context._create_channel(RATES, message_encoding="json", schema=schema)
+        self._rates = json_channel(context, RATES, self._codec)
         self._on: dict[type, Callable[[Any], None]] = {
             Tick: self._on_tick,
             SceneTruth: self._motion.on_truth,
