@@ -30,9 +30,16 @@ from tams_app.records import (
 )
 from tams_app.ros2 import messages, topics
 from tams_app.telemetry.lines import Spoken, line_of
-from tams_app.telemetry.messages import BASE
-from tams_app.telemetry.motion import MOTION_HZ, Pace, joint_angles
-from tams_app.telemetry.scene import Scene, thing_frames
+from tams_app.telemetry.scene import (
+    BASE,
+    MOTION_HZ,
+    Pace,
+    Placed,
+    Scene,
+    joint_angles,
+    tcp_frame,
+    thing_frames,
+)
 from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import HAND_FACT, HandWords, words_of
 from tams_app.teleop.safety import ArmingState
@@ -133,13 +140,12 @@ class Conversion:
         joints = messages.JointState(header, list(angles), list(angles.values()), [], [])
         yield Sent(topics.JOINTS, joints, wall_ns)
         if self._frames_pace.is_due(arm.received_ns):
-            frames = {"tcp": arm.tcp} if self._scene is None else self._scene.arm_frames(arm)
-            moved = ((BASE, frame, pose) for frame, pose in frames.items())
+            scene = self._scene
+            moved: Iterable[Placed] = [tcp_frame(arm)] if scene is None else scene.arm_frames(arm)
             yield self._transforms(topics.TF, wall_ns, moved)
 
     def _on_truth(self, truth: SceneTruth) -> Iterator[Sent]:
-        moved = ((BASE, frame, pose) for frame, pose in thing_frames(truth).items())
-        yield self._transforms(topics.TF, truth.t_ns + self._offset_ns, moved)
+        yield self._transforms(topics.TF, truth.t_ns + self._offset_ns, thing_frames(truth))
 
     def _on_phase(self, change: PhaseChange) -> Iterator[Sent]:
         phase = messages.String(change.phase.value)
@@ -181,9 +187,7 @@ class Conversion:
         header = _header(wall_ns, "")
         return Sent(topics.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
 
-    def _transforms(
-        self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[tuple[str, str, Pose]]
-    ) -> Sent:
+    def _transforms(self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[Placed]) -> Sent:
         moved = [
             messages.TransformStamped(
                 _header(wall_ns, self._frame(parent)),

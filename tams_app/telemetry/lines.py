@@ -1,22 +1,15 @@
-"""Sentences for people: notes, stops and the verdict; for Foxglove's log panel among others."""
+"""Sentences for people: notes, stops and the verdict."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from foxglove import Context
-from foxglove.channels import LogChannel
-from foxglove.messages import Log, LogLevel
-
-from tams_app.recording.mcap_log import timestamp
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Note, Outcome, StopRecord
 from tams_app.units import NS_PER_MS
 
 Spoken: TypeAlias = Note | StopRecord | OutcomeGiven
-
-_LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,22 +33,6 @@ def line_of(record: Spoken) -> Line:
     else:
         how = f"at rest after {(record.stopped_ns - record.visible_ns) / NS_PER_MS:.0f} ms"
     return Line(record.visible_ns, "error", "stop", f"stop, {record.reason}: {how}")
-
-
-class LogLines:
-    """Sends them on `/log`."""
-
-    def __init__(self, context: Context, offset_ns: int) -> None:
-        """`offset_ns`: from the session's clock to that of the wall."""
-        self._channel = LogChannel("/log", context=context)
-        self._offset_ns = offset_ns
-
-    def send(self, record: Spoken) -> None:
-        line = line_of(record)
-        wall_ns = line.t_ns + self._offset_ns
-        level = _LEVELS.get(line.level, LogLevel.Unknown)
-        message = Log(timestamp=timestamp(wall_ns), level=level, name=line.kind, message=line.text)
-        self._channel.log(message, log_time=wall_ns)
 
 
 def _sentence(outcome: Outcome) -> str:

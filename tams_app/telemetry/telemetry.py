@@ -1,69 +1,80 @@
-"""All channels for viewers of one session, fed with what its log keeps."""
+"""All channels for Foxglove's viewers of one session, fed with what its log keeps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import cv2
+import numpy as np
 from foxglove import Context
-from foxglove.channels import CompressedImageChannel
-from foxglove.messages import CompressedImage
+from foxglove.channels import (
+    CameraCalibrationChannel,
+    CompressedImageChannel,
+    FrameTransformsChannel,
+    JointStatesChannel,
+    LogChannel,
+    PoseInFrameChannel,
+    SceneUpdateChannel,
+)
+from foxglove.messages import (
+    CompressedImage,
+    JointState,
+    JointStates,
+    Log,
+    LogLevel,
+    PoseInFrame,
+    Timestamp,
+)
 
 from tams_app.recording import Header, Viewer
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import json_channel, timestamp
 from tams_app.recording.rates import Rates
 from tams_app.recording.topics import PICTURE_PREFIX, OutcomeGiven
-from tams_app.records import MountPrediction, Note, SceneTruth, ShownFrame, StopRecord, Tick
+from tams_app.records import (
+    ArmState,
+    MountPrediction,
+    Note,
+    Pose,
+    SceneTruth,
+    ShownFrame,
+    StopRecord,
+    Tick,
+)
+from tams_app.rotation import Rotation
 from tams_app.telemetry.address import Address
 from tams_app.telemetry.gate import LiveServer
-from tams_app.telemetry.lines import LogLines
-from tams_app.telemetry.motion import MotionChannels, Pace
-from tams_app.telemetry.scene import Scene, SceneChannels
+from tams_app.telemetry.lines import Spoken, line_of
+from tams_app.telemetry.messages import calibration, pose_of, solid_things, transforms, wire_box
+from tams_app.telemetry.scene import (
+    BASE,
+    MOTION_HZ,
+    TRACKING,
+    Pace,
+    Placed,
+    Scene,
+    joint_angles,
+    thing_frames,
+)
 
-SCENE_HZ = 0.2
+SCENE_HZ = 0.2  # again and again, as a viewer that connects late knows only what it receives
 RATES = "/rates"
+PREDICTED = "flange predicted"  # the frame of where it is believed to be now
+LED = "flange commanded"  # of where the hand's samples so far lead it
+_LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
 _QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 70)
 
 
-class Pictures:
-    """Chooses frames for `/shown/<view>` and sends them: a few a second, each readable by itself.
-
-    The bitstream can be decoded from a keyframe on, and the wire has one in 20 s. JPEG, as measured
-    on the rig's frames at 640×480: 0.8 ms and 34 kB for each picture, twice a second of three views
-    .5 % of a core and 200 kB/s. A second H.264 stream with a keyframe a second, x264 `ultrafast` at
-    10 frames a second: 1.5 ms each, 4.5 % of a core and 100 kB/s, and a pipeline for each view.
-    """
-
-    def __init__(
-        self, context: Context, views: tuple[str, ...], offset_ns: int, rate_hz: float
-    ) -> None:
-        """`offset_ns`: from the session's clock to that of the wall; no rate: no pictures."""
-        shown = views if rate_hz else ()
-        self._paces = {view: Pace(rate_hz) for view in shown}
-        self._channels = {
-            view: CompressedImageChannel(PICTURE_PREFIX + view, context=context) for view in shown
-        }
-        self._offset_ns = offset_ns
-
-    def wants(self, view: str, shown_ns: int) -> bool:
-        """True if a frame shown now is to be sent; each view from one thread."""
-        pace = self._paces.get(view)
-        return pace is not None and pace.is_due(shown_ns)
-
-    def on_picture(self, shown: ShownFrame) -> None:
-        """Send a frame that was wanted; OpenCV encodes it without the GIL."""
-        _, data = cv2.imencode(".jpg", shown.image, _QUALITY)
-        wall_ns = shown.shown_ns + self._offset_ns
-        message = CompressedImage(
-            timestamp=timestamp(wall_ns), frame_id=shown.view, data=data.tobytes(), format="jpeg"
-        )
-        self._channels[shown.view].log(message, log_time=wall_ns)
-
-
 class Telemetry(Viewer):
-    """Feeds every channel."""
+    """Feeds every channel: sentences, what moves at a viewer's pace, pictures, scene, rates.
+
+    A few frames a second of each view are pictures, each readable by itself: the bitstream can be
+    decoded from a keyframe on, and the wire has one in 20 s. JPEG, as measured on the rig's frames
+    at 640×480: 0.8 ms and 34 kB for each picture, twice a second of three views 0.5 % of a core and
+    200 kB/s. A second H.264 stream with a keyframe a second, x264 `ultrafast` at 10 frames a
+    second: 1.5 ms each, 4.5 % of a core and 100 kB/s, and a pipeline for each view.
+    """
 
     def __init__(
         self,
@@ -78,24 +89,40 @@ class Telemetry(Viewer):
 
         SetupError if they cannot be.
         """
-        offset_ns = header.wall_offset_ns
-        self._offset_ns = offset_ns
-        lines = LogLines(context, offset_ns)
-        self._motion = MotionChannels(context, scene, offset_ns)
-        self._pictures = Pictures(context, header.views, offset_ns, pictures_per_s)
-        self._scene = SceneChannels(context, scene)
-        self._scene_pace = Pace(SCENE_HZ)
+        self._offset_ns = header.wall_offset_ns
+        self._scene = scene
+        self._scene_pace, self._motion_pace = Pace(SCENE_HZ), Pace(MOTION_HZ)
+        self._prediction_pace = Pace(MOTION_HZ)
+        shown = header.views if pictures_per_s else ()
+        self._picture_paces = {view: Pace(pictures_per_s) for view in shown}
+        self._reported_ns = 0
+        kinds: dict[str, Any] = {
+            "/log": LogChannel,
+            "/tf": FrameTransformsChannel,
+            "/tf/things": FrameTransformsChannel,
+            "/tf/predicted": FrameTransformsChannel,
+            "/joints": JointStatesChannel,
+            "/pose/hand": PoseInFrameChannel,
+            "/pose/commanded": PoseInFrameChannel,
+            **{PICTURE_PREFIX + view: CompressedImageChannel for view in shown},
+            "/tf_static": FrameTransformsChannel,
+            "/scene/workspace": SceneUpdateChannel,
+            "/scene/robot": SceneUpdateChannel,
+            "/scene/things": SceneUpdateChannel,
+            **{_calibration_topic(view): CameraCalibrationChannel for view in scene.lenses},
+        }
+        self._channels = {topic: kind(topic, context=context) for topic, kind in kinds.items()}
         self._codec = Codec(Rates)
         self._rates = json_channel(context, RATES, self._codec)
         self._on: dict[type, Callable[[Any], None]] = {
             Tick: self._on_tick,
-            SceneTruth: self._motion.on_truth,
-            MountPrediction: self._motion.on_prediction,
-            Note: lines.send,
-            StopRecord: lines.send,
-            OutcomeGiven: lines.send,
+            SceneTruth: self._on_truth,
+            MountPrediction: self._on_prediction,
+            Note: self._on_line,
+            StopRecord: self._on_line,
+            OutcomeGiven: self._on_line,
             Rates: self._on_rates,
-            ShownFrame: self._pictures.on_picture,
+            ShownFrame: self._on_picture,
         }
         self._server = (
             None if address is None else LiveServer(context, address, header.name, origins)
@@ -106,7 +133,8 @@ class Telemetry(Viewer):
             on_record(record)
 
     def wants(self, view: str, shown_ns: int) -> bool:
-        return self._pictures.wants(view, shown_ns)
+        pace = self._picture_paces.get(view)
+        return pace is not None and pace.is_due(shown_ns)
 
     def close(self) -> None:
         """Let the viewers go; may be called twice."""
@@ -114,10 +142,92 @@ class Telemetry(Viewer):
         if server is not None:
             server.stop()
 
+    def _on_line(self, record: Spoken) -> None:
+        line = line_of(record)
+        level, stamp = _LEVELS.get(line.level, LogLevel.Unknown), self._stamp(line.t_ns)
+        message = Log(timestamp=stamp, level=level, name=line.kind, message=line.text)
+        self._log("/log", line.t_ns, message)
+
     def _on_tick(self, tick: Tick) -> None:
-        if self._scene_pace.is_due(tick.started_ns):
-            self._scene.send(tick.started_ns + self._offset_ns)
-        self._motion.on_tick(tick)
+        """Report, command and hand of a tick, if it is time; the scene more rarely."""
+        t_ns, arm = tick.started_ns, tick.arm
+        if self._scene_pace.is_due(t_ns):
+            self._log_scene(t_ns)
+        if not self._motion_pace.is_due(t_ns):
+            return
+        if tick.controller.pose is not None:
+            self._log_pose("/pose/hand", t_ns, TRACKING, tick.controller.pose)
+        if arm is None:
+            return
+        if arm.received_ns != self._reported_ns:
+            self._reported_ns = arm.received_ns
+            self._log_arm(arm)
+        commanded = _led_to(tick, arm.tcp, self._scene.twist_lasts_s)
+        self._log_pose("/pose/commanded", t_ns, BASE, commanded)
+
+    def _on_truth(self, truth: SceneTruth) -> None:
+        self._log_frames("/tf/things", truth.t_ns, thing_frames(truth))
+
+    def _on_prediction(self, prediction: MountPrediction) -> None:
+        """Where the flange is believed to be, if it is time."""
+        if not self._prediction_pace.is_due(prediction.now_ns):
+            return
+        moved: list[Placed] = [(BASE, PREDICTED, prediction.now)]
+        if prediction.commanded is not None:
+            moved.append((BASE, LED, prediction.commanded))
+        self._log_frames("/tf/predicted", prediction.now_ns, moved)
+
+    def _on_picture(self, shown: ShownFrame) -> None:
+        """OpenCV encodes it without the GIL."""
+        _, data = cv2.imencode(".jpg", shown.image, _QUALITY)
+        stamp = self._stamp(shown.shown_ns)
+        message = CompressedImage(
+            timestamp=stamp, frame_id=shown.view, data=data.tobytes(), format="jpeg"
+        )
+        self._log(PICTURE_PREFIX + shown.view, shown.shown_ns, message)
 
     def _on_rates(self, rates: Rates) -> None:
         self._rates.log(self._codec.encode(rates), rates.t_ns + self._offset_ns)
+
+    def _log_arm(self, arm: ArmState) -> None:
+        self._log_frames("/tf", arm.received_ns, self._scene.arm_frames(arm))
+        joints = [
+            JointState(name=name, position=angle) for name, angle in joint_angles(arm).items()
+        ]
+        message = JointStates(timestamp=self._stamp(arm.received_ns), joints=joints)
+        self._log("/joints", arm.received_ns, message)
+
+    def _log_scene(self, t_ns: int) -> None:
+        scene, wall_ns = self._scene, t_ns + self._offset_ns
+        self._log_frames("/tf_static", t_ns, scene.still_frames())
+        self._log("/scene/workspace", t_ns, wire_box(wall_ns, *scene.workspace))
+        if scene.figure is not None:
+            self._log("/scene/robot", t_ns, solid_things(wall_ns, scene.figure.solids))
+        if scene.things:
+            self._log("/scene/things", t_ns, solid_things(wall_ns, scene.things))
+        for view, lens in scene.lenses.items():
+            self._log(_calibration_topic(view), t_ns, calibration(wall_ns, view, lens))
+
+    def _log_frames(self, topic: str, t_ns: int, frames: Iterable[Placed]) -> None:
+        self._log(topic, t_ns, transforms(t_ns + self._offset_ns, frames))
+
+    def _log_pose(self, topic: str, t_ns: int, frame: str, pose: Pose) -> None:
+        message = PoseInFrame(timestamp=self._stamp(t_ns), frame_id=frame, pose=pose_of(pose))
+        self._log(topic, t_ns, message)
+
+    def _stamp(self, t_ns: int) -> Timestamp:
+        return timestamp(t_ns + self._offset_ns)
+
+    def _log(self, topic: str, t_ns: int, message: Any) -> None:
+        self._channels[topic].log(message, log_time=t_ns + self._offset_ns)
+
+
+def _calibration_topic(view: str) -> str:
+    return f"/camera/{view}/calibration"
+
+
+def _led_to(tick: Tick, tcp: Pose, seconds: float) -> Pose:
+    """The pose that the tick's twist takes the TCP to if no other command follows."""
+    position = tcp.position + np.multiply(tick.twist.linear, seconds)
+    turn = Rotation.from_rotvec(np.multiply(tick.twist.angular, seconds))
+    return Pose(position, turn * tcp.rotation)
