@@ -52,7 +52,7 @@ PARTS: dict[str, tuple[tuple[Any, str], ...]] = {
     "the operator's eyes": ((SeeingPerception, "watch"),),
     "arm and physics": ((InProcessArm, "_catch_up"),),
     "hand, control, phase": ((ControlLoop, "tick"),),
-    "recording": ((DirectRecorder, "record"), (DirectRecorder, "close")),
+    "recording": ((DirectRecorder, "keep"), (DirectRecorder, "close")),
     "reading back, summary": ((runner, "read_log"), (runner, "summarise")),
 }
 REFERENCE = "11 by 11 Gaussian window over 640 by 480 float32, separable"

@@ -8,6 +8,7 @@ import pytest
 
 from tams_app.errors import LogError
 from tams_app.recording import Recorder, disk, read_log, read_video
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.waiting
 
 def write(path, items, bitstream=True):
     clock = VirtualClock(START_NS)
-    with closing(DirectRecorder(path, header(), clock, 0, bitstream)) as log:
+    with closing(DirectRecorder(McapLog(path, header(), bitstream), clock)) as log:
         for item in items:
             log.record(item)
             clock.advance_ns(NS_PER_S // 1000)
@@ -27,7 +28,7 @@ def write(path, items, bitstream=True):
 
 def test_it_keeps_what_the_live_recorder_keeps(tmp_path):
     items = list(live_records(2.0))
-    live = Recorder(tmp_path / "live.mcap", header(), MonotonicClock(), 0, never_fails)
+    live = Recorder(McapLog(tmp_path / "live.mcap", header()), MonotonicClock(), never_fails)
     live.start()
     for item in items:
         live.record(item)
@@ -53,7 +54,8 @@ def test_without_the_bitstream_only_the_frames_sizes_stay(tmp_path):
 def test_a_disk_that_fills_up_ends_it_in_one_sentence(tmp_path, monkeypatch):
     clock = VirtualClock(START_NS)
     item = next(iter(live_records(2.0)))
-    with closing(DirectRecorder(tmp_path / "session.mcap", header(), clock, 100)) as log:
+    file = McapLog(tmp_path / "session.mcap", header(), min_free_mb=100)
+    with closing(DirectRecorder(file, clock)) as log:
         monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
         clock.advance_ns(2 * NS_PER_S)
         with pytest.raises(LogError, match="only 9 MB are free"):

@@ -10,6 +10,7 @@ from unittest.mock import Mock
 import pytest
 
 from tams_app.recording import Recorder, read_log
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import CAPACITY, HANGS_NS, LOST
 from tams_app.runtime.clock import VirtualClock
 from tests.synthetic_session import header, never_fails, tick
@@ -21,7 +22,7 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, hangs, goes_on = VirtualClock(), threading.Event(), threading.Event()
-    log = Recorder(tmp_path / "session.mcap", header(), clock, 0, never_fails)
+    log = Recorder(McapLog(tmp_path / "session.mcap", header()), clock, never_fails)
     write = log._log.write
 
     def hanging(item: Any, now_ns: int) -> None:
@@ -53,7 +54,7 @@ def test_a_viewer_that_fails_or_cannot_be_closed_costs_the_log_nothing(
 ) -> None:
     viewer = Mock(**{f"{at}.side_effect": RuntimeError("a viewer")})
     path = tmp_path / "session.mcap"
-    log = Recorder(path, header(), VirtualClock(), 0, never_fails, viewers=[viewer])
+    log = Recorder(McapLog(path, header(), viewers=[viewer]), VirtualClock(), never_fails)
     log.start()
     for number in range(10):
         log.record(tick(number))

@@ -79,7 +79,7 @@ POSE = Pose(np.array([0.3, -0.1, 0.02]), Rotation.from_quat([0.0, 0.6, 0.0, 0.8]
 
 
 def record_all(path: Path, items: list[Any], **changes: Any) -> None:
-    recorder = Recorder(path, header(**changes), MonotonicClock(), 0, never_fails)
+    recorder = Recorder(McapLog(path, header(**changes)), MonotonicClock(), never_fails)
     recorder.start()
     for item in items:
         recorder.record(item)
@@ -188,7 +188,9 @@ def test_every_record_has_a_topic_or_comes_back_out_of_another_form() -> None:
 
 def test_two_recorders_of_one_process_do_not_mix(tmp_path: Path) -> None:
     recorders = [
-        Recorder(tmp_path / f"{name}.mcap", header(name=name), MonotonicClock(), 0, never_fails)
+        Recorder(
+            McapLog(tmp_path / f"{name}.mcap", header(name=name)), MonotonicClock(), never_fails
+        )
         for name in ("one", "two")
     ]
     for recorder in recorders:
@@ -205,7 +207,7 @@ def test_two_recorders_of_one_process_do_not_mix(tmp_path: Path) -> None:
 
 def test_what_a_kill_would_leave_is_readable_up_to_the_last_second(tmp_path: Path) -> None:
     path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
-    recorder = Recorder(path, header(), clock, 0, never_fails)
+    recorder = Recorder(McapLog(path, header()), clock, never_fails)
     recorder.start()
     recorder.record(tick(0))
     until(lambda: len(read_log(path).ticks) == 1, "the first flush")
@@ -414,7 +416,8 @@ def test_a_full_disk_is_told_in_one_sentence_and_the_log_stays_readable(tmp_path
     path = tmp_path / "session.mcap"
     failed: Queue[BaseException] = Queue()
     with file_size_limit(400_000):
-        recorder = Recorder(path, header(), MonotonicClock(), 0, lambda _, why: failed.put(why))
+        log = McapLog(path, header())
+        recorder = Recorder(log, MonotonicClock(), lambda _, why: failed.put(why))
         recorder.start()
         for item in live_records(4.0):
             recorder.record(item)
@@ -437,9 +440,8 @@ def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     failed: Queue[BaseException] = Queue()
-    recorder = Recorder(
-        tmp_path / "session.mcap", header(), MonotonicClock(), 100, lambda _, why: failed.put(why)
-    )
+    log = McapLog(tmp_path / "session.mcap", header(), min_free_mb=100)
+    recorder = Recorder(log, MonotonicClock(), lambda _, why: failed.put(why))
     monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
     recorder.record(tick(0))
     recorder.start()
@@ -453,20 +455,20 @@ def test_recording_ends_with_a_proper_log_before_the_disk_is_full(
 
 def test_too_little_space_a_missing_folder_or_a_log_that_exists_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"only .* MB are free.* recording\.min_free_mb$"):
-        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 1e9, never_fails)
+        McapLog(tmp_path / "session.mcap", header(), min_free_mb=1e9)
     assert not (tmp_path / "session.mcap").exists()
     with pytest.raises(LogError, match=r"no: the log folder cannot be used: .*another$"):
-        Recorder(tmp_path / "no" / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+        McapLog(tmp_path / "no" / "session.mcap", header())
     (tmp_path / "session.mcap").touch()
     with pytest.raises(LogError, match=r"session\.mcap: the log cannot be created: .*folder$"):
-        Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+        McapLog(tmp_path / "session.mcap", header())
 
 
 def test_recording_never_blocks_and_counts_what_it_drops(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(writer, "CAPACITY", 10)
-    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+    recorder = Recorder(McapLog(tmp_path / "session.mcap", header()), MonotonicClock(), never_fails)
     for number in range(25):
         recorder.record(tick(number))  # the writer has not started
     assert recorder.dropped == 15
@@ -478,7 +480,7 @@ def test_recording_never_blocks_and_counts_what_it_drops(
 
 
 def test_a_recorder_that_never_started_leaves_its_header(tmp_path: Path) -> None:
-    recorder = Recorder(tmp_path / "session.mcap", header(), MonotonicClock(), 0, never_fails)
+    recorder = Recorder(McapLog(tmp_path / "session.mcap", header()), MonotonicClock(), never_fails)
     recorder.close()
     recorder.close()
     assert read_log(tmp_path / "session.mcap").header.seed == 7

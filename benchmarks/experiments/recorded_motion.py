@@ -18,7 +18,7 @@ from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
-from tams_app.recording.journal import Journal
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, Pose, Record, SceneTruth, Tick
 from tams_app.robot import build
@@ -67,8 +67,8 @@ def record_hand(config: Config, path: Path, waits: Waits | None = None) -> Outco
     """
     header = session_header(config, _START_NS, 0)
     clock = VirtualClock(_START_NS)
-    free_mb = config.recording.min_free_mb
-    with closing(DirectRecorder(path, header, clock, free_mb)) as log:
+    file = McapLog(path, header, min_free_mb=config.recording.min_free_mb)
+    with closing(DirectRecorder(file, clock)) as log:
         recording = _Recording(config, clock, log, waits or Waits())
         try:
             outcome = recording.run()
@@ -86,7 +86,8 @@ def record_carrying(config: Config, path: Path, seconds: float) -> None:
     """
     header = session_header(config, _START_NS, 0)
     clock = VirtualClock(_START_NS)
-    with closing(DirectRecorder(path, header, clock, config.recording.min_free_mb)) as log:
+    file = McapLog(path, header, min_free_mb=config.recording.min_free_mb)
+    with closing(DirectRecorder(file, clock)) as log:
         recording = _Recording(config, clock, log, Waits(), ToAndFro(config.seed))
         try:
             recording.run(seconds)
@@ -143,7 +144,7 @@ class _Recording(Listener):
             SteadyVideo(),
             0,
             Signals(),
-            (self, RecordedSteps(Journal(clock, log))),
+            (self, RecordedSteps(log)),
         )
         robot.arm.connect()
         controller.start()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 from tams_app.capacity import Capacity
 from tams_app.recording.reference import ReferenceRecorder
@@ -12,34 +12,17 @@ from tams_app.records import Frame, LinkCapacity, Newest, Note, PacketRecord, Re
 from tams_app.runtime.clock import Clock
 
 
-class Log(Protocol):
-    """Keeps records; a frame's pixels are let go."""
-
-    def record(self, item: Record) -> None:
-        """Keep one record."""
-
-    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
-        """Keep the fates of a batch of datagrams."""
-
-
-class Journal:
-    """Records, sentences and facts of one session, live and in virtual time; from any thread.
+class Journal(ABC):
+    """Records, sentences and facts of one session; what writes its log derives from it.
 
     `newest`: the newest record of each type.
     """
 
-    def __init__(
-        self,
-        clock: Clock,
-        log: Log,
-        show: Callable[[str], None] = lambda _text: None,
-        reference: ReferenceRecorder | None = None,
-    ) -> None:
-        """`show` gets the text of each note, too, `reference` each captured frame."""
+    def __init__(self, clock: Clock, show: Callable[[str], None] = lambda _text: None) -> None:
+        """`show` gets the text of each note, too."""
         self._clock = clock
-        self._log = log
         self._show = show
-        self._reference = reference
+        self.reference: ReferenceRecorder | None = None  # gets each captured frame, too
         self.newest = Newest()
         self._last_capacity_kbps: float | None = None
         self._capacity_ns = clock.now_ns()
@@ -49,17 +32,21 @@ class Journal:
         self.newest.put(item)
         if isinstance(item, Note):
             self._show(item.text)
-        self._log.record(item)
+        self.keep(item)
 
+    @abstractmethod
+    def keep(self, item: Record) -> None:
+        """Keep one record in the log; a frame's pixels are let go."""
+
+    @abstractmethod
     def packets(self, packets: Sequence[PacketRecord]) -> None:
         """Keep the fates of a batch of datagrams."""
-        self._log.record_packets(packets)
 
     def capture(self, frame: Frame) -> None:
         """Keep a captured frame's time, and its pixels if that was asked for."""
-        self._log.record(frame)
-        if self._reference is not None:
-            self._reference.record(frame)
+        self.keep(frame)
+        if self.reference is not None:
+            self.reference.record(frame)
 
     def capacity(self, now_ns: int, capacity: Capacity) -> None:
         """Keep what the link has truly carried since the last call, when that has changed."""
@@ -75,4 +62,4 @@ class Journal:
 
     def fact(self, name: str, value: str) -> None:
         """Keep something that was learned after the start; a later value of the name counts."""
-        self._log.record(Facts(self._clock.now_ns(), {name: value}))
+        self.keep(Facts(self._clock.now_ns(), {name: value}))

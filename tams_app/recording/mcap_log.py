@@ -17,6 +17,7 @@ from foxglove.channels import CompressedVideoChannel
 from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
+from tams_app.errors import LogError
 from tams_app.recording.codec import Codec
 from tams_app.recording.disk import LogFile
 from tams_app.recording.rates import RatesMeter
@@ -91,13 +92,20 @@ class McapLog:
         """Create the file and write the header; LogError if there is no space or no folder.
 
         `bitstream`: keep the encoded frames themselves, not only when they were sent. `context`:
-        one in which viewers have made channels, which go into the file, too.
+        one in which viewers have made channels, which go into the file, too. `viewers` are closed
+        with the log, also where it cannot be made.
         """
         self._bitstream = bitstream
         self._offset_ns = header.wall_offset_ns
         self._context = Context() if context is None else context
         self._closed = False
-        self._file = LogFile(path, min_free_mb)
+        self._viewers = tuple(viewers)
+        self.viewers_failure = ""  # why nothing is derived for viewers any more
+        try:
+            self._file = LogFile(path, min_free_mb)
+        except LogError:
+            self._close_viewers()
+            raise
         self._mcap = open_mcap(
             self._file,
             context=self._context,
@@ -109,10 +117,8 @@ class McapLog:
         )
         self._channels: dict[str, Any] = {}
         self._videos: dict[str, CompressedVideoChannel] = {}
-        self._viewers = tuple(viewers)
         self._meter = RatesMeter(header.views, header.started_ns)
         self.newest_ns = 0  # the latest time of any record
-        self.viewers_failure = ""  # why nothing is derived for viewers any more
         try:
             self._write_record(header, HEADER.time_ns(header))
             self.flush()
@@ -161,9 +167,7 @@ class McapLog:
         if self._closed:
             return
         self._closed = True
-        with self._spared():
-            for viewer in self._viewers:
-                viewer.close()
+        self._close_viewers()
         self._mcap.close()
         self._file.close()  # of an error the owner has learned from `flush`
 
@@ -174,6 +178,11 @@ class McapLog:
             yield
         except Exception as error:  # noqa: BLE001 - viewers may be anything
             self.viewers_failure = f"viewers are sent nothing more ({error!r}); the log goes on"
+
+    def _close_viewers(self) -> None:
+        with self._spared():
+            for viewer in self._viewers:
+                viewer.close()
 
     def _send(self, record: Any) -> None:
         for viewer in self._viewers:

@@ -9,12 +9,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
-from pathlib import Path
 
-from foxglove import Context
-
-from tams_app.recording.mcap_log import McapLog, Viewer
-from tams_app.recording.topics import FrameCaptured, FrameShown, Header, PacketBatch, RecordsLost
+from tams_app.recording.journal import Journal
+from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch, RecordsLost
 from tams_app.records import Frame, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
@@ -32,35 +30,29 @@ HANGS_NS = 2 * NS_PER_S  # what waits then still has room
 BATCH_NS = 50 * NS_PER_MS  # of packets in one message of a direct recorder
 
 
-class Recorder:
-    """Writes one session log.
+class Recorder(Journal):
+    """Writes one session log, which it closes in the end.
 
-    `record` may be called from any thread and never blocks: what finds the queue full is dropped
-    and counted. `on_failure(thread name, LogError)` is called once, in the recorder's thread, when
-    the disk is full or fails; what was written stays readable.
+    Nothing here but `close` ever blocks, in any thread: what finds the queue full is dropped and
+    counted. `on_failure(thread name, LogError)` is called once, in the recorder's thread, when the
+    disk is full or fails; what was written stays readable.
     """
 
     def __init__(
         self,
-        path: Path,
-        header: Header,
+        log: McapLog,
         clock: Clock,
-        min_free_mb: float,
         on_failure: Callable[[str, BaseException], None],
-        bitstream: bool = True,
-        viewers: Sequence[Viewer] = (),
-        context: Context | None = None,
+        show: Callable[[str], None] = lambda _text: None,
     ) -> None:
-        """Create the file and write the header; LogError if there is no space or no folder.
-
-        `bitstream`, `viewers` and `context`: as of `McapLog`.
-        """
-        self._clock = clock
-        self._log = McapLog(path, header, bitstream, viewers, context, min_free_mb)
+        """`show`: as of `Journal`."""
+        super().__init__(clock, show)
+        self._log = log
         self._queue: BoundedQueue[Record] = BoundedQueue(CAPACITY)
         self._worker = Worker("recorder", self._run, on_failure)
         self._began_ns: int | None = None  # to write; None: nothing is being written
         self._told_lost = 0  # records of which the log says that they are lost
+        self._warned: set[str] = set()
 
     def start(self) -> None:
         self._worker.start()
@@ -86,17 +78,24 @@ class Recorder:
             found.append(self._log.viewers_failure)
         return found
 
+    def poll(self) -> None:
+        """Warn, once each, of what is wrong with the log or its viewers."""
+        for trouble in self.troubles():
+            if trouble not in self._warned:
+                self._warned.add(trouble)
+                self.note("warning", trouble)
+
     @property
     def size_bytes(self) -> int:
         """Of the log so far."""
         return self._log.size_bytes
 
-    def record(self, item: Record) -> None:
+    def keep(self, item: Record) -> None:
         """Queue one record; a frame's pixels are let go at once, but for the few viewers get."""
         if self.failure is None:
             self._queue.put_all(_kept(self._log, item))
 
-    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
         """Queue the fates of a batch of datagrams."""
         if self.failure is None:
             self._queue.put_all(packets)
@@ -145,7 +144,7 @@ class Recorder:
             self._log.write(lost, taken_ns)
 
 
-class DirectRecorder:
+class DirectRecorder(Journal):
     """Writes a session log at once, in the thread that records: for virtual time.
 
     Keeps what a `Recorder` keeps, without thread, queue or loss.
@@ -153,24 +152,14 @@ class DirectRecorder:
     The same records at the same times make the same file, byte by byte. Not thread safe.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        header: Header,
-        clock: Clock,
-        min_free_mb: float,
-        bitstream: bool = True,
-        viewers: Sequence[Viewer] = (),
-        context: Context | None = None,
-    ) -> None:
-        """Create the file and write the header; LogError if there is no space or no folder."""
-        self._clock = clock
-        self._log = McapLog(path, header, bitstream, viewers, context, min_free_mb)
+    def __init__(self, log: McapLog, clock: Clock) -> None:
+        super().__init__(clock)
+        self._log = log
         self._packets: list[PacketRecord] = []
         self._next_batch_ns = clock.now_ns() + BATCH_NS
         self._next_check_ns = clock.now_ns() + SPACE_CHECK_NS
 
-    def record(self, item: Record) -> None:
+    def keep(self, item: Record) -> None:
         """Write one record; LogError if the disk is full or fails."""
         if isinstance(item, PacketRecord):
             self._packets.append(item)
@@ -186,7 +175,7 @@ class DirectRecorder:
         for one in _kept(self._log, item):
             self._log.write(one, now_ns)
 
-    def record_packets(self, packets: Sequence[PacketRecord]) -> None:
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
         """Write the fates of a batch of datagrams, together with others of the same time."""
         self._packets.extend(packets)
 

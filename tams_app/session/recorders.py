@@ -1,4 +1,4 @@
-"""Everything the session leaves behind while it runs: the log and, if wanted, lossless captures."""
+"""What a session leaves behind while it runs: the log and, if wanted, lossless captures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import psutil
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
-from tams_app.recording.journal import Journal
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
 from tams_app.runtime.clock import Clock
@@ -24,79 +24,47 @@ REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
 
 
-class Recorders(Journal):
-    """The log and the reference recorder of one session; nothing here blocks but `close`."""
+@contextmanager
+def live_records(
+    config: Config,
+    clock: Clock,
+    folder: Path,
+    on_failure: Callable[[str, BaseException], None],
+    show: Callable[[str], None] = lambda _text: None,
+    estop: Callable[[], None] = lambda: None,
+) -> Iterator[tuple[Recorder, Ros2Bridge | None]]:
+    """The log of a live session, with its viewers and lossless captures, and the bridge to ROS 2.
 
-    def __init__(
-        self,
-        config: Config,
-        clock: Clock,
-        folder: Path,
-        on_failure: Callable[[str, BaseException], None],
-        show: Callable[[str], None] = lambda _text: None,
-        estop: Callable[[], None] = lambda: None,
-    ) -> None:
-        """`estop` is called when ROS 2 asks for it, in a thread of its own."""
-        started_ns = clock.now_ns()
-        wall_offset_ns = time.time_ns() - started_ns
-        header = session_header(config, started_ns, wall_offset_ns)
-        free_mb, bitstream = config.recording.min_free_mb, config.recording.bitstream
-        bridge: Ros2Bridge | None = None
-        reference: ReferenceRecorder | None = None
-        with ExitStack() as stack:
-            if config.recording.ros2 is not None:
-                bridge = Ros2Bridge(config.recording.ros2, header, clock, folder / "helpers")
-                stack.callback(bridge.end)
-            viewers, context = viewers_of(config, header)
-            for viewer in viewers:
-                stack.callback(viewer.close)  # where no log comes to be, which closes them, too
-            if bridge is not None:
-                viewers.append(bridge)
-            path = folder / LOG_NAME
-            log = Recorder(path, header, clock, free_mb, on_failure, bitstream, viewers, context)
-            stack.callback(log.close)
-            if config.recording.record_reference:
-                reference = ReferenceRecorder(
-                    folder / REFERENCE_NAME, wall_offset_ns, free_mb, on_failure
-                )
-                stack.callback(reference.close)
-                reference.start()
-            log.start()
-            self._stack = stack.pop_all()
-        super().__init__(clock, log, show, reference)
-        invite_viewers(config, self.note)
-        self._recorder = log
-        self._warned: set[str] = set()
-        self._bridge = bridge
+    `estop` is called when ROS 2 asks for it, in a thread of its own. The end of the context closes
+    everything.
+    """
+    started_ns = clock.now_ns()
+    wall_offset_ns = time.time_ns() - started_ns
+    header = session_header(config, started_ns, wall_offset_ns)
+    keeping = config.recording
+    bridge: Ros2Bridge | None = None
+    with ExitStack() as stack:
+        if keeping.ros2 is not None:
+            bridge = Ros2Bridge(keeping.ros2, header, clock, folder / "helpers")
+            stack.callback(bridge.end)
+        viewers, context = viewers_of(config, header)
         if bridge is not None:
-            bridge.listen(estop, self.note)
-            self._stack.callback(bridge.stop_listening)
-
-    @property
-    def bridge_pid(self) -> int | None:
-        """Process id of the ROS 2 bridge; None if it is not running."""
-        return None if self._bridge is None else self._bridge.pid
-
-    def poll(self) -> None:
-        """Warn, once each, of what is wrong with the log or its viewers."""
-        for trouble in self._recorder.troubles():
-            if trouble not in self._warned:
-                self._warned.add(trouble)
-                self.note("warning", trouble)
-
-    @property
-    def size_mb(self) -> float:
-        """Of the log so far."""
-        return self._recorder.size_bytes / 1e6
-
-    @property
-    def lost(self) -> int:
-        """Records that are missing from the log."""
-        return self._recorder.dropped
-
-    def close(self) -> None:
-        """Write what is queued and finish the files."""
-        self._stack.close()
+            viewers.append(bridge)
+        path, free_mb = folder / LOG_NAME, keeping.min_free_mb
+        file = McapLog(path, header, keeping.bitstream, viewers, context, free_mb)
+        log = Recorder(file, clock, on_failure, show)
+        stack.callback(log.close)
+        if keeping.record_reference:
+            path = folder / REFERENCE_NAME
+            log.reference = ReferenceRecorder(path, wall_offset_ns, free_mb, on_failure)
+            stack.callback(log.reference.close)
+            log.reference.start()
+        log.start()
+        invite_viewers(config, log.note)
+        if bridge is not None:
+            bridge.listen(estop, log.note)
+            stack.callback(bridge.stop_listening)
+        yield log, bridge
 
 
 def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Header:
@@ -122,7 +90,7 @@ def session_header(config: Config, started_ns: int, wall_offset_ns: int) -> Head
 @contextmanager
 def virtual_records(
     config: Config, folder: Path, clock: Clock, wall_start_ns: int
-) -> Iterator[Journal]:
+) -> Iterator[DirectRecorder]:
     """The log of a session in virtual time that begins now, at `wall_start_ns` by the wall's clock.
 
     Each record is written in the thread that makes it; the end of the context closes the log.
@@ -131,9 +99,9 @@ def virtual_records(
     header = session_header(config, now_ns, wall_start_ns - now_ns)
     viewers, context = viewers_of(config, header, live=False)
     free_mb, path = keeping.min_free_mb, folder / LOG_NAME
-    log = DirectRecorder(path, header, clock, free_mb, keeping.bitstream, viewers, context)
-    with closing(log):
-        yield Journal(clock, log)
+    file = McapLog(path, header, keeping.bitstream, viewers, context, free_mb)
+    with closing(DirectRecorder(file, clock)) as log:
+        yield log
 
 
 class LoadMonitor:

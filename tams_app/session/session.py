@@ -12,13 +12,15 @@ import cv2
 from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.errors import TamsError
+from tams_app.recording import Recorder
 from tams_app.records import EpisodeRequest, SessionState
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
 from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_ordinary, use_round_robin
-from tams_app.session.recorders import LoadMonitor, Recorders
+from tams_app.session.recorders import LoadMonitor, live_records
+from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.sentences import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
@@ -84,7 +86,8 @@ class Session(Ending):
         self.parts = Parts(folder / "helpers", self.fail, config.control.realtime_priority)
         self._compose = compose
         self._side: Side | None = None
-        self._log: Recorders | None = None
+        self._log: Recorder | None = None
+        self._bridge: Ros2Bridge | None = None
         self._forward: Callable[[str], None] = lambda _text: None
 
     # --- start ----------------------------------------------------------------------------------
@@ -104,10 +107,10 @@ class Session(Ending):
             self._unwind()
             raise
 
-    def open_log(self, config: Config) -> Recorders:
+    def open_log(self, config: Config) -> Recorder:
         """The session's log, with the configuration that counts."""
         self.config = config
-        self._log = log = Recorders(
+        records = live_records(
             config,
             self.clock,
             self.folder,
@@ -115,7 +118,8 @@ class Session(Ending):
             self._show_note,
             self.signals.estop,
         )
-        self.parts.stack.callback(log.close)
+        log, self._bridge = self.parts.stack.enter_context(records)
+        self._log = log
         if config.calibrated_by:
             log.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
         return log
@@ -127,8 +131,8 @@ class Session(Ending):
     def ready(self, side: Side) -> None:
         """Everything is made but the control loop: monitor the load, and freeze the collector."""
         log, pids = self.log, {**self.parts.pids, **side.pids}
-        if log.bridge_pid is not None:
-            pids["ros2"] = log.bridge_pid
+        if self._bridge is not None and (bridge_pid := self._bridge.pid) is not None:
+            pids["ros2"] = bridge_pid
         self.parts.run("load", LoadMonitor(self.clock, pids, log.record).run)
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
@@ -143,7 +147,7 @@ class Session(Ending):
     # --- while it runs --------------------------------------------------------------------------
 
     @property
-    def log(self) -> Recorders:
+    def log(self) -> Recorder:
         """Open since `open_log`."""
         assert self._log is not None, "open it first"
         return self._log
@@ -168,7 +172,7 @@ class Session(Ending):
     @property
     def recorded_mb(self) -> float | None:
         """The size of its log so far."""
-        return self.log.size_mb
+        return self.log.size_bytes / 1e6
 
     @property
     def mount(self) -> MountMemory | None:
@@ -233,8 +237,8 @@ class Session(Ending):
 
     def require_whole_log(self) -> None:
         """For what is to be evaluated or learned from: one that lacks records is a failure."""
-        if self._log is not None and self._log.lost and not self.failure:
-            self.failure = f"{self._log.lost} records are missing from the log; record it again"
+        if self._log is not None and self._log.dropped and not self.failure:
+            self.failure = f"{self._log.dropped} records are missing from the log; record it again"
 
     def _unwind(self) -> None:
         try:

@@ -10,6 +10,7 @@ import numpy as np
 from calibration.phases.labels import Geometry
 from calibration.phases.trials import StepInput, TrialMotion
 from tams_app.recording import Recorder
+from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
@@ -130,7 +131,9 @@ def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth], rig: bool =
     """A session folder with these records in its log; `rig`: of the simulated rig."""
     folder.mkdir()
     begun = header(config={"rig": {"enabled": rig}})
-    recorder = Recorder(folder / "session.mcap", begun, VirtualClock(START_NS), 0, never_fails)
+    recorder = Recorder(
+        McapLog(folder / "session.mcap", begun), VirtualClock(START_NS), never_fails
+    )
     recorder.start()
     for record in (*ticks, *scene):
         recorder.record(record)

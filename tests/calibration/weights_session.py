@@ -11,6 +11,7 @@ import numpy as np
 from tams_app import gst
 from tams_app.config import VideoConfig, load_config
 from tams_app.recording import Recorder, ReferenceRecorder
+from tams_app.recording.mcap_log import McapLog
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
@@ -73,7 +74,7 @@ def record_session(
     for section, keys in (changes or {}).items():
         config[section] |= keys
     head = replace(header(config=config), network=network)
-    recorder = Recorder(folder / "session.mcap", head, MonotonicClock(), 0, never_fails)
+    recorder = Recorder(McapLog(folder / "session.mcap", head), MonotonicClock(), never_fails)
     recorder.start()
     for start_s, phase in phases:
         recorder.record(PhaseChange(START_NS + round(start_s * NS_PER_S), phase, "by hand"))

@@ -17,6 +17,7 @@ from rosbags.interfaces import QosDurability, QosReliability
 from tams_app.config import load_config
 from tams_app.export.rosbag2 import write_bag
 from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note
 from tams_app.ros2.conversion import DIAGNOSTICS_HZ
@@ -40,7 +41,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("20260101-100000-run")
     clock = VirtualClock(START_NS)
     viewers = viewers_of(load_config(), full_header(), live=False)
-    log = DirectRecorder(folder / LOG_NAME, full_header(), clock, 0, True, *viewers)
+    log = DirectRecorder(McapLog(folder / LOG_NAME, full_header(), True, *viewers), clock)
     with closing(log):
         log.record(Note(START_NS, "info", "ready"))
         log.record(truth())

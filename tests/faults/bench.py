@@ -19,7 +19,7 @@ from hw.arm import Arm
 from hw.boundary import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config
-from tams_app.recording import LOG_NAME, SessionLog, read_log
+from tams_app.recording import LOG_NAME, Recorder, SessionLog, read_log
 from tams_app.records import ArmState, Note, Record, StopRecord, Tick, Vector
 from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
@@ -28,7 +28,7 @@ from tams_app.robot.listener import Listener
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.video import video_delay_ns
 from tams_app.runtime.clock import Clock
-from tams_app.session.recorders import Recorders
+from tams_app.session.recorders import live_records
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState
 from tams_app.teleop.safety import Request as ArmRequest
@@ -95,10 +95,10 @@ class Bench(Listener, ABC):
         )
         self.cleaning = ExitStack()
         self.folder = folder
-        self._recorders: Recorders | None = None
+        self._recorder: Recorder | None = None
         if folder is not None:
-            self._recorders = Recorders(config, clock, folder, _fail)
-            self.cleaning.callback(self._recorders.close)
+            records = live_records(config, clock, folder, _fail)
+            self._recorder, _bridge = self.cleaning.enter_context(records)
         self._stop_watch = StopWatch()
         self._kinematics = Lite6Model(offset_from_mm_deg(config.arm.tcp_offset_mm_deg))
         self._sight = sight or self.frames
@@ -222,11 +222,11 @@ class Bench(Listener, ABC):
 
     def read_back(self) -> SessionLog:
         """Close the log and read it."""
-        assert self._recorders is not None
+        assert self._recorder is not None
         assert self.folder is not None
         for stop in self._stop_watch.finish():
             self.receive(stop)
-        self._recorders.close()
+        self._recorder.close()
         return read_log(self.folder / LOG_NAME)
 
     def close(self) -> None:
@@ -278,8 +278,8 @@ class Bench(Listener, ABC):
             self.stops.append(record)
         elif isinstance(record, Note):
             self.notes.append(record.text)
-        if self._recorders is not None:
-            self._recorders.record(record)
+        if self._recorder is not None:
+            self._recorder.record(record)
 
 
 def _fail(name: str, failure: BaseException) -> None:

@@ -12,10 +12,9 @@ import numpy as np
 from hw.camera import Camera
 from tams_app.config import Network, load_config
 from tams_app.errors import TamsError
-from tams_app.recording.journal import Journal
-from tams_app.records import Frame, Image, PacketRecord, ShownFrame
+from tams_app.records import Frame, Image, PacketRecord, Record, ShownFrame
 from tams_app.robot.senders import Capture, Senders
-from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.worker import Worker
 from tams_app.session.local_operator import LocalOperator
@@ -28,6 +27,7 @@ from tams_app.video.live.receiver import VideoReceiver
 from tests.faults.applications import until
 from tests.faults.bench import ACROSS, PERIOD_S
 from tests.faults.virtual_bench import VirtualBench
+from tests.session.exchange import Unkept
 
 WIDTH, HEIGHT, FPS = 320, 240, 30
 VIEWS = ("eih", "gt", "gs")
@@ -69,19 +69,18 @@ class PatternCamera(Camera):
         return np.ascontiguousarray(np.repeat(np.repeat(rolled, 8, axis=0), 4, axis=1))
 
 
-class NoLog:
-    """Keeps nothing."""
+class NoLog(Unkept):
+    """Keeps nothing, and has something done with each frame that is shown."""
 
-    def __init__(self, on_shown: Callable[[ShownFrame], None] = lambda _shown: None) -> None:
+    def __init__(
+        self, clock: Clock, on_shown: Callable[[ShownFrame], None] = lambda _shown: None
+    ) -> None:
+        super().__init__(clock)
         self._on_shown = on_shown
 
-    def record(self, item: object) -> None:
-        """Forgotten, but for what is done with each frame that is shown."""
+    def keep(self, item: Record) -> None:
         if isinstance(item, ShownFrame):
             self._on_shown(item)
-
-    def record_packets(self, packets: object) -> None:
-        """Forgotten."""
 
 
 def _forget(_told: list[PacketRecord] | Frame) -> None:
@@ -104,7 +103,7 @@ class Chain:
         self.failures: list[tuple[str, BaseException]] = []
         self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
         clock = MonotonicClock()
-        log = Journal(clock, NoLog(on_shown))
+        log = NoLog(clock, on_shown)
         self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
         self._station = Station(config, clock, self._parts, log, Displays(), is_rig=True)
         self.operator = LocalOperator(self._station, config, AVDEC)

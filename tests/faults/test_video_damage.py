@@ -12,7 +12,6 @@ import pytest
 from hw.gstreamer.camera import GstCamera
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
-from tams_app.recording.journal import Journal
 from tams_app.records import Frame, Image, ShownFrame
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.virtual.operator import VirtualOperator
@@ -57,7 +56,7 @@ class LossyVideo:
             },
         )
         clock = VirtualClock(START_NS)
-        log = Journal(clock, NoLog())
+        log = NoLog(clock)
         self.operator = VirtualOperator(config, 0, log, lambda _shown: None, {})
         self.video = TrialVideo(config, clock, log, lambda _frame: None, self._show)
         self._newest_ns: int | None = None  # capture of what the primary view shows

@@ -11,7 +11,6 @@ from hw.boundary import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config
-from tams_app.recording.journal import Journal
 from tams_app.records import (
     Allocation,
     Frame,
@@ -33,7 +32,7 @@ from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.networks import resolve_network
 from tests.robot.test_control import PERIOD_NS, HeldController
-from tests.session.exchange import MemoryLog
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.untimed
 CONFIG = load_config(None, {"network": "s2"})
@@ -111,13 +110,13 @@ class Guard(Listener):
 
 class Bench:
     def __init__(self):
-        self.clock, self.log, self.heard = VirtualClock(), MemoryLog(), []
+        self.clock, self.heard = VirtualClock(), []
         ready = np.radians(np.array(CONFIG.arm.ready_joints_deg))
         self.model = ControllerModel(IdealPlant(), start_joints=ready)
         self.arm = InProcessArm(CONFIG.arm, self.clock, self.model)
         self.arm.connect()
         self.hand, self.signals = HeldController(), Signals()
-        records = Journal(self.clock, self.log, show=self.heard.append)
+        self.log = records = MemoryJournal(self.clock, self.heard.append)
         self.captured, self.shown = [], []
         self.person = Person(self.hand)
         shown = (self.person.see, records.record, self.shown.append)

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.errors import SetupError
-from tams_app.recording import LOG_NAME, read_log
+from tams_app.recording import LOG_NAME, Recorder, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.robot.control import Signals
 from tams_app.ros2.messages import Empty, ros_name
@@ -35,7 +35,7 @@ from tams_app.ros2.topics import (
 )
 from tams_app.ros2.types import type_hash
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.recorders import Recorders
+from tams_app.session.recorders import live_records
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.units import NS_PER_S
 from tests.ros2.dds import (
@@ -219,7 +219,8 @@ def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros
     until(lambda: bool(heard.notes), lambda: bridge.receive(tick(next(numbers))))
 
 
-def recorders(domain: int, folder: Path, signals: Signals) -> Recorders:
+@contextmanager
+def recorder(domain: int, folder: Path, signals: Signals) -> Iterator[Recorder]:
     """Of a session that publishes."""
 
     def fails(thread: str, failure: BaseException) -> None:
@@ -227,23 +228,24 @@ def recorders(domain: int, folder: Path, signals: Signals) -> Recorders:
 
     config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
     (folder / "helpers").mkdir()
-    return Recorders(config, MonotonicClock(), folder, fails, lambda _: None, signals.estop)
+    clock = MonotonicClock()
+    with live_records(config, clock, folder, fails, lambda _: None, signals.estop) as (log, _):
+        yield log
 
 
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_log_is_whole_whatever_becomes_of_the_bridge(
     domain: int, tmp_path: Path, signal_number: signal.Signals
 ) -> None:
-    log = recorders(domain, tmp_path, signals := Signals())
-    (pid,) = [
-        one.pid for one in psutil.Process().children() if "ros2_process" in str(one.cmdline())
-    ]
-    os.kill(pid, signal_number)
-    for number in range(900):
-        log.record(tick(number))
-        if number % 100 == 0:
-            time.sleep(0.05)  # the recorder's queue holds ten seconds, not a whole session
-    log.close()
+    with recorder(domain, tmp_path, signals := Signals()) as log:
+        (pid,) = [
+            one.pid for one in psutil.Process().children() if "ros2_process" in str(one.cmdline())
+        ]
+        os.kill(pid, signal_number)
+        for number in range(900):
+            log.record(tick(number))
+            if number % 100 == 0:
+                time.sleep(0.05)  # the recorder's queue holds ten seconds, not a whole session
     kept = read_log(tmp_path / LOG_NAME)
     assert kept.complete
     assert len(kept.ticks) == 900
@@ -256,10 +258,9 @@ def test_the_log_is_whole_whatever_becomes_of_the_bridge(
 
 
 def test_a_log_tells_of_a_stop_that_ros_asked_for(domain: int, tmp_path: Path) -> None:
-    log = recorders(domain, tmp_path, signals := Signals())
-    writer = Node(domain).stop_writer(RELIABLE)
-    until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty()))
-    log.close()
+    with recorder(domain, tmp_path, signals := Signals()):
+        writer = Node(domain).stop_writer(RELIABLE)
+        until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty()))
     notes = read_log(tmp_path / LOG_NAME).notes
     assert any("emergency stop, asked for in ROS 2" in note.text for note in notes)
 

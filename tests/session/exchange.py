@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,6 +10,8 @@ import msgspec
 
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import NO_EVENT, Received
+from tams_app.recording.journal import Journal
+from tams_app.records import PacketRecord, Record
 from tams_app.runtime.clock import VirtualClock
 
 
@@ -74,6 +76,32 @@ class MemoryLog:
 
     def fact(self, name: str, value: str) -> None:
         self.facts[name] = value
+
+    def of(self, kind: type) -> list[Any]:
+        return [one for one in self.records if isinstance(one, kind)]
+
+
+class Unkept(Journal):
+    """Keeps nothing."""
+
+    def keep(self, item: Record) -> None:
+        pass
+
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
+        pass
+
+
+class MemoryJournal(Unkept):
+    """Keeps all but packets, in `records`."""
+
+    def __init__(
+        self, clock: VirtualClock, show: Callable[[str], None] = lambda _text: None
+    ) -> None:
+        super().__init__(clock, show)
+        self.records: list[Record] = []
+
+    def keep(self, item: Record) -> None:
+        self.records.append(item)
 
     def of(self, kind: type) -> list[Any]:
         return [one for one in self.records if isinstance(one, kind)]

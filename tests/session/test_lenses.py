@@ -7,7 +7,6 @@ import pytest
 
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError
-from tams_app.recording.journal import Journal
 from tams_app.records import Note
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
@@ -15,7 +14,7 @@ from tams_app.session.lenses import known_cameras
 from tams_app.session.predicting import as_received, linked_present, predicted_cameras
 from tams_app.session.viewing import scene_of
 from tams_app.station.mount_memory import MountMemory
-from tests.session.exchange import MemoryLog
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.untimed
 
@@ -103,12 +102,12 @@ def test_a_calibration_that_cannot_be_is_refused_in_one_sentence(
 
 
 def test_a_session_says_of_each_view_that_is_not_predicted_why_it_is_not() -> None:
-    kept: Any = MemoryLog()
+    kept = MemoryJournal(VirtualClock())
     cameras = {"eih": {"lens": LENS}, "gt": {}, "gs": {"lens": LENS, "mount": BESIDE}}
     ours = config(cameras, **{"view.predict": "all"})
     memory = MountMemory(predicted_cameras(ours))
     try:
-        linked_present(ours, None, Journal(VirtualClock(), kept), memory)
+        linked_present(ours, None, kept, memory)
     finally:
         memory.close()
     assert [one.text for one in kept.of(Note)] == [

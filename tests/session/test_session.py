@@ -38,10 +38,10 @@ def test_a_log_that_lacks_records_fails_what_is_to_be_evaluated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = run(load_config(None), VirtualClock(), tmp_path)
-    monkeypatch.setattr(session, "_log", SimpleNamespace(lost=0))
+    monkeypatch.setattr(session, "_log", SimpleNamespace(dropped=0))
     session.require_whole_log()
     assert session.failure == ""
-    monkeypatch.setattr(session, "_log", SimpleNamespace(lost=22_780))
+    monkeypatch.setattr(session, "_log", SimpleNamespace(dropped=22_780))
     session.require_whole_log()
     assert session.failure == "22780 records are missing from the log; record it again"
 
@@ -55,7 +55,7 @@ def test_an_emergency_stop_in_ros_2_is_one_of_the_session(
         given.extend(arguments)
         raise TamsError("the test has what it needs")
 
-    monkeypatch.setattr("tams_app.session.session.Recorders", recorders)
+    monkeypatch.setattr("tams_app.session.session.live_records", recorders)
     config = load_config(None, {"control.realtime_priority": 0, "recording.ros2": 0})
     session = run(config, VirtualClock(), tmp_path)
     with pytest.raises(TamsError, match="has what it needs"):

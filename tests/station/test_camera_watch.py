@@ -11,7 +11,6 @@ import pytest
 from tams_app.config import load_config
 from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.present import AsReceived, Correction
-from tams_app.recording.journal import Journal
 from tams_app.records import Lens, Pose, ShownFrame, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
@@ -23,7 +22,7 @@ from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.prediction.test_camera_check import FINER, LENS, to_and_fro, turned
 from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, picture, placed
-from tests.station.test_recorded_hand import Unkept
+from tests.session.exchange import Unkept
 
 pytestmark = pytest.mark.untimed
 
@@ -93,7 +92,7 @@ def test_a_camera_that_stands_still_is_not_one_on_the_arm(bench: Bench) -> None:
 def test_the_station_has_the_frames_checked_that_it_shows(tmp_path: Path) -> None:
     config = load_config(None, {"video.width": LENS.width, "video.height": LENS.height})
     told: list[str] = []
-    log = Journal(VirtualClock(), Unkept(), show=told.append)
+    log = Unkept(VirtualClock(), told.append)
     parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera(WRONG, ())}
     with parts.stack:
         station = Station(config, VirtualClock(), parts, log, Displays(), True, cameras=cameras)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.recording.journal import Journal
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
@@ -21,18 +21,14 @@ from tams_app.station.fresh_video import Displays
 from tams_app.station.recorded_hand import ReplayedController, recorded_hand
 from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS
+from tests.session.exchange import Unkept
 from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
 
 pytestmark = pytest.mark.untimed
 
 
-class Unkept:
-    def record(self, item):
-        pass
-
-
 def write(path, count):
-    with closing(DirectRecorder(path, header(), VirtualClock(START_NS), 0)) as log:
+    with closing(DirectRecorder(McapLog(path, header()), VirtualClock(START_NS))) as log:
         for number in range(count):
             log.record(tick(number))
     return path
@@ -49,7 +45,7 @@ def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path)
 def test_the_hand_of_a_log_is_the_configured_one_and_moves_as_it_was_recorded(tmp_path):
     path = write(tmp_path / "session.mcap", 40)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
-    log = Journal(VirtualClock(), Unkept())
+    log = Unkept(VirtualClock())
     station = Station(
         config, VirtualClock(), Parts(tmp_path, pytest.fail, 0), log, Displays(), True
     )
@@ -66,7 +62,7 @@ def test_the_hand_of_a_log_is_the_configured_one_and_moves_as_it_was_recorded(tm
 def test_a_person_is_told_whether_they_drive_the_rig_or_an_arm(tmp_path, is_rig, what):
     config = load_config(None, {"controller.device": "keyboard"})
     told = []
-    log = Journal(VirtualClock(), Unkept(), show=told.append)
+    log = Unkept(VirtualClock(), told.append)
     parts = Parts(tmp_path, pytest.fail, 0)
     Station(config, VirtualClock(), parts, log, Displays(), is_rig).wait_ready()
     assert told == [f"a person drives the {what}: keyboard"]

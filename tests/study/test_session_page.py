@@ -20,6 +20,7 @@ from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import FrameSent, SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Episode, FrameQuality, Note, Phase, PhaseChange, ShownFrame, StopRecord
@@ -60,7 +61,7 @@ def folder(tmp_path: Path) -> Path:
     clock = VirtualClock(START_NS)
     phases = (Phase.REACH, Phase.ALIGN, Phase.PRE_RELEASE)
     viewers = viewers_of(load_config(), header(), live=False)
-    log = DirectRecorder(path / "session.mcap", header(), clock, 0, True, *viewers)
+    log = DirectRecorder(McapLog(path / "session.mcap", header(), True, *viewers), clock)
     with closing(log):
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))

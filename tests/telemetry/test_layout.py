@@ -16,6 +16,7 @@ import pytest
 from tams_app import palette
 from tams_app.config import load_config
 from tams_app.config.places import CONFIG_DIRECTORY
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import FrameQuality, Note, Pose, SceneTruth
 from tams_app.rotation import Rotation
@@ -58,7 +59,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
         *(FrameQuality(view, 0, 0, 0, 0, False, False, 0.9, 0.9, 0.8) for view in VIEWS),
         *live_records(1.0),
     ]
-    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as recorder:
+    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as recorder:
         for item in items:
             recorder.record(item)
             clock.advance_ns(NS_PER_MS)

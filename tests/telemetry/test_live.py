@@ -22,6 +22,7 @@ from websockets.sync.client import ClientConnection, connect
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, SetupError
 from tams_app.recording import Recorder, read_log
+from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Note
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
@@ -43,7 +44,8 @@ def recorder(path: Path, port: int) -> Recorder:
         raise AssertionError(thread) from failure
 
     config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
-    made = Recorder(path, header(), MonotonicClock(), 0, fails, True, *viewers_of(config, header()))
+    log = McapLog(path, header(), True, *viewers_of(config, header()))
+    made = Recorder(log, MonotonicClock(), fails)
     made.start()
     return made
 

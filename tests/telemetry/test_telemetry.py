@@ -19,6 +19,7 @@ from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from hw.sim.layout import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import load_config
 from tams_app.recording import Recorder, read_log
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     FrameQuality,
@@ -57,7 +58,7 @@ def recorded(
     config = load_config(None, overrides)
     path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
     viewers = viewers_of(config, header(), live=False)
-    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as log:
+    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as log:
         for item in items:
             log.record(item)
             clock.advance_ns(apart_ns)
@@ -243,7 +244,7 @@ def test_a_live_log_has_the_same_pictures(tmp_path: Path) -> None:
 
     path = tmp_path / "live.mcap"
     viewers = viewers_of(config, header(), live=False)
-    live = Recorder(path, header(), MonotonicClock(), 0, fails, True, *viewers)
+    live = Recorder(McapLog(path, header(), True, *viewers), MonotonicClock(), fails)
     live.start()
     for frame in shown_frames(2):
         live.record(frame)
@@ -279,7 +280,7 @@ def test_the_rates_of_a_second_are_what_was_sent_shown_and_scored(tmp_path: Path
     items = [*scores, *lost, *live_records(1.0)]
     path, clock = tmp_path / "session.mcap", VirtualClock(t)
     viewers = viewers_of(load_config(None, {}), header(), live=False)
-    with closing(DirectRecorder(path, header(), clock, 0, True, *viewers)) as log:
+    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as log:
         for item in items:
             log.record(item)
         clock.advance_ns(NS_PER_S)

@@ -23,6 +23,7 @@ from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import LOG_NAME, read_log
+from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.pictures import PictureFinder
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
@@ -60,7 +61,7 @@ def log_path(tmp_path: Path) -> Path:
     viewers = viewers_of(config, made, live=False)
     path = tmp_path / "session.mcap"
     phases = (Phase.REACH, Phase.ALIGN, Phase.GRASP, Phase.TRANSPORT)
-    with closing(DirectRecorder(path, made, clock, 0, True, *viewers)) as log:
+    with closing(DirectRecorder(McapLog(path, made, True, *viewers), clock)) as log:
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))
             log.record(Note(second(number + 0.5), "info", f"note {number}"))
