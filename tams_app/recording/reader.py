@@ -25,8 +25,6 @@ from tams_app.recording.topics import (
 from tams_app.records import EncodedFrame, Phase, Tick
 
 _VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
-
-
 _RENAMED_SCHEMA = 4
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
@@ -39,11 +37,9 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
     log: SessionLog | None = None
     stream = McapStream(path, PROFILE)
     for name, message in stream:
-        if log is not None and log.header.schema < _RENAMED_SCHEMA:
-            name = FORMER_NAMES.get(name, name)
-        topic = _TOPICS_BY_NAME.get(name)
+        topic = _topic(name, None if log is None else log.header)
         if topic is None:
-            continue  # video, viewers' channels, and what a newer version may add
+            continue
         record_type = topic.codec.record_type
         if log is None or only is None or record_type in only or record_type is RecordsLost:
             record = _decode(path, topic, message.data)
@@ -51,7 +47,7 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
                 log = SessionLog(record, record.started_ns)
             if log is None:
                 break
-            with _as_we_write_it(path, name):
+            with _as_we_write_it(path, topic.name):
                 log.add(record)
         log.ended_ns = max(log.ended_ns, message.log_time - log.header.wall_offset_ns)
     if log is None and stream.gaps:
@@ -71,24 +67,25 @@ def damage_of(path: Path) -> str:
     return read_log(path, only=()).damage
 
 
-def read_records(path: Path) -> Iterator[tuple[int, Any]]:
+def read_records(path: Path, only: Container[type] | None = None) -> Iterator[tuple[int, Any]]:
     """Every record of the log at `path` with its time, as it was written; errors as of `read_log`.
 
-    The header is the first. After each `FrameSent` comes its `EncodedFrame`, if its bytes were
-    kept. Of a log that is damaged or cut off, what can be read.
+    `only`: the records that are wanted beside the header, which is the first; None: all. After each
+    `FrameSent` comes its `EncodedFrame`, if its bytes were kept. Of a log that is damaged or cut
+    off, what can be read.
     """
     header: Header | None = None
     sent: dict[str, FrameSent] = {}  # by the topic that their bytes follow on
     for name, message in McapStream(path, PROFILE):
-        if header is not None and header.schema < _RENAMED_SCHEMA:
-            name = FORMER_NAMES.get(name, name)
-        if (topic := _TOPICS_BY_NAME.get(name)) is not None:
+        if (topic := _topic(name, header)) is not None:
+            if header is not None and only is not None and topic.codec.record_type not in only:
+                continue
             record = _decode(path, topic, message.data)
         elif (frame := sent.pop(name, None)) is not None:
             with _as_we_write_it(path, name):
                 record = frame.with_data(_video_bytes(message.data))
         else:
-            continue  # viewers' channels, and what a newer version may add
+            continue
         if isinstance(record, Header):
             header = record
         elif isinstance(record, FrameSent):
@@ -100,33 +97,34 @@ def read_records(path: Path) -> Iterator[tuple[int, Any]]:
         raise UnreadableLogError(f"{path}: holds no session header at its beginning")
 
 
+def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
+    """The bitstream of one view as it was sent, frame by frame; errors as of `read_log`."""
+    for _, record in read_records(path, only=(FrameSent,)):
+        if isinstance(record, EncodedFrame) and record.view == view:
+            yield record
+
+
+def read_ticks(path: Path) -> Iterator[Tick]:
+    """The control loop's ticks alone, in order; errors as of `read_log`."""
+    return (record for _, record in read_records(path, only=(Tick,)) if isinstance(record, Tick))
+
+
+def _topic(name: str, header: Header | None) -> Any:
+    """What a log with that header has on a topic of that name.
+
+    None: video, viewers' channels, and what a newer version may add.
+    """
+    if header is not None and header.schema < _RENAMED_SCHEMA:
+        name = FORMER_NAMES.get(name, name)
+    return _TOPICS_BY_NAME.get(name)
+
+
 def _session_time(gap: Gap, wall_offset_ns: int) -> Gap:
     start_ns, end_ns = (
         None if wall_ns is None else wall_ns - wall_offset_ns
         for wall_ns in (gap.start_ns, gap.end_ns)
     )
     return Gap(start_ns, end_ns)
-
-
-def read_video(path: Path, view: str) -> Iterator[EncodedFrame]:
-    """The bitstream of one view as it was sent, frame by frame; errors as of `read_log`."""
-    sent: FrameSent | None = None
-    for name, message in McapStream(path, PROFILE):
-        if name == TOPICS[FrameSent].name:
-            record = _decode(path, TOPICS[FrameSent], message.data)
-            sent = record if record.view == view else sent
-        elif name == VIDEO_PREFIX + view and sent is not None:
-            with _as_we_write_it(path, name):
-                frame = sent.with_data(_video_bytes(message.data))
-            yield frame
-            sent = None  # where the next record is missing, its bytes are no other frame's
-
-
-def read_ticks(path: Path) -> Iterator[Tick]:
-    """The control loop's ticks alone, in order; errors as of `read_log`."""
-    for name, message in McapStream(path, PROFILE):
-        if name == TOPICS[Tick].name:
-            yield _decode(path, TOPICS[Tick], message.data)
 
 
 def _video_bytes(message: bytes) -> bytes:
