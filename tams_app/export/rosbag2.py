@@ -26,9 +26,8 @@ from tams_app.outputs import refuse_existing
 from tams_app.recording import Header, read_records
 from tams_app.recording.rates import RatesMeter
 from tams_app.ros2.conversion import Conversion, Sent
-from tams_app.ros2.messages import cdr, ros_name
+from tams_app.ros2.messages import cdr, ros_name, typestore
 from tams_app.ros2.topics import RosTopic, published
-from tams_app.ros2.types import typestore
 from tams_app.telemetry import Scene
 
 _NEVER = QosTime(0, 0)  # as rosbag2 writes what is not set

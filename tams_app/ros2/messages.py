@@ -7,11 +7,14 @@ the annotations, and cannot read a sequence from text.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Annotated, TypeAlias, TypeVar, dataclass_transform
 
 from cyclonedds.idl import IdlStruct
 from cyclonedds.idl.annotations import final
 from cyclonedds.idl.types import byte, float64, int32, sequence, uint8, uint32
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
 
 from tams_app.units import NS_PER_S
 
@@ -183,3 +186,28 @@ def ros_name(message: type[IdlStruct]) -> str:
 def cdr(message: IdlStruct) -> bytes:
     """As ROS 2 has it on the wire and in bags: little-endian CDR (XCDR1) with its header."""
     return message.serialize(use_version_2=False)
+
+
+# of foxglove_msgs, which is no part of ROS itself
+_COMPRESSED_VIDEO = """
+builtin_interfaces/Time timestamp
+string frame_id
+uint8[] data
+string format
+"""
+
+
+@cache
+def typestore() -> Typestore:
+    """The definitions of the types beside our bytes, from rosbags, which brings those of ROS 2.
+
+    Of ROS 2 Humble (the fields of ours are the same in every later release), and ours.
+    """
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(_COMPRESSED_VIDEO, "foxglove_msgs/msg/CompressedVideo"))
+    return store
+
+
+def type_hash(ros_name: str) -> str:
+    """RIHS01 (REP 2011), by which nodes since ROS 2 Iron distinguish versions of a type."""
+    return typestore().hash_rihs01(ros_name)

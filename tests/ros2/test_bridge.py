@@ -22,7 +22,7 @@ from tams_app.errors import SetupError
 from tams_app.recording import LOG_NAME, Recorder, read_log
 from tams_app.records import Phase, PhaseChange
 from tams_app.robot.control import Signals
-from tams_app.ros2.messages import Empty, ros_name
+from tams_app.ros2.messages import Empty, ros_name, type_hash
 from tams_app.ros2.participant import DdsParticipant
 from tams_app.ros2.topics import (
     JOINTS,
@@ -33,7 +33,6 @@ from tams_app.ros2.topics import (
     published,
     video_topic,
 )
-from tams_app.ros2.types import type_hash
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.recorders import live_records
 from tams_app.session.ros2_bridge import Ros2Bridge

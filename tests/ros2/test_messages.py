@@ -18,9 +18,8 @@ from rosbags.typesys import Stores, get_typestore
 
 from tams_app.ros2 import messages
 from tams_app.ros2.conversion import RATES
-from tams_app.ros2.messages import cdr, ros_name
+from tams_app.ros2.messages import cdr, ros_name, type_hash, typestore
 from tams_app.ros2.topics import STOP, RosTopic, published, video_topic
-from tams_app.ros2.types import type_hash, typestore
 
 pytestmark = pytest.mark.untimed
 
