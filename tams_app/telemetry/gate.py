@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-import socket
 import threading
 from collections.abc import Collection
 
@@ -49,22 +48,33 @@ def refusal(head: bytes, origins: Collection[str], viewers: int) -> tuple[int, s
     return None
 
 
-class Gate:
-    """Passes connections on from a listening socket, which it owns, to `inner`."""
+class LiveServer:
+    """Serves what a context has, in threads of its own; of a slow viewer messages are dropped."""
 
     def __init__(
-        self, listening: socket.socket, inner: tuple[str, int], origins: Collection[str]
+        self, context: Context, address: Address, name: str, origins: Collection[str]
     ) -> None:
-        self._listening = listening
-        self._inner = inner
+        """To programs, and to web pages of `origins`; SetupError if `address` is not to be had."""
+        self._listening = bound(address)
+        try:
+            self._listening.listen()
+            host = hidden_host()
+            self._server = start_server(
+                name=name, host=host, port=0, capabilities=[], context=context
+            )
+        except (OSError, RuntimeError, ValueError) as error:
+            self._listening.close()
+            raise not_to_be_had(address, str(error)) from error
+        self._inner = host, self._server.port
         self._origins = frozenset(origins)
         self._callers: set[asyncio.Task[None]] = set()
         self._viewers = 0
         self._worker = Worker("viewers", self._run)
         self._worker.start()
 
-    def close(self) -> None:
-        """Let all go, those whose server has ended with its last words; may be called twice."""
+    def stop(self) -> None:
+        """Let the viewers go, with the server's last words."""
+        self._server.stop()
         self._worker.stop()
         self._listening.close()
 
@@ -141,28 +151,3 @@ def _answer(status: int, sentence: str) -> bytes:
         f"HTTP/1.1 {status} {reason}\r\nContent-Type: text/plain\r\nConnection: close\r\n"
         f"Content-Length: {len(sentence)}\r\n\r\n{sentence}"
     ).encode("ascii")
-
-
-class LiveServer:
-    """Serves what a context has, in threads of its own; of a slow viewer messages are dropped."""
-
-    def __init__(
-        self, context: Context, address: Address, name: str, origins: Collection[str]
-    ) -> None:
-        """To programs, and to web pages of `origins`; SetupError if `address` is not to be had."""
-        listening = bound(address)
-        try:
-            listening.listen()
-            inner = hidden_host()
-            self._server = start_server(
-                name=name, host=inner, port=0, capabilities=[], context=context
-            )
-        except (OSError, RuntimeError, ValueError) as error:
-            listening.close()
-            raise not_to_be_had(address, str(error)) from error
-        self._gate = Gate(listening, (inner, self._server.port), origins)
-
-    def stop(self) -> None:
-        """Let the viewers go."""
-        self._server.stop()
-        self._gate.close()
