@@ -1,4 +1,7 @@
-"""Foxglove's messages as plain values, read with the schema that lies in the file beside them."""
+"""Logs with Foxglove's messages, written, and read by the schema that lies in the file beside them.
+
+What is read are plain values.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,12 @@ from typing import Any
 
 from mcap.reader import make_reader
 
-from tams_app.recording import wire
+from tams_app.config import load_config
+from tams_app.recording import Header, wire
+from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.writer import DirectRecorder
+from tams_app.runtime.clock import Clock
+from tams_app.session.viewing import viewers_of
 
 _MESSAGE, _BYTES, _STRING = 11, 12, 9
 _DOUBLE, _BOOL, _ENUM = 1, 8, 14
@@ -27,6 +35,12 @@ class Field:
 
 
 Types = dict[str, dict[int, Field]]
+
+
+def viewed_log(path: Path, header: Header, clock: Clock, **overrides: Any) -> DirectRecorder:
+    """Writes a log with what viewers are shown, by a configuration with these keys."""
+    viewers = viewers_of(load_config(None, overrides), header, live=False)
+    return DirectRecorder(McapLog(path, header, True, *viewers), clock)
 
 
 def messages(path: Path) -> Iterator[tuple[str, int, dict[str, Any]]]:

@@ -14,17 +14,15 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
-from tams_app.config import load_config
 from tams_app.export.rosbag2 import write_bag
 from tams_app.recording import LOG_NAME, SessionLog, read_log
-from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Note
 from tams_app.ros2.conversion import DIAGNOSTICS_HZ
 from tams_app.ros2.topics import published
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.viewing import scene_of_header, viewers_of
+from tams_app.session.viewing import scene_of_header
 from tests.export.conftest import Export
+from tests.foxglove_messages import viewed_log
 from tests.ros2.records import full_header, truth
 from tests.synthetic_session import START_NS, VIEWS, live_records
 
@@ -40,9 +38,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of three seconds with all kinds of records."""
     folder = tmp_path_factory.mktemp("20260101-100000-run")
     clock = VirtualClock(START_NS)
-    viewers = viewers_of(load_config(), full_header(), live=False)
-    log = DirectRecorder(McapLog(folder / LOG_NAME, full_header(), True, *viewers), clock)
-    with closing(log):
+    with closing(viewed_log(folder / LOG_NAME, full_header(), clock)) as log:
         log.record(Note(START_NS, "info", "ready"))
         log.record(truth())
         for record in live_records(SECONDS, VIDEO_BYTES):

@@ -47,7 +47,7 @@ from tests.ros2.dds import (
     until,
 )
 from tests.ros2.records import T_NS, frame, full_header, one_of_each
-from tests.synthetic_session import VIEWS, tick
+from tests.synthetic_session import VIEWS, never_fails, tick
 
 pytestmark = pytest.mark.waiting
 
@@ -222,13 +222,11 @@ def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros
 def recorder(domain: int, folder: Path, signals: Signals) -> Iterator[Recorder]:
     """Of a session that publishes."""
 
-    def fails(thread: str, failure: BaseException) -> None:
-        raise AssertionError(thread) from failure
-
     config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
     (folder / "helpers").mkdir()
-    clock = MonotonicClock()
-    with live_records(config, clock, folder, fails, lambda _: None, signals.estop) as (log, _):
+    estop = signals.estop
+    records = live_records(config, MonotonicClock(), folder, never_fails, lambda _: None, estop)
+    with records as (log, _):
         yield log
 
 

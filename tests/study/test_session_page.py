@@ -16,25 +16,22 @@ import pytest
 
 from tams_app import palette
 from tams_app.cli import _main
-from tams_app.config import load_config
 from tams_app.console.report import PAGE_NAME, write_summary
 from tams_app.recording import FrameSent, SessionLog, read_log
 from tams_app.recording import pictures as pictures_module
-from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.pictures import ShownPicture, read_pictures
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Episode, FrameQuality, Note, Phase, PhaseChange, ShownFrame, StopRecord
 from tams_app.report.plots import THEME, to_svg
 from tams_app.report.session_page import stills_of, write_page
 from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.viewing import viewers_of
 from tams_app.summary import summarise
 from tams_app.summary.tables import LogTables
 from tams_app.teleop.hands import HANDS
 from tams_app.teleop.reasons import Reason
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.foxglove_messages import viewed_log
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
 
 pytestmark = pytest.mark.untimed
@@ -60,9 +57,7 @@ def folder(tmp_path: Path) -> Path:
     path.mkdir()
     clock = VirtualClock(START_NS)
     phases = (Phase.REACH, Phase.ALIGN, Phase.PRE_RELEASE)
-    viewers = viewers_of(load_config(), header(), live=False)
-    log = DirectRecorder(McapLog(path / "session.mcap", header(), True, *viewers), clock)
-    with closing(log):
+    with closing(viewed_log(path / "session.mcap", header(), clock)) as log:
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))
             for view in VIEWS:

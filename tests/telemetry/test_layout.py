@@ -16,14 +16,11 @@ import pytest
 from tams_app import palette
 from tams_app.config import load_config
 from tams_app.config.places import CONFIG_DIRECTORY
-from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import FrameQuality, Note, Pose, SceneTruth
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.foxglove_messages import messages
+from tests.foxglove_messages import messages, viewed_log
 from tests.synthetic_session import START_NS, VIEWS, header, live_records
 from tests.telemetry.test_telemetry import shown_frames
 
@@ -51,7 +48,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
     path = tmp_path_factory.mktemp("log") / "session.mcap"
     pose = Pose(np.array([0.3, 0.0, 0.01]), Rotation.identity())
     clock = VirtualClock(START_NS)
-    viewers = viewers_of(load_config(None, {}), header(), live=False)
     items = [
         Note(START_NS, "info", "READY"),
         SceneTruth(START_NS, pose, pose, pose, 0.0, 0.016),
@@ -59,7 +55,7 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
         *(FrameQuality(view, 0, 0, 0, 0, False, False, 0.9, 0.9, 0.8) for view in VIEWS),
         *live_records(1.0),
     ]
-    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as recorder:
+    with closing(viewed_log(path, header(), clock)) as recorder:
         for item in items:
             recorder.record(item)
             clock.advance_ns(NS_PER_MS)

@@ -29,7 +29,7 @@ from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
 from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
 from tests.free_port import free_port
-from tests.synthetic_session import START_NS, header, tick
+from tests.synthetic_session import START_NS, header, never_fails, tick
 from tests.telemetry.test_telemetry import shown_frames
 
 pytestmark = pytest.mark.waiting
@@ -40,12 +40,9 @@ DEADLINE_S = 20.0
 
 
 def recorder(path: Path, port: int) -> Recorder:
-    def fails(thread: str, failure: BaseException) -> None:
-        raise AssertionError(thread) from failure
-
     config = load_config(None, {"recording.foxglove": f"127.0.0.1:{port}"})
     log = McapLog(path, header(), True, *viewers_of(config, header()))
-    made = Recorder(log, MonotonicClock(), fails)
+    made = Recorder(log, MonotonicClock(), never_fails)
     made.start()
     return made
 

@@ -20,7 +20,6 @@ from hw.sim.layout import FIXED_VIEWPOINTS, WRIST_VIEWPOINT
 from tams_app.config import load_config
 from tams_app.recording import Recorder, read_log
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     FrameQuality,
     MountPrediction,
@@ -42,8 +41,8 @@ from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.foxglove_messages import messages
-from tests.synthetic_session import START_NS, VIEWS, header, live_records, tick
+from tests.foxglove_messages import messages, viewed_log
+from tests.synthetic_session import START_NS, VIEWS, header, live_records, never_fails, tick
 
 pytestmark = pytest.mark.waiting
 
@@ -55,10 +54,8 @@ def recorded(
     tmp_path: Path, items: list[Any], apart_ns: int = NS_PER_MS // 10, **overrides: Any
 ) -> Path:
     """The log of `items`, written so far apart."""
-    config = load_config(None, overrides)
     path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
-    viewers = viewers_of(config, header(), live=False)
-    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as log:
+    with closing(viewed_log(path, header(), clock, **overrides)) as log:
         for item in items:
             log.record(item)
             clock.advance_ns(apart_ns)
@@ -237,14 +234,9 @@ def test_wherever_one_looks_each_view_has_a_picture_as_shown_within_half_a_secon
 
 
 def test_a_live_log_has_the_same_pictures(tmp_path: Path) -> None:
-    config = load_config(None, {})
-
-    def fails(thread: str, failure: BaseException) -> None:
-        raise AssertionError(thread) from failure
-
     path = tmp_path / "live.mcap"
-    viewers = viewers_of(config, header(), live=False)
-    live = Recorder(McapLog(path, header(), True, *viewers), MonotonicClock(), fails)
+    viewers = viewers_of(load_config(), header(), live=False)
+    live = Recorder(McapLog(path, header(), True, *viewers), MonotonicClock(), never_fails)
     live.start()
     for frame in shown_frames(2):
         live.record(frame)
@@ -279,8 +271,7 @@ def test_the_rates_of_a_second_are_what_was_sent_shown_and_scored(tmp_path: Path
     ]
     items = [*scores, *lost, *live_records(1.0)]
     path, clock = tmp_path / "session.mcap", VirtualClock(t)
-    viewers = viewers_of(load_config(None, {}), header(), live=False)
-    with closing(DirectRecorder(McapLog(path, header(), True, *viewers), clock)) as log:
+    with closing(viewed_log(path, header(), clock)) as log:
         for item in items:
             log.record(item)
         clock.advance_ns(NS_PER_S)

@@ -23,9 +23,7 @@ from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import LOG_NAME, read_log
-from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.pictures import PictureFinder
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     Episode,
     EpisodesState,
@@ -37,9 +35,9 @@ from tams_app.records import (
     ShownFrame,
 )
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
-from tams_app.session.viewing import viewers_of
 from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.foxglove_messages import viewed_log
 from tests.golden_logs import golden_log
 from tests.synthetic_session import START_NS, VIEWS, Synthetic, header, tick
 
@@ -58,10 +56,9 @@ def log_path(tmp_path: Path) -> Path:
     config = load_config()
     clock = VirtualClock(START_NS)
     made = header(config=config.model_dump(mode="json"))
-    viewers = viewers_of(config, made, live=False)
     path = tmp_path / "session.mcap"
     phases = (Phase.REACH, Phase.ALIGN, Phase.GRASP, Phase.TRANSPORT)
-    with closing(DirectRecorder(McapLog(path, made, True, *viewers), clock)) as log:
+    with closing(viewed_log(path, made, clock)) as log:
         for number, (phase, grey) in enumerate(zip(phases, GREYS, strict=True)):
             log.record(PhaseChange(second(number), phase, "a rule"))
             log.record(Note(second(number + 0.5), "info", f"note {number}"))
