@@ -9,8 +9,9 @@ import pytest
 from tams_app.records import ControllerStatus, Episode, EpisodeRequest
 from tams_app.robot.control import Signals
 from tams_app.robot.episode_keeper import HOLD_NS, EpisodeKeeper
+from tams_app.runtime.clock import VirtualClock
 from tams_app.task.episodes import ARMED_NS, Episodes
-from tests.session.exchange import MemoryLog
+from tests.session.exchange import MemoryJournal
 from tests.synthetic_session import PERIOD_NS, tick
 
 pytestmark = pytest.mark.untimed
@@ -23,7 +24,7 @@ class Kept:
     """A keeper, its log, and the ticks that it receives."""
 
     def __init__(self, countdown_s: float = 0.0, limit_s: float = 120.0, wanted: int = 0) -> None:
-        self.signals, self.log = Signals(), MemoryLog()
+        self.signals, self.log = Signals(), MemoryJournal(VirtualClock())
         self.prepared = 0
         self.ended: list[str] = []
         episodes = Episodes(countdown_s, limit_s, wanted)

@@ -18,7 +18,7 @@ from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
-from tests.session.exchange import MemoryLog
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.untimed
 
@@ -31,7 +31,7 @@ TICK_NS = NS_PER_S // 120
 def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states: int) -> None:
     """In a second of ticks; None: before the first allocation."""
     clock, sent = VirtualClock(NS_PER_S), []
-    log: Any = MemoryLog()
+    log = MemoryJournal(VirtualClock())
     gateway: Any = SimpleNamespace(send=sent.append, event=None)
     operator = LinkedOperator(load_config(), clock, Signals(), log, lambda _: gateway, "robot")
     operator._gateway, operator._sent = gateway, {}
@@ -53,7 +53,7 @@ def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
         monkeypatch.setattr(linked_operator, "WELCOME_BYTES", 300)
     config = load_config(None, {"limits.max_speed_mm_s": 150.0})
     told: list[bytes] = []
-    log: Any = MemoryLog()
+    log = MemoryJournal(VirtualClock())
 
     def gateway(content: bytes) -> Any:
         told.append(content)

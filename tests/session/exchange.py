@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
@@ -11,7 +10,8 @@ import msgspec
 from tams_app.link.gateway import LinkEvent, Routes
 from tams_app.link.gateway_client import NO_EVENT, Received
 from tams_app.recording.journal import Journal
-from tams_app.records import PacketRecord, Record
+from tams_app.recording.topics import Facts
+from tams_app.records import Note, PacketRecord, Record
 from tams_app.runtime.clock import VirtualClock
 
 
@@ -58,29 +58,6 @@ class MemoryGateway:
         return [Received(*one) for one in come]
 
 
-@dataclass
-class MemoryLog:
-    """Keeps what it is told."""
-
-    records: list[Any] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
-    facts: dict[str, str] = field(default_factory=dict)
-    show: Callable[[str], None] = lambda _text: None
-
-    def record(self, item: Any) -> None:
-        self.records.append(item)
-
-    def note(self, level: str, text: str) -> None:
-        self.notes.append(text)
-        self.show(text)
-
-    def fact(self, name: str, value: str) -> None:
-        self.facts[name] = value
-
-    def of(self, kind: type) -> list[Any]:
-        return [one for one in self.records if isinstance(one, kind)]
-
-
 class Unkept(Journal):
     """Keeps nothing."""
 
@@ -105,3 +82,11 @@ class MemoryJournal(Unkept):
 
     def of(self, kind: type) -> list[Any]:
         return [one for one in self.records if isinstance(one, kind)]
+
+    @property
+    def notes(self) -> list[str]:
+        return [note.text for note in self.of(Note)]
+
+    @property
+    def facts(self) -> dict[str, str]:
+        return {name: value for one in self.of(Facts) for name, value in one.values.items()}

@@ -51,7 +51,7 @@ from tams_app.video.core.frame_identity import SentFrame, SentFrames
 from tams_app.video.core.repair import RepairRule
 from tests.robot.test_control import HeldController
 from tests.robot.test_parts import after, output
-from tests.session.exchange import MemoryGateway, MemoryLog
+from tests.session.exchange import MemoryGateway, MemoryJournal
 
 pytestmark = pytest.mark.untimed
 
@@ -82,7 +82,8 @@ class Sides:
         self.here = MemoryGateway(self.operator_clock)
         self.there.other, self.here.other = self.here, self.there
         self.there.delay_ns = self.here.delay_ns = delay_ms * NS_PER_MS
-        self.robot_log, self.operator_log = MemoryLog(), MemoryLog()
+        self.robot_log = MemoryJournal(self.robot_clock)
+        self.operator_log = MemoryJournal(self.operator_clock)
         self.signals, self.requests = Signals(), Requests()
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
         self.welcome = b""
@@ -267,7 +268,7 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
 def test_the_robots_terminal_alone_says_once_who_called_in_vain(connected: bool):
     sides = Sides()
     there = sides.there
-    sides.robot_log.show = sides.robot.note  # as the session forwards what it shows
+    sides.robot_log._show = sides.robot.note  # as the session forwards what it shows
     refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
     there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=connected)
     sides.run(0.5)
