@@ -6,7 +6,7 @@ Adding a record means adding one line to `SessionLog`.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
 from typing import Annotated, Any, Generic, TypeVar
@@ -199,6 +199,11 @@ class PacketBatch:
     fate: Annotated[tuple[int, ...], "0 delivered, 1 queue overflow, 2 lost"]
     rtp_timestamp: Annotated[tuple[int, ...], "of the frame's packets, 90 kHz; RTCP and padding: 0"]
 
+    @property
+    def t_ns(self) -> int:
+        """When the last of them reached the uplink [ns]."""
+        return max(self.entered_ns)
+
     @staticmethod
     def of(packets: Sequence[PacketRecord]) -> PacketBatch:
         """The columns of at least one packet."""
@@ -221,15 +226,12 @@ _FATES = {fate.value: fate for fate in PacketFate}
 class Topic(Generic[T]):
     """Where records of one type go, and the instant each stands for."""
 
-    def __init__(
-        self, name: str, record_type: type[T], time: str | Callable[[T], int] = "t_ns"
-    ) -> None:
-        """`time`: the field that has it [ns], which must exist, or what gives it."""
-        if isinstance(time, str):
-            inspect.getattr_static(record_type, time)
+    def __init__(self, name: str, record_type: type[T], time: str = "t_ns") -> None:
+        """`time`: the field that has it [ns], which must exist."""
+        inspect.getattr_static(record_type, time)
         self.name = name
         self.codec = Codec(record_type)
-        self.time_ns: Callable[[T], int] = attrgetter(time) if isinstance(time, str) else time
+        self.time_ns = attrgetter(time)
 
 
 def records(name: str, record_type: type[T], time: str = "t_ns") -> list[T]:
@@ -332,7 +334,7 @@ _TOPICS: tuple[Topic[Any], ...] = (
     HEADER,
     Topic("/facts", Facts),
     *_IN_LISTS.values(),
-    Topic("/packets", PacketBatch, lambda one: max(one.entered_ns)),
+    Topic("/packets", PacketBatch),
     Topic("/outcome", OutcomeGiven),
 )
 TOPICS = {topic.codec.record_type: topic for topic in _TOPICS}

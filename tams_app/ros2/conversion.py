@@ -7,7 +7,7 @@ Frames are those of REP 103 and 105: `base_link` is the arm's base (x forward, y
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import nan
 from typing import Any
@@ -85,19 +85,7 @@ class Conversion:
         self._diagnostics_pace = Pace(DIAGNOSTICS_HZ)
         self._published: tuple[str, str, str | None] = ("", "", "")
         self._hand = words_of({})
-        self._on: dict[type, Callable[[Any], Iterator[Sent]]] = {
-            Tick: self._on_tick,
-            SceneTruth: self._on_truth,
-            PhaseChange: self._on_phase,
-            Rates: self._on_rates,
-            EncodedFrame: self._on_frame,
-            Note: self._on_line,
-            StopRecord: self._on_line,
-            OutcomeGiven: self._on_line,
-            Facts: self._on_facts,
-        }
-        if header.config.get("ros2", {}).get("dialect") == "reference":
-            self._on[Allocation] = self._on_allocation
+        self._as_the_authors = header.config.get("ros2", {}).get("dialect") == "reference"
 
     def opening(self) -> Iterator[Sent]:
         """The messages that hold for the whole session."""
@@ -107,13 +95,25 @@ class Conversion:
 
     def of(self, record: Any) -> Iterator[Sent]:
         """The messages of a record, of which there may be none."""
-        on_record = self._on.get(type(record))
-        return iter(()) if on_record is None else on_record(record)
-
-    def _on_facts(self, facts: Facts) -> Iterator[Sent]:
-        if HAND_FACT in facts.values:
-            self._hand = words_of(facts.values)
-        return iter(())
+        match record:
+            case Tick():
+                yield from self._on_tick(record)
+            case SceneTruth():
+                wall_ns = record.t_ns + self._offset_ns
+                yield self._transforms(topics.TF, wall_ns, thing_frames(record))
+            case PhaseChange():
+                phase = messages.String(record.phase.value)
+                yield Sent(topics.PHASE, phase, record.t_ns + self._offset_ns)
+            case Allocation() if self._as_the_authors:
+                yield from self._on_allocation(record)
+            case Rates():
+                yield self._on_rates(record)
+            case EncodedFrame():
+                yield self._on_frame(record)
+            case Note() | StopRecord() | OutcomeGiven():
+                yield self._on_line(record)
+            case Facts() if HAND_FACT in record.values:
+                self._hand = words_of(record.values)
 
     def _on_tick(self, tick: Tick) -> Iterator[Sent]:
         wall_ns = tick.started_ns + self._offset_ns
@@ -144,13 +144,6 @@ class Conversion:
             moved: Iterable[Placed] = [tcp_frame(arm)] if scene is None else scene.arm_frames(arm)
             yield self._transforms(topics.TF, wall_ns, moved)
 
-    def _on_truth(self, truth: SceneTruth) -> Iterator[Sent]:
-        yield self._transforms(topics.TF, truth.t_ns + self._offset_ns, thing_frames(truth))
-
-    def _on_phase(self, change: PhaseChange) -> Iterator[Sent]:
-        phase = messages.String(change.phase.value)
-        yield Sent(topics.PHASE, phase, change.t_ns + self._offset_ns)
-
     def _on_allocation(self, allocation: Allocation) -> Iterator[Sent]:
         """As the authors' nodes say it: again and again, for who comes late."""
         views = {view.upper(): kbps / 1000 for view, kbps in allocation.target_kbps.items()}
@@ -158,7 +151,7 @@ class Conversion:
         for topic, text in zip(topics.AUTHORS, (allocation.phase.word, targets), strict=True):
             yield Sent(topic, messages.String(text), allocation.t_ns + self._offset_ns)
 
-    def _on_rates(self, rates: Rates) -> Iterator[Sent]:
+    def _on_rates(self, rates: Rates) -> Sent:
         rows = {one.view: [_number(one, name) for name in RATES] for one in rates.views}
         rows[ALL_VIEWS] = [_number(rates, name) for name in RATES]
         height, width = len(rows), len(RATES)
@@ -168,20 +161,20 @@ class Conversion:
         ]
         numbers = [number for row in rows.values() for number in row]
         array = messages.Float64MultiArray(messages.MultiArrayLayout(dimensions, 0), numbers)
-        yield Sent(topics.RATES, array, rates.t_ns + self._offset_ns)
+        return Sent(topics.RATES, array, rates.t_ns + self._offset_ns)
 
-    def _on_frame(self, frame: EncodedFrame) -> Iterator[Sent]:
+    def _on_frame(self, frame: EncodedFrame) -> Sent:
         captured = messages.Time.of(frame.capture_ns + self._offset_ns)
         video = messages.CompressedVideo(captured, optical(frame.view), frame.data, "h264")
         wall_ns = frame.encoded_ns + self._offset_ns
-        yield Sent(topics.video_topic(frame.view), video, wall_ns)
+        return Sent(topics.video_topic(frame.view), video, wall_ns)
 
-    def _on_line(self, record: Spoken) -> Iterator[Sent]:
+    def _on_line(self, record: Spoken) -> Sent:
         """A sentence that the operator reads, or a stop that was measured."""
         line = line_of(record)
         level, values = _LINE_LEVELS.get(line.level, ERROR), _pairs({"kind": line.kind})
         status = messages.DiagnosticStatus(level, LINE_NAME, line.text, self._hardware, values)
-        yield self._diagnostics(line.t_ns + self._offset_ns, status)
+        return self._diagnostics(line.t_ns + self._offset_ns, status)
 
     def _diagnostics(self, wall_ns: int, status: messages.DiagnosticStatus) -> Sent:
         header = _header(wall_ns, "")

@@ -13,12 +13,13 @@ import psutil
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
+from tams_app.recording.journal import Journal
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
 from tams_app.runtime.clock import Clock
 from tams_app.session.ros2_bridge import Ros2Bridge
-from tams_app.session.viewing import invite_viewers, viewers_of
+from tams_app.session.viewing import invitations, viewers_of
 
 REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
@@ -60,7 +61,8 @@ def live_records(
             stack.callback(log.reference.close)
             log.reference.start()
         log.start()
-        invite_viewers(config, log.note)
+        for level, text in invitations(config):
+            log.note(level, text)
         if bridge is not None:
             bridge.listen(estop, log.note)
             stack.callback(bridge.stop_listening)
@@ -111,17 +113,17 @@ class LoadMonitor:
         self,
         clock: Clock,
         helpers: Mapping[str, int],
-        record: Callable[[SystemSample], None],
+        log: Journal,
     ) -> None:
         self._clock = clock
         self._app = psutil.Process()
         self._helpers = {name: psutil.Process(pid) for name, pid in helpers.items()}
-        self._record = record
+        self._log = log
 
     def run(self, stop: threading.Event) -> None:
         self.sample()  # the first figures of cpu_percent are meaningless
         while not stop.wait(LOAD_INTERVAL_S):
-            self._record(self.sample())
+            self._log.record(self.sample())
 
     def sample(self) -> SystemSample:
         """Percent of one core since the last call, and resident memory now."""

@@ -133,7 +133,7 @@ class Session(Ending):
         log, pids = self.log, {**self.parts.pids, **side.pids}
         if self._bridge is not None and (bridge_pid := self._bridge.pid) is not None:
             pids["ros2"] = bridge_pid
-        self.parts.run("load", LoadMonitor(self.clock, pids, log.record).run)
+        self.parts.run("load", LoadMonitor(self.clock, pids, log).run)
         gc.collect()
         gc.freeze()  # what lives as long as the session need not be looked at again
         self.parts.stack.callback(gc.unfreeze)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 from foxglove import Context
@@ -12,7 +12,7 @@ from hw.arms import arm_kind
 from tams_app.config import Config, LimitsConfig
 from tams_app.errors import require_extra
 from tams_app.recording import Header, Viewer
-from tams_app.records import ArmFigure, Pose, Solid, SolidKind, TakeNote
+from tams_app.records import ArmFigure, Pose, Solid, SolidKind
 from tams_app.robot.build import ready_pose
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
@@ -37,17 +37,16 @@ def check_viewers(config: Config) -> None:
         require_extra("ros2", "--ros2")
 
 
-def invite_viewers(config: Config, note: TakeNote) -> None:
-    """Say where viewers may connect, if they may, and who can."""
-    if config.recording.ros2 is not None:
-        domain = config.recording.ros2
-        note("info", f"published in ROS 2, domain {domain}: all who reach it see this session")
+def invitations(config: Config) -> Iterator[tuple[str, str]]:
+    """Sentences, each behind its level: where viewers may connect, if they may, and who can."""
+    if (domain := config.recording.ros2) is not None:
+        yield "info", f"published in ROS 2, domain {domain}: all who reach it see this session"
     if (address := address_of(config)) is None:
         return
     if address.is_private:
-        note("info", f"Foxglove may connect to {address.url}")
+        yield "info", f"Foxglove may connect to {address.url}"
     else:
-        note("warning", f"all who reach {address.url} see this session: no password is asked")
+        yield "warning", f"all who reach {address.url} see this session: no password is asked"
 
 
 def viewers_of(config: Config, header: Header, live: bool = True) -> tuple[list[Viewer], Context]:

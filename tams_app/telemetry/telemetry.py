@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import cv2
@@ -114,23 +114,24 @@ class Telemetry(Viewer):
         self._channels = {topic: kind(topic, context=context) for topic, kind in kinds.items()}
         self._codec = Codec(Rates)
         self._rates = json_channel(context, RATES, self._codec)
-        self._on: dict[type, Callable[[Any], None]] = {
-            Tick: self._on_tick,
-            SceneTruth: self._on_truth,
-            MountPrediction: self._on_prediction,
-            Note: self._on_line,
-            StopRecord: self._on_line,
-            OutcomeGiven: self._on_line,
-            Rates: self._on_rates,
-            ShownFrame: self._on_picture,
-        }
         self._server = (
             None if address is None else LiveServer(context, address, header.name, origins)
         )
 
     def receive(self, record: Any) -> None:
-        if on_record := self._on.get(type(record)):
-            on_record(record)
+        match record:
+            case Tick():
+                self._on_tick(record)
+            case SceneTruth():
+                self._log_frames("/tf/things", record.t_ns, thing_frames(record))
+            case MountPrediction():
+                self._on_prediction(record)
+            case Note() | StopRecord() | OutcomeGiven():
+                self._on_line(record)
+            case Rates():
+                self._rates.log(self._codec.encode(record), record.t_ns + self._offset_ns)
+            case ShownFrame():
+                self._on_picture(record)
 
     def wants(self, view: str, shown_ns: int) -> bool:
         pace = self._picture_paces.get(view)
@@ -165,9 +166,6 @@ class Telemetry(Viewer):
         commanded = _led_to(tick, arm.tcp, self._scene.twist_lasts_s)
         self._log_pose("/pose/commanded", t_ns, BASE, commanded)
 
-    def _on_truth(self, truth: SceneTruth) -> None:
-        self._log_frames("/tf/things", truth.t_ns, thing_frames(truth))
-
     def _on_prediction(self, prediction: MountPrediction) -> None:
         """Where the flange is believed to be, if it is time."""
         if not self._prediction_pace.is_due(prediction.now_ns):
@@ -185,9 +183,6 @@ class Telemetry(Viewer):
             timestamp=stamp, frame_id=shown.view, data=data.tobytes(), format="jpeg"
         )
         self._log(PICTURE_PREFIX + shown.view, shown.shown_ns, message)
-
-    def _on_rates(self, rates: Rates) -> None:
-        self._rates.log(self._codec.encode(rates), rates.t_ns + self._offset_ns)
 
     def _log_arm(self, arm: ArmState) -> None:
         self._log_frames("/tf", arm.received_ns, self._scene.arm_frames(arm))

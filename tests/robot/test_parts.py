@@ -24,6 +24,7 @@ from tams_app.session.recorders import LoadMonitor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.session.exchange import Unkept
 from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.waiting
@@ -198,7 +199,7 @@ def test_a_stop_whose_end_was_not_seen_is_recorded_as_such():
 
 
 def test_load_counts_the_application_and_its_helpers_even_dead_ones():
-    monitor = LoadMonitor(VirtualClock(), {"self": os.getpid()}, lambda sample: None)
+    monitor = LoadMonitor(VirtualClock(), {"self": os.getpid()}, Unkept(VirtualClock()))
     sample = monitor.sample()
     assert set(sample.helper_cpu_percent) == {"self"}
     assert sample.rss_mb > 2 * 10  # this process, counted as application and as helper

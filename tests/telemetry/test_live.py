@@ -25,7 +25,7 @@ from tams_app.recording import Recorder, read_log
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Note
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.viewing import check_viewers, invite_viewers, viewers_of
+from tams_app.session.viewing import check_viewers, invitations, viewers_of
 from tams_app.telemetry.gate import MOST_VIEWERS, hidden_host, refusal
 from tams_app.units import NS_PER_S
 from tests.free_port import free_port
@@ -239,14 +239,10 @@ def test_an_address_of_another_computer_is_told() -> None:
 def test_it_is_said_where_viewers_connect_and_who_else_could(
     address: str, level: str, sentence: str
 ) -> None:
-    notes: list[tuple[str, str]] = []
     config = load_config(None, {"recording.foxglove": address})
-    invite_viewers(config, lambda level, text: notes.append((level, text)))
-    assert notes == [(level, sentence.format(url=f"ws://{address}"))]
+    assert list(invitations(config)) == [(level, sentence.format(url=f"ws://{address}"))]
 
 
 def test_without_an_address_nothing_is_served() -> None:
-    notes: list[str] = []
-    invite_viewers(load_config(None, {}), lambda _, text: notes.append(text))
-    check_viewers(load_config(None, {}))
-    assert notes == []
+    assert list(invitations(load_config())) == []
+    check_viewers(load_config())
