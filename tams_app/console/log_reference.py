@@ -12,7 +12,7 @@ from typing import Any
 
 from tams_app.errors import ConfigError, not_one_of
 from tams_app.recording.codec import Codec
-from tams_app.recording.rates import Rates
+from tams_app.recording.rates import RATES
 from tams_app.recording.topics import TOPICS
 
 _HEAD = """\
@@ -35,7 +35,7 @@ _WORDS = {
 
 def reference(topic: str = "") -> str:
     """The whole document, or the table of one topic; ConfigError for one that has none."""
-    codecs = {topic.name: topic.codec for topic in TOPICS.values()} | {"/rates": Codec(Rates)}
+    codecs = {topic.name: topic.codec for topic in (*TOPICS.values(), RATES)}
     if topic:
         if topic not in codecs:
             raise ConfigError(f"TOPIC: {not_one_of(topic, codecs)}")

@@ -18,7 +18,6 @@ from foxglove.mcap import MCAPWriteOptions
 from foxglove.messages import CompressedVideo, Timestamp
 
 from tams_app.errors import LogError
-from tams_app.recording.codec import Codec
 from tams_app.recording.disk import LogFile
 from tams_app.recording.rates import RatesMeter
 from tams_app.recording.topics import (
@@ -29,6 +28,7 @@ from tams_app.recording.topics import (
     FrameSent,
     Header,
     OutcomeGiven,
+    Topic,
 )
 from tams_app.records import EncodedFrame, Outcome, ShownFrame
 from tams_app.units import NS_PER_S
@@ -51,12 +51,12 @@ def timestamp(wall_ns: int) -> Timestamp:
     return Timestamp(sec=seconds, nsec=nanoseconds)
 
 
-def json_channel(context: Context, topic: str, codec: Codec[Any]) -> Any:
+def json_channel(context: Context, topic: Topic[Any]) -> Any:
     """A channel for records of ours, with their schema."""
-    name = codec.record_type.__name__
-    schema = Schema(name=name, encoding="jsonschema", data=codec.schema())
+    name = topic.codec.record_type.__name__
+    schema = Schema(name=name, encoding="jsonschema", data=topic.codec.schema())
     # not foxglove.Channel: that one keeps every channel of the process in a global table
-    return context._create_channel(topic, message_encoding="json", schema=schema)
+    return context._create_channel(topic.name, message_encoding="json", schema=schema)
 
 
 class Viewer:
@@ -193,7 +193,7 @@ class McapLog:
         topic = TOPICS[type(item)]
         channel = self._channels.get(topic.name)
         if channel is None:
-            channel = json_channel(self._context, topic.name, topic.codec)
+            channel = json_channel(self._context, topic)
             self._channels[topic.name] = channel
         channel.log(topic.codec.encode(item), t_ns + self._offset_ns)
 

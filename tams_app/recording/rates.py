@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, TypeAlias
 
 from tams_app.capacity import finite
-from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch
+from tams_app.recording.topics import FrameCaptured, FrameShown, PacketBatch, Topic
 from tams_app.records import (
     Allocation,
     FrameQuality,
@@ -81,6 +81,9 @@ class Rates:
     ]
     loss: _Loss
     views: Annotated[tuple[ViewRates, ...], "the same for each view"]
+
+
+RATES = Topic("/rates", Rates)
 
 
 @dataclass(slots=True)

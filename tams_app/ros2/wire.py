@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from tams_app.recording.codec import Codec
-from tams_app.recording.rates import Rates
+from tams_app.recording.rates import RATES, Rates
 from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven
 from tams_app.records import (
     Allocation,
@@ -28,7 +28,7 @@ _LOGGED = (
     Allocation,
 )
 _CODECS: dict[type, Codec[Any]] = {one: TOPICS[one].codec for one in _LOGGED}
-_CODECS[Rates] = Codec(Rates)
+_CODECS[Rates] = RATES.codec
 _BY_NAME = {one.__name__: codec for one, codec in _CODECS.items()}
 
 

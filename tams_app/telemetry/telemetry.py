@@ -28,9 +28,8 @@ from foxglove.messages import (
 )
 
 from tams_app.recording import Header, Viewer
-from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import json_channel, timestamp
-from tams_app.recording.rates import Rates
+from tams_app.recording.rates import RATES, Rates
 from tams_app.recording.topics import PICTURE_PREFIX, OutcomeGiven
 from tams_app.records import (
     ArmState,
@@ -59,7 +58,6 @@ from tams_app.telemetry.scene import (
 )
 
 SCENE_HZ = 0.2  # again and again, as a viewer that connects late knows only what it receives
-RATES = "/rates"
 PREDICTED = "flange predicted"  # the frame of where it is believed to be now
 LED = "flange commanded"  # of where the hand's samples so far lead it
 _LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
@@ -112,8 +110,7 @@ class Telemetry(Viewer):
             **{_calibration_topic(view): CameraCalibrationChannel for view in scene.lenses},
         }
         self._channels = {topic: kind(topic, context=context) for topic, kind in kinds.items()}
-        self._codec = Codec(Rates)
-        self._rates = json_channel(context, RATES, self._codec)
+        self._channels[RATES.name] = json_channel(context, RATES)
         self._server = (
             None if address is None else LiveServer(context, address, header.name, origins)
         )
@@ -129,7 +126,7 @@ class Telemetry(Viewer):
             case Note() | StopRecord() | OutcomeGiven():
                 self._on_line(record)
             case Rates():
-                self._rates.log(self._codec.encode(record), record.t_ns + self._offset_ns)
+                self._log(RATES.name, record.t_ns, RATES.codec.encode(record))
             case ShownFrame():
                 self._on_picture(record)
 
