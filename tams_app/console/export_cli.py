@@ -72,12 +72,13 @@ def _rosbag2(
     """DIR/<session> for each, or rosbag2/ in its folder."""
     require_extra("ros2", "--format rosbag2")
     from tams_app.export.rosbag2 import write_bag
-    from tams_app.recording import damage_of
+    from tams_app.recording import damage_of, read_records
     from tams_app.session.viewing import scene_of_header
 
     for log in logs:
         bag = log.parent / "rosbag2" if out is None else out / log.parent.resolve().name
-        counts = write_bag(log, bag, scene_of_header)
+        _, header = next(read_records(log))
+        counts = write_bag(log, bag, scene_of_header(header))
         topics = sum(count > 0 for count in counts.values())
         console.print(f"{bag}: {sum(counts.values())} messages on {topics} topics", soft_wrap=True)
         if damage := damage_of(log):

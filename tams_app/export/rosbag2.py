@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from rosbags.interfaces import (
@@ -23,7 +23,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from tams_app.errors import LogError
 from tams_app.outputs import refuse_existing
-from tams_app.recording import Header, read_records
+from tams_app.recording import read_records
 from tams_app.recording.rates import RatesMeter
 from tams_app.ros2.conversion import Conversion, Sent
 from tams_app.ros2.messages import cdr, ros_name, typestore
@@ -33,19 +33,17 @@ from tams_app.telemetry import Scene
 _NEVER = QosTime(0, 0)  # as rosbag2 writes what is not set
 
 
-def write_bag(
-    log: Path, bag: Path, scene_of: Callable[[Header], Scene | None]
-) -> Mapping[str, int]:
+def write_bag(log: Path, bag: Path, scene: Scene | None) -> Mapping[str, int]:
     """Write the folder `bag` from the log at `log`; how many messages each topic has.
 
-    `scene_of`: what is known of a session's surroundings. UnreadableLogError if it is no log of
+    `scene`: what is known of the session's surroundings. UnreadableLogError if it is no log of
     ours; ConfigError if there is something in the place of `bag`; LogError if it cannot be
     written: then nothing is left of it.
     """
     refuse_existing(bag)
     try:
         with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
-            return _fill(writer, log, scene_of)
+            return _fill(writer, log, scene)
     except OSError as error:
         shutil.rmtree(bag, ignore_errors=True)
         raise LogError(f"{bag}: cannot be written: {error}") from error
@@ -54,11 +52,11 @@ def write_bag(
         raise
 
 
-def _fill(writer: Writer, log: Path, scene_of: Callable[[Header], Scene | None]) -> Counter[str]:
+def _fill(writer: Writer, log: Path, scene: Scene | None) -> Counter[str]:
     records = read_records(log)
     _, header = next(records)
     connections = {topic: _connect(writer, topic) for topic in published(header.views)}
-    conversion = Conversion(header, scene_of(header))
+    conversion = Conversion(header, scene)
     meter = RatesMeter(header.views, header.started_ns)
     counts = Counter({topic.name: 0 for topic in connections})
 

@@ -50,7 +50,7 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def bag(session: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bags") / "bag"
-    write_bag(session / LOG_NAME, folder, scene_of_header)
+    write_bag(session / LOG_NAME, folder, scene_of_header(full_header()))
     return folder
 
 
@@ -111,9 +111,10 @@ def test_a_bag_is_mcap_with_the_definitions_of_its_messages(bag: Path) -> None:
 def test_a_log_of_an_older_version_becomes_a_bag(tmp_path: Path) -> None:
     path = DATA / "virtual-0.1.mcap"
     log = read_log(path)
-    counts = write_bag(path, tmp_path / "bag", scene_of_header)
+    scene = scene_of_header(log.header)
+    counts = write_bag(path, tmp_path / "bag", scene)
     expected = counts_of(log)
-    if scene_of_header(log.header) is None:
+    if scene is None:
         expected["/tf_static"] = 0
     for view in VIEWS:
         expected[f"/tams/{view}/compressed"] = counts[f"/tams/{view}/compressed"]  # not all kept
@@ -178,7 +179,7 @@ def test_of_a_log_that_was_cut_off_the_bag_has_what_can_be_read(
     cut.write_bytes(whole[: len(whole) * 2 // 3])
     log = read_log(cut)
     assert not log.complete
-    counts = write_bag(cut, tmp_path / "bag", scene_of_header)
+    counts = write_bag(cut, tmp_path / "bag", scene_of_header(log.header))
     assert counts["/tams/twist_cmd"] == len(log.ticks)
     with AnyReader([tmp_path / "bag"]) as reader:
         assert reader.message_count == sum(counts.values())
