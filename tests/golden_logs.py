@@ -17,9 +17,9 @@ from foxglove.mcap import MCAPWriteOptions
 from mcap.reader import make_reader
 
 from tams_app.recording import LOG_NAME, Facts, SessionLog, read_log
-from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.topics import PROFILE
 from tests.session.virtual.runs import run, short
+from tests.synthetic_session import write_log
 
 DATA = Path(__file__).parent / "data"
 GOLDEN: dict[str, dict[str, Any]] = {
@@ -42,12 +42,9 @@ def golden_log(name: str) -> Path:
 
 def write_thinned(log: SessionLog, path: Path) -> None:
     """Only what was told to control and policy, and what they made of it."""
-    thinned = McapLog(path, log.header)
-    records = [*log.ticks, *log.phases, *log.allocations, *log.policy_inputs]
-    thinned.write(Facts(log.header.started_ns, log.facts), 0)
-    for record in records:
-        thinned.write(record, 0)
-    thinned.close()
+    facts = Facts(log.header.started_ns, log.facts)
+    records = [facts, *log.ticks, *log.phases, *log.allocations, *log.policy_inputs]
+    write_log(path, records, log.header)
 
 
 def pack(path: Path) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from tams_app.recording import FrameCaptured, FrameSent, FrameShown, Header, SessionLog
+from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     IP_UDP_HEADER_BYTES,
     Activity,
@@ -32,6 +36,7 @@ from tams_app.records import (
     Twist,
 )
 from tams_app.rotation import Rotation
+from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 START_NS = 5 * NS_PER_S
@@ -50,6 +55,14 @@ WEIGHTS = {phase: {"eih": 0.2, "gt": 0.4, "gs": 0.4} for phase in Phase} | {
 def never_fails(thread: str, failure: BaseException) -> None:
     """For recorders that must not fail."""
     raise AssertionError(f"{thread} failed") from failure
+
+
+def write_log(path: Path, records: Iterable[Any], head: Header | None = None) -> Path:
+    """A log with these records, written as in virtual time."""
+    with closing(DirectRecorder(McapLog(path, head or header()), VirtualClock(START_NS))) as log:
+        for record in records:
+            log.record(record)
+    return path
 
 
 def header(**changes: Any) -> Header:

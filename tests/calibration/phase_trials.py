@@ -9,12 +9,9 @@ import numpy as np
 
 from calibration.phases.labels import Geometry
 from calibration.phases.trials import StepInput, TrialMotion
-from tams_app.recording import Recorder
-from tams_app.recording.mcap_log import McapLog
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.rotation import Rotation
-from tams_app.runtime.clock import VirtualClock
-from tests.synthetic_session import START_NS, header, never_fails, tick
+from tests.synthetic_session import header, tick, write_log
 
 PERIOD_S = 1.0 / 120.0
 BLOCK = np.array([0.35, -0.15, 0.010])
@@ -131,14 +128,7 @@ def record(folder: Path, ticks: list[Tick], scene: list[SceneTruth], rig: bool =
     """A session folder with these records in its log; `rig`: of the simulated rig."""
     folder.mkdir()
     begun = header(config={"rig": {"enabled": rig}})
-    recorder = Recorder(
-        McapLog(folder / "session.mcap", begun), VirtualClock(START_NS), never_fails
-    )
-    recorder.start()
-    for record in (*ticks, *scene):
-        recorder.record(record)
-    recorder.close()
-    assert recorder.dropped == 0
+    write_log(folder / "session.mcap", (*ticks, *scene), begun)
     return folder
 
 

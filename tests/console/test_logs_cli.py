@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 
 from tams_app.cli import _main
-from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.tables import flat
 from tams_app.records import Note
-from tests.synthetic_session import START_NS, header, tick
+from tests.synthetic_session import START_NS, header, tick, write_log
 
 pytestmark = pytest.mark.untimed
 
@@ -25,11 +24,8 @@ def logs(tmp_path: Path) -> Path:
     for name in ("20260101-100000-run", "20260101-110000-run"):
         folder = tmp_path / name
         folder.mkdir()
-        log = McapLog(folder / "session.mcap", header())
-        for number in range(TICKS):
-            log.write(tick(number), 0)
-        log.write(Note(START_NS + 5, "info", "ready, by hand"), 0)
-        log.close()
+        note = Note(START_NS + 5, "info", "ready, by hand")
+        write_log(folder / "session.mcap", [*map(tick, range(TICKS)), note])
     assert _main(["report", str(tmp_path / "20260101-100000-run"), "--json"]) == 0
     (tmp_path / "notes.txt").write_text("none", encoding="utf-8")
     (tmp_path / "empty").mkdir()

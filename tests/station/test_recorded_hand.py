@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -11,8 +9,6 @@ from hypothesis import strategies as st
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, LogError
-from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
@@ -22,16 +18,13 @@ from tams_app.station.recorded_hand import ReplayedController, recorded_hand
 from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS
 from tests.session.exchange import Unkept
-from tests.synthetic_session import PERIOD_NS, START_NS, header, tick
+from tests.synthetic_session import PERIOD_NS, START_NS, tick, write_log
 
 pytestmark = pytest.mark.untimed
 
 
 def write(path, count):
-    with closing(DirectRecorder(McapLog(path, header()), VirtualClock(START_NS))) as log:
-        for number in range(count):
-            log.record(tick(number))
-    return path
+    return write_log(path, map(tick, range(count)))
 
 
 def test_a_log_without_a_hand_and_a_file_that_is_none_are_one_sentence(tmp_path):

@@ -9,7 +9,6 @@ import pytest
 
 from tams_app.config import TrialConfig
 from tams_app.recording import SessionLog
-from tams_app.recording.mcap_log import McapLog
 from tams_app.records import PacketRecord, Phase, PhaseChange
 from tams_app.study.plan import Verdict
 from tams_app.study.verdict import (
@@ -23,7 +22,7 @@ from tams_app.study.verdict import (
 )
 from tams_app.units import NS_PER_S
 from tests.scripted_ui import ScriptedConsole
-from tests.synthetic_session import START_NS, header, live_records, tick
+from tests.synthetic_session import START_NS, header, live_records, tick, write_log
 
 pytestmark = pytest.mark.untimed
 
@@ -126,16 +125,14 @@ def test_without_engagement_or_opening_there_is_no_time() -> None:
     assert completion_time_s(log(2.0, (1.0,))) is None  # opened before the trial began
 
 
-def write_log(path: Path) -> None:
+def log_in(folder: Path) -> None:
     """A log of two seconds without its packets."""
-    written = McapLog(path, header())
-    for record in live_records(2.0, video_bytes=100):
-        if not isinstance(record, PacketRecord):
-            written.write(record, START_NS)
-    written.close()
+    records = live_records(2.0, video_bytes=100)
+    kept = (one for one in records if not isinstance(one, PacketRecord))
+    write_log(folder / "session.mcap", kept)
 
 
 def test_the_time_is_measured_from_the_log_where_there_is_one(tmp_path: Path) -> None:
     assert marks_in(tmp_path) == Marks()
-    write_log(tmp_path / "session.mcap")
+    log_in(tmp_path)
     assert marks_in(tmp_path) == Marks()  # the arm was never engaged in that session
