@@ -34,7 +34,7 @@ from tams_app.telemetry.scene import (
     BASE,
     MOTION_HZ,
     Pace,
-    Placed,
+    PlacedFrame,
     Scene,
     joint_angles,
     tcp_frame,
@@ -141,7 +141,9 @@ class Conversion:
         yield Sent(topics.JOINTS, joints, wall_ns)
         if self._frames_pace.is_due(arm.received_ns):
             scene = self._scene
-            moved: Iterable[Placed] = [tcp_frame(arm)] if scene is None else scene.arm_frames(arm)
+            moved: Iterable[PlacedFrame] = (
+                [tcp_frame(arm)] if scene is None else scene.arm_frames(arm)
+            )
             yield self._transforms(topics.TF, wall_ns, moved)
 
     def _on_allocation(self, allocation: Allocation) -> Iterator[Sent]:
@@ -180,7 +182,9 @@ class Conversion:
         header = _header(wall_ns, "")
         return Sent(topics.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
 
-    def _transforms(self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[Placed]) -> Sent:
+    def _transforms(
+        self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[PlacedFrame]
+    ) -> Sent:
         moved = [
             messages.TransformStamped(
                 _header(wall_ns, self._frame(parent)),

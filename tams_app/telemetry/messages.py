@@ -25,7 +25,7 @@ from foxglove.messages import Pose as FoxglovePose
 
 from tams_app.recording.mcap_log import timestamp
 from tams_app.records import Lens, Pose, Solid, SolidKind
-from tams_app.telemetry.scene import BASE, Placed
+from tams_app.telemetry.scene import BASE, PlacedFrame
 from tams_app.vectors import Floats3
 
 _BOX_COLOUR = (0.95, 0.75, 0.10)
@@ -36,7 +36,7 @@ def pose_of(pose: Pose) -> FoxglovePose:
     return FoxglovePose(position=_vector(pose.position), orientation=_quaternion(pose))
 
 
-def transforms(wall_ns: int, frames: Iterable[Placed]) -> FrameTransforms:
+def transforms(wall_ns: int, frames: Iterable[PlacedFrame]) -> FrameTransforms:
     """Where the frames are."""
     return FrameTransforms(
         transforms=[

@@ -14,7 +14,7 @@ BASE = "base"
 TRACKING = "tracking"
 MOTION_HZ = 30.0
 
-Placed: TypeAlias = tuple[str, str, Pose]
+PlacedFrame: TypeAlias = tuple[str, str, Pose]
 """A frame's parent, its name, and its pose in the parent."""
 
 
@@ -45,26 +45,26 @@ class Scene:
     things: Mapping[str, tuple[Solid, ...]]  # by frame; none where only a camera sees them
     lenses: Mapping[str, Lens]  # by view; none where they were not measured
 
-    def arm_frames(self, arm: ArmState) -> Iterator[Placed]:
+    def arm_frames(self, arm: ArmState) -> Iterator[PlacedFrame]:
         """The TCP as reported, and the links as the reported joints put them."""
         yield tcp_frame(arm)
         if self.figure is not None:
             for link, pose in self.figure.place(arm.joints).items():
                 yield BASE, link, pose
 
-    def still_frames(self) -> Iterator[Placed]:
+    def still_frames(self) -> Iterator[PlacedFrame]:
         """What does not move in its parent: tracking, and the views."""
         yield BASE, TRACKING, self.tracking
         for view, lens in self.lenses.items():
             yield lens.parent, view, lens.pose
 
 
-def tcp_frame(arm: ArmState) -> Placed:
+def tcp_frame(arm: ArmState) -> PlacedFrame:
     """The TCP as reported, which needs no scene."""
     return BASE, "tcp", arm.tcp
 
 
-def thing_frames(truth: SceneTruth) -> Iterator[Placed]:
+def thing_frames(truth: SceneTruth) -> Iterator[PlacedFrame]:
     """The rig's things."""
     yield BASE, "block", truth.block
     yield BASE, "container", truth.container

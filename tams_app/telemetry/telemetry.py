@@ -51,7 +51,7 @@ from tams_app.telemetry.scene import (
     MOTION_HZ,
     TRACKING,
     Pace,
-    Placed,
+    PlacedFrame,
     Scene,
     joint_angles,
     thing_frames,
@@ -167,7 +167,7 @@ class Telemetry(Viewer):
         """Where the flange is believed to be, if it is time."""
         if not self._prediction_pace.is_due(prediction.now_ns):
             return
-        moved: list[Placed] = [(BASE, PREDICTED, prediction.now)]
+        moved: list[PlacedFrame] = [(BASE, PREDICTED, prediction.now)]
         if prediction.commanded is not None:
             moved.append((BASE, LED, prediction.commanded))
         self._log_frames("/tf/predicted", prediction.now_ns, moved)
@@ -200,7 +200,7 @@ class Telemetry(Viewer):
         for view, lens in scene.lenses.items():
             self._log(_calibration_topic(view), t_ns, calibration(wall_ns, view, lens))
 
-    def _log_frames(self, topic: str, t_ns: int, frames: Iterable[Placed]) -> None:
+    def _log_frames(self, topic: str, t_ns: int, frames: Iterable[PlacedFrame]) -> None:
         self._log(topic, t_ns, transforms(t_ns + self._offset_ns, frames))
 
     def _log_pose(self, topic: str, t_ns: int, frame: str, pose: Pose) -> None:
