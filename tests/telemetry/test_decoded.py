@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tams_app import gst
 from tams_app.recording import LOG_NAME, read_video
 from tams_app.records import EncodedFrame, Image, ShownFrame
 from tams_app.video.core.colour import bgr_of
+from tams_app.video.live.recorded import decoded
 from tests.foxglove_messages import messages
 from tests.session.virtual.runs import WALL_NS, run, short
 
@@ -36,27 +36,11 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Shown]:
     return folder / LOG_NAME, shown
 
 
-def decoded(frames: list[EncodedFrame], height: int, width: int) -> dict[int, Image]:
-    """By libav (`avdec_h264`), by index; the frames from the first on."""
-    Gst = gst.load().Gst
-    pipeline = gst.parse_pipeline(
-        "appsrc name=in format=time block=true max-buffers=8 "
-        'caps="video/x-h264,stream-format=byte-stream,alignment=au" '
-        "! h264parse ! avdec_h264 max-threads=1 ! video/x-raw,format=I420 "
-        "! appsink name=out sync=false"
-    )
-    gst.set_playing(pipeline, "the decoder")
-    source, sink = pipeline.get_by_name("in"), pipeline.get_by_name("out")
-    for order, frame in enumerate(frames):
-        source.emit("push-buffer", gst.raw_buffer(frame.data, order * Gst.MSECOND, Gst.MSECOND))
-    source.emit("end-of-stream")
-    images: dict[int, Image] = {}
-    while (sample := sink.emit("try-pull-sample", 20 * Gst.SECOND)) is not None:
-        buffer = sample.get_buffer()
-        index = frames[round(buffer.pts / Gst.MSECOND)].index
-        images[index] = bgr_of(gst.pixels_of(buffer), height, width)
-    gst.shut_down(pipeline)
-    return images
+def images_of(frames: list[EncodedFrame]) -> dict[int, Image]:
+    """By index, the frames from the first on."""
+    indices = {frame.capture_ns: frame.index for frame in frames}
+    found = decoded(iter(frames))
+    return {indices[capture_ns]: bgr_of(planes, 480, 640) for capture_ns, planes in found}
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -68,7 +52,7 @@ def test_from_each_keyframe_on_the_bitstream_gives_the_frames_that_were_shown(
     starts = [number for number, frame in enumerate(frames) if frame.keyframe]
     assert len(starts) >= 2
     for start in starts:
-        images = decoded(frames[start:], 480, 640)
+        images = images_of(frames[start:])
         assert list(images) == [frame.index for frame in frames[start:]]
         compared = [index for index in images if (view, index) in shown]
         assert len(compared) > 0
