@@ -51,7 +51,7 @@ class Recorder(Journal):
         self._queue: BoundedQueue[Record] = BoundedQueue(CAPACITY)
         self._worker = Worker("recorder", self._run, on_failure)
         self._began_ns: int | None = None  # to write; None: nothing is being written
-        self._told_lost = 0  # records of which the log says that they are lost
+        self._reported_lost = 0  # records of which the log says that they are lost
         self._warned: set[str] = set()
 
     def start(self) -> None:
@@ -138,9 +138,9 @@ class Recorder(Journal):
                 slice_end = time.perf_counter() + SLICE_S
         if packets:
             self._log.write(PacketBatch.of(packets), self._clock.now_ns())
-        if dropped > self._told_lost:
-            lost = RecordsLost(self._log.newest_ns, taken_ns, dropped - self._told_lost)
-            self._told_lost = dropped
+        if dropped > self._reported_lost:
+            lost = RecordsLost(self._log.newest_ns, taken_ns, dropped - self._reported_lost)
+            self._reported_lost = dropped
             self._log.write(lost, taken_ns)
 
 

@@ -41,12 +41,12 @@ class Address:
 
 
 def check_address(address: Address) -> None:
-    """SetupError in one sentence unless `address` can be had now."""
+    """SetupError in one sentence unless `address` can be used now."""
     bound(address).close()
 
 
 def bound(address: Address) -> socket.socket:
-    """A socket at `address`; SetupError if it is not to be had."""
+    """A socket at `address`; SetupError if it cannot be used."""
     try:
         family, kind, protocol, _, place = socket.getaddrinfo(
             address.host, address.port, type=socket.SOCK_STREAM
@@ -59,12 +59,12 @@ def bound(address: Address) -> socket.socket:
             bound.close()
             raise
     except (OSError, UnicodeError) as error:
-        raise refusal(address, str(getattr(error, "strerror", "") or error)) from error
+        raise unusable(address, str(getattr(error, "strerror", "") or error)) from error
     return bound
 
 
-def refusal(address: Address, why: str) -> SetupError:
-    """The error of an address that is not to be had."""
+def unusable(address: Address, why: str) -> SetupError:
+    """The error of an address that cannot be used."""
     return SetupError(
         f"--foxglove: nothing can connect at {address.host}:{address.port} ({why}): "
         "give another HOST:PORT of this computer"

@@ -15,8 +15,7 @@ from collections.abc import Collection
 from foxglove import Context, start_server
 
 from tams_app.runtime.worker import Worker
-from tams_app.telemetry.address import Address, bound
-from tams_app.telemetry.address import refusal as not_to_be_had
+from tams_app.telemetry.address import Address, bound, unusable
 
 MOST_VIEWERS = 8
 _MOST_CALLERS = 32  # viewers, and those whose request is not whole yet
@@ -54,7 +53,7 @@ class LiveServer:
     def __init__(
         self, context: Context, address: Address, name: str, origins: Collection[str]
     ) -> None:
-        """To programs, and to web pages of `origins`; SetupError if `address` is not to be had."""
+        """To programs, and to web pages of `origins`; SetupError if `address` cannot be used."""
         self._listening = bound(address)
         try:
             self._listening.listen()
@@ -64,7 +63,7 @@ class LiveServer:
             )
         except (OSError, RuntimeError, ValueError) as error:
             self._listening.close()
-            raise not_to_be_had(address, str(error)) from error
+            raise unusable(address, str(error)) from error
         self._inner = host, self._server.port
         self._origins = frozenset(origins)
         self._callers: set[asyncio.Task[None]] = set()
