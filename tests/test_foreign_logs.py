@@ -30,7 +30,7 @@ def log(path: Path, *messages: tuple[str, bytes], **changes: Any) -> Path:
     with path.open("wb") as file:
         writer = Writer(file)
         writer.start(profile=PROFILE)
-        head = ("/header", TOPICS[Header].codec.encode(header(**changes)))
+        head = ("/header", TOPICS[Header].encode(header(**changes)))
         for topic, data in (head, *messages):
             channel = writer.register_channel(topic, "json", 0)
             writer.add_message(channel, T_NS, data, T_NS)

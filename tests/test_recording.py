@@ -511,7 +511,7 @@ def test_a_file_that_is_not_ours_is_told_in_one_sentence(
 def test_a_foreign_header_is_told_without_the_inside_of_python(
     tmp_path: Path, foreign: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(HEADER.codec, "encode", lambda record: foreign)
+    monkeypatch.setattr(HEADER, "encode", lambda record: foreign)
     record_all(tmp_path / "session.mcap", [])
     with pytest.raises(LogError, match=r"/header is not as TAMS .* writes it") as caught:
         read_log(tmp_path / "session.mcap")

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from tams_app.errors import ConfigError, not_one_of
-from tams_app.recording.codec import Codec
 from tams_app.recording.rates import RATES
-from tams_app.recording.topics import TOPICS
+from tams_app.recording.topics import TOPICS, Topic
 
 _HEAD = """\
 # The fields of the log
@@ -35,22 +34,22 @@ _WORDS = {
 
 def reference(topic: str = "") -> str:
     """The whole document, or the table of one topic; ConfigError for one that has none."""
-    codecs = {topic.name: topic.codec for topic in (*TOPICS.values(), RATES)}
+    topics = {topic.name: topic for topic in (*TOPICS.values(), RATES)}
     if topic:
-        if topic not in codecs:
-            raise ConfigError(f"TOPIC: {not_one_of(topic, codecs)}")
-        return _table(topic, codecs[topic])
-    return "\n".join([_HEAD, *(_table(name, codec) for name, codec in codecs.items())])
+        if topic not in topics:
+            raise ConfigError(f"TOPIC: {not_one_of(topic, topics)}")
+        return _table(topics[topic])
+    return "\n".join([_HEAD, *map(_table, topics.values())])
 
 
-def _table(topic: str, codec: Codec[Any]) -> str:
+def _table(topic: Topic[Any]) -> str:
     rows = [
         f"| `{name}` | {_type(part)} | {part['description']} |"
-        for name, part in _parts(json.loads(codec.schema()))
+        for name, part in _parts(json.loads(topic.schema()))
     ]
-    about = " ".join((inspect.getdoc(codec.record_type) or "").split("\n\n")[0].split())
+    about = " ".join((inspect.getdoc(topic.record_type) or "").split("\n\n")[0].split())
     columns = "| Field | Type | Meaning |\n|---|---|---|"
-    return "\n".join([f"## `{topic}`", "", about, "", columns, *rows, ""])
+    return "\n".join([f"## `{topic.name}`", "", about, "", columns, *rows, ""])
 
 
 def _parts(schema: dict[str, Any], before: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -53,8 +53,8 @@ def timestamp(wall_ns: int) -> Timestamp:
 
 def json_channel(context: Context, topic: Topic[Any]) -> Any:
     """A channel for records of ours, with their schema."""
-    name = topic.codec.record_type.__name__
-    schema = Schema(name=name, encoding="jsonschema", data=topic.codec.schema())
+    name = topic.record_type.__name__
+    schema = Schema(name=name, encoding="jsonschema", data=topic.schema())
     # not foxglove.Channel: that one keeps every channel of the process in a global table
     return context._create_channel(topic.name, message_encoding="json", schema=schema)
 
@@ -195,7 +195,7 @@ class McapLog:
         if channel is None:
             channel = json_channel(self._context, topic)
             self._channels[topic.name] = channel
-        channel.log(topic.codec.encode(item), t_ns + self._offset_ns)
+        channel.log(topic.encode(item), t_ns + self._offset_ns)
 
     def _write_video(self, frame: EncodedFrame) -> None:
         self._write_record(FrameSent.of(frame), frame.encoded_ns)

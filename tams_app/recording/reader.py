@@ -40,7 +40,7 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
         topic = _topic(name, None if log is None else log.header)
         if topic is None:
             continue
-        record_type = topic.codec.record_type
+        record_type = topic.record_type
         if log is None or only is None or record_type in only or record_type is RecordsLost:
             record = _decode(path, topic, message.data)
             if isinstance(record, Header):
@@ -78,7 +78,7 @@ def read_records(path: Path, only: Container[type] | None = None) -> Iterator[tu
     sent: dict[str, FrameSent] = {}  # by the topic that their bytes follow on
     for name, message in McapStream(path, PROFILE):
         if (topic := _topic(name, header)) is not None:
-            if header is not None and only is not None and topic.codec.record_type not in only:
+            if header is not None and only is not None and topic.record_type not in only:
                 continue
             record = _decode(path, topic, message.data)
         elif (frame := sent.pop(name, None)) is not None:
@@ -137,7 +137,7 @@ def _video_bytes(message: bytes) -> bytes:
 def _decode(path: Path, topic: Any, data: bytes) -> Any:
     """One record."""
     with _as_we_write_it(path, topic.name):
-        record = topic.codec.decode(data)
+        record = topic.decode(data)
         if isinstance(record, Header):
             if record.schema > SCHEMA:
                 raise UnreadableLogError(

@@ -103,7 +103,7 @@ def _messages(path: Path) -> Iterator[tuple[str, float, bytes]]:
     began_ns: int | None = None
     for topic, message in McapStream(path, PROFILE):
         if topic == HEADER.name:
-            header = HEADER.codec.decode(message.data)
+            header = HEADER.decode(message.data)
             began_ns = header.started_ns + header.wall_offset_ns
         if began_ns is None:
             break

@@ -9,7 +9,7 @@ import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from operator import attrgetter
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_stream import Gap, damage_sentence
@@ -223,14 +223,14 @@ _KINDS = {kind.value: kind for kind in PacketKind}
 _FATES = {fate.value: fate for fate in PacketFate}
 
 
-class Topic(Generic[T]):
-    """Where records of one type go, and the instant each stands for."""
+class Topic(Codec[T]):
+    """Where records of one type go, their form there, and the instant each stands for."""
 
     def __init__(self, name: str, record_type: type[T], time: str = "t_ns") -> None:
         """`time`: the field that has it [ns], which must exist."""
         inspect.getattr_static(record_type, time)
+        super().__init__(record_type)
         self.name = name
-        self.codec = Codec(record_type)
         self.time_ns = attrgetter(time)
 
 
@@ -329,7 +329,7 @@ HEADER = Topic("/header", Header, "started_ns")
 _IN_LISTS: dict[str, Topic[Any]] = {
     one.name: one.metadata[Topic] for one in fields(SessionLog) if Topic in one.metadata
 }
-_LISTS = {topic.codec.record_type: name for name, topic in _IN_LISTS.items()}
+_LISTS = {topic.record_type: name for name, topic in _IN_LISTS.items()}
 _TOPICS: tuple[Topic[Any], ...] = (
     HEADER,
     Topic("/facts", Facts),
@@ -337,7 +337,7 @@ _TOPICS: tuple[Topic[Any], ...] = (
     Topic("/packets", PacketBatch),
     Topic("/outcome", OutcomeGiven),
 )
-TOPICS = {topic.codec.record_type: topic for topic in _TOPICS}
+TOPICS = {topic.record_type: topic for topic in _TOPICS}
 
 LOG_NAME = "session.mcap"  # in a session's folder
 FORMER_NAMES = {"/rates": "/cameras"}  # of topics, up to schema 3

@@ -6,9 +6,8 @@ from typing import Any
 
 import msgspec
 
-from tams_app.recording.codec import Codec
 from tams_app.recording.rates import RATES, Rates
-from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven
+from tams_app.recording.topics import TOPICS, Facts, FrameSent, Header, OutcomeGiven, Topic
 from tams_app.records import (
     Allocation,
     EncodedFrame,
@@ -27,9 +26,9 @@ _LOGGED = (
     *(Header, Facts, Tick, SceneTruth, PhaseChange, Note, StopRecord, OutcomeGiven, FrameSent),
     Allocation,
 )
-_CODECS: dict[type, Codec[Any]] = {one: TOPICS[one].codec for one in _LOGGED}
-_CODECS[Rates] = RATES.codec
-_BY_NAME = {one.__name__: codec for one, codec in _CODECS.items()}
+_TOPICS: dict[type, Topic[Any]] = {one: TOPICS[one] for one in _LOGGED}
+_TOPICS[Rates] = RATES
+_BY_NAME = {one.__name__: topic for one, topic in _TOPICS.items()}
 
 
 class _Datagram(msgspec.Struct, array_like=True):
@@ -45,10 +44,10 @@ def encode(record: Any) -> bytes | None:
     data = None
     if isinstance(record, EncodedFrame):
         record, data = FrameSent.of(record), record.data
-    codec = _CODECS.get(type(record))
-    if codec is None:
+    topic = _TOPICS.get(type(record))
+    if topic is None:
         return None
-    return msgspec.msgpack.encode(_Datagram(type(record).__name__, codec.encode(record), data))
+    return msgspec.msgpack.encode(_Datagram(type(record).__name__, topic.encode(record), data))
 
 
 def decode(content: bytes | memoryview) -> Any:

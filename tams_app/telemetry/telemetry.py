@@ -126,7 +126,7 @@ class Telemetry(Viewer):
             case Note() | StopRecord() | OutcomeGiven():
                 self._on_line(record)
             case Rates():
-                self._log(RATES.name, record.t_ns, RATES.codec.encode(record))
+                self._log(RATES.name, record.t_ns, RATES.encode(record))
             case ShownFrame():
                 self._on_picture(record)
 

@@ -51,7 +51,7 @@ def records(data: bytes) -> None:
         topic = RECORDS[data[0] % len(RECORDS)]
         # what `recording.reader` takes for a record of another version
         with suppress(AttributeError, KeyError, TypeError, ValueError):
-            topic.codec.decode(data[1:])
+            topic.decode(data[1:])
 
 
 def log(data: bytes) -> None:
