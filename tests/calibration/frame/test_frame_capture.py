@@ -11,12 +11,11 @@ from calibration.frame.fit import fit_strokes, turn_deg
 from calibration.frame.stroke import RefusedError, StrokeFault
 from tams_app.config import load_config
 from tams_app.errors import LogError
-from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
 from tests.calibration.frame.synthetic import stroke
-from tests.synthetic_session import header, tick
+from tests.synthetic_session import header, tick, write_log
 
 pytestmark = pytest.mark.untimed
 
@@ -118,10 +117,8 @@ def recorded_session(tmp_path, on_the_rig):
     folder = tmp_path / "logs"
     folder.mkdir()
     config = {"rig": {"enabled": on_the_rig}}
-    log = McapLog(folder / "session.mcap", replace(header(), config=config))
-    for made in session(*rounds(2, np.random.default_rng(0))):
-        log.write(made, made.finished_ns)
-    log.close()
+    made = session(*rounds(2, np.random.default_rng(0)))
+    write_log(folder / "session.mcap", made, header(config=config))
     return folder
 
 
