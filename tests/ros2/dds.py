@@ -13,7 +13,7 @@ from cyclonedds.domain import DomainParticipant
 from cyclonedds.pub import DataWriter
 from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
-from cyclonedds.topic import RosTopic as DdsTopic
+from cyclonedds.topic import Topic as DdsTopic
 
 from tams_app.ros2.messages import Empty
 from tams_app.ros2.topics import STOP, RosTopic
