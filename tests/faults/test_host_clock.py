@@ -28,7 +28,7 @@ PACKAGES = ("tams_app", "hw")
 MAY_ASK = {
     "tams_app/session/recorders.py",
     "tams_app/session/folder.py",
-    "tams_app/session/virtual/runner.py",  # for the header of a virtual trial's log
+    "tams_app/study/runner.py",  # for the header of a virtual trial's log
 }
 WALL = {
     "time": {"time", "time_ns", "localtime", "gmtime", "strftime", "ctime", "asctime"},
