@@ -24,8 +24,7 @@ def view_measures(replay: Replay, view: str) -> Measures:
     """Rates, times, frames and loss of one view; SSIM over all frames that have a score."""
     log, span = replay.log, replay.span
     tables = LogTables(log)
-    packets, targets = tables.packets, tables.targets
-    mine = packets.is_video & (packets.view == log.header.views.index(view))
+    mine = tables.packets.is_video & (tables.packets.view == log.header.views.index(view))
     media = [
         one
         for one in log.packets
@@ -33,8 +32,8 @@ def view_measures(replay: Replay, view: str) -> Measures:
     ]
     quality = [one for one in log.quality if one.view == view and replay.inside(one.capture_ns)]
     return {
-        "target_kbps": step_mean(targets.t_ns, targets.kbps[view], span),
-        "sent_kbps": rate_kbps(packets, mine, packets.entered_ns, span),
+        "target_kbps": step_mean(tables.targets.t_ns, tables.targets.kbps[view], span),
+        "sent_kbps": rate_kbps(tables.packets, mine, tables.packets.entered_ns, span),
         **{f"{kind}_ssim": _mean(scores(quality, kind)) for kind in KINDS},
         **{f"{kind}_ssim_n": float(len(scores(quality, kind))) for kind in KINDS},
         **_times(replay, view),

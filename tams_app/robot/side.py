@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 
 from hw.boundary import session_boundary
@@ -42,16 +41,21 @@ LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
 class Ground:
-    """What all parts of the robot's side stand on."""
+    """What all parts of the robot's side stand on; `ending` is the session's."""
 
-    config: Config
-    clock: Clock
-    parts: Parts
-    log: Journal
-    signals: Signals
-    ending: Ending  # of the session
+    def __init__(
+        self,
+        config: Config,
+        clock: Clock,
+        parts: Parts,
+        log: Journal,
+        signals: Signals,
+        ending: Ending,
+    ) -> None:
+        self.config, self.clock, self.parts = config, clock, parts
+        self.log, self.signals, self.ending = log, signals, ending
+        self.board = StatusBoard(config, log.newest)
 
 
 def start_devices(ground: Ground) -> Devices:
@@ -64,7 +68,6 @@ def start_devices(ground: Ground) -> Devices:
 
 def start_video(
     ground: Ground,
-    board: StatusBoard,
     operator: StreamedOperator,
     codecs: Codecs,
     captured: Callable[[Frame], None] = lambda _frame: None,
@@ -82,7 +85,7 @@ def start_video(
         log.note(level, f"the trace of network {config.network}: {text}")
 
     def on_packets(packets: list[PacketRecord]) -> None:
-        board.packets(packets)
+        ground.board.packets(packets)
         log.packets(packets)
 
     video = Senders(
@@ -113,7 +116,6 @@ class RobotSide(Listener):
     def __init__(
         self,
         ground: Ground,
-        board: StatusBoard,
         devices: Devices,
         video: Senders,
         operator: StreamedOperator,
@@ -128,8 +130,8 @@ class RobotSide(Listener):
         a model of it.
         """
         config, log, parts = ground.config, ground.log, ground.parts
-        self._ground, self._board = ground, board
-        self._devices, self._video, self._operator = devices, video, operator
+        self._ground, self._devices = ground, devices
+        self._video, self._operator = video, operator
         self._control: Worker | None = None
         self._rates = FrameRates(config.video.views, ground.clock, log.record)
         keeping, self._episodes = config.recording, None
@@ -152,7 +154,7 @@ class RobotSide(Listener):
             log,
             ground.signals,
             lambda: ground.ending.end("the trial is over"),
-            (board, *filter(None, (self._episodes,)), *listeners, self),
+            (ground.board, *filter(None, (self._episodes,)), *listeners, self),
             arm_at_once,
             self._on_placed,
         )
@@ -224,7 +226,7 @@ class RobotSide(Listener):
     def state(self) -> SessionState:
         """The session as this side knows it now, from any thread, and quickly."""
         operator = self._operator
-        return self._board.state(
+        return self._ground.board.state(
             self._ground.clock.now_ns(),
             self._ground.ending.elapsed_s(),
             operator,

@@ -10,7 +10,6 @@ from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
-from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock
 from tams_app.session.session import Session
 from tams_app.video.live.installed_codecs import installed_codecs
@@ -37,7 +36,7 @@ def robot(
         codecs = installed_codecs(config.video)
         log, parts = session.open_log(config), session.parts
         ground = Ground(config, clock, parts, log, signals, session)
-        board, devices = StatusBoard(config, log.newest), start_devices(ground)
+        devices = start_devices(ground)
 
         def gateway(welcome: bytes) -> Gateway:
             made = Gateway("robot", endpoint, welcome, parts.logs)
@@ -46,16 +45,14 @@ def robot(
 
         operator = LinkedOperator(config, clock, signals, log, gateway, folder.name)
         session.forward_notes(operator.note)
-        video = start_video(ground, board, operator, codecs, link=config.link)
+        video = start_video(ground, operator, codecs, link=config.link)
         session.go_on()
         devices.wait_ready()
         if config.rig.enabled:
             log.fact("operator", "elsewhere")
             log.note("info", "the operator is at another computer")
         session.go_on()
-        side = RobotSide(
-            ground, board, devices, video, operator, arm_at_once=arm_at_once, dry_run=dry_run
-        )
+        side = RobotSide(ground, devices, video, operator, arm_at_once=arm_at_once, dry_run=dry_run)
         session.ready(side)
         side.begin()
         return side

@@ -11,7 +11,6 @@ from tams_app.config import Config
 from tams_app.records import SessionState
 from tams_app.robot.control import Signals
 from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
-from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock
 from tams_app.session.local_operator import LocalOperator
 from tams_app.session.predicting import follow_states, predicted_cameras
@@ -34,7 +33,7 @@ def run(
         cameras, is_rig = predicted_cameras(config), config.rig.enabled
         station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
         ground = Ground(config, clock, parts, log, signals, session)
-        board, devices = StatusBoard(config, log.newest), start_devices(ground)
+        devices = start_devices(ground)
         station.launch(confirms=not arm_at_once, world_memory=devices.memory_name)
         quality = LiveQuality(
             config.video, station.screen, parts.logs, log.record, log.note, station.mount
@@ -44,13 +43,13 @@ def run(
         regions = task_regions(config)  # of the frames that are scored
         captured = regions.through(quality.captured)
         operator = LocalOperator(station, config, codecs.decoder)
-        video = start_video(ground, board, operator, codecs, captured)
+        video = start_video(ground, operator, codecs, captured)
         session.go_on()
         devices.wait_ready()
         station.wait_ready()
         session.go_on()
         listeners = (*follow_states(config, clock, parts, log, station.mount), regions)
-        robot = RobotSide(ground, board, devices, video, operator, listeners, arm_at_once, dry_run)
+        robot = RobotSide(ground, devices, video, operator, listeners, arm_at_once, dry_run)
         both = BothSides(robot, station, quality)
         session.ready(both)
         robot.begin()

@@ -100,7 +100,6 @@ class Sides:
             self.signals,
             self.robot_log,
             make_gateway,
-            lambda now_ns: self.board.state(now_ns, 1.0, SteadyVideo(), hand_of(config)),
             "20260101-120000-robot",
         )
         self.sent = {view: SentFrames() for view in VIEWS}

@@ -20,7 +20,7 @@ from tests.scripted_ui import ScriptedConsole
 from tests.study.synthetic_study import PlantedRunner, fill_study, make_study
 from tests.study.test_guided import HARDWARE
 from tests.study.test_unattended import SMALL
-from tests.study.test_verdict import write_log
+from tests.study.test_verdict import log_in
 
 pytestmark = pytest.mark.untimed
 
@@ -87,7 +87,7 @@ def test_the_tracking_example_is_drawn_from_a_fitting_trial_s_log(
     study = make_study(tmp_path, 1, **SMALL)
     fill_study(study, PlantedRunner())
     for trial in study.load().trials:
-        write_log(tmp_path / trial.attempts[0].folder / "session.mcap")
+        log_in(tmp_path / trial.attempts[0].folder)
     report = build_report(read_results(study))
     assert "rate of each view, TAMS on S2 (P01-0" in report.html
     assert report.figures["tracking"] == b"drawn"
