@@ -56,7 +56,10 @@ _NOT_TOLD = (
 
 
 class LinkedOperator(StreamedOperator):
-    """Owner of the gateway; `open`, then all but `close` and `note` in the control thread."""
+    """Owner of the gateway; `open`, then `close`, `note` and `receive` from any thread.
+
+    All else is for the control thread.
+    """
 
     def __init__(
         self,
@@ -213,12 +216,14 @@ class LinkedOperator(StreamedOperator):
                 self._log.record(self._health(record.started_ns))
 
     def wants_state(self, now_ns: int) -> bool:
-        return self._gateway is not None and now_ns >= self._state_due_ns
+        if self._gateway is None or now_ns < self._state_due_ns:
+            return False
+        self._state_due_ns = now_ns + self._state_ns  # from tick to tick, whatever a tick takes
+        return True
 
     def show(self, state: SessionState) -> None:
         assert self._gateway is not None, "open it first"
         hand = self._hand
-        self._state_due_ns = state.now_ns + self._state_ns
         first_ns = tuple(sent.first_ns for sent in self._sent.values())
         acknowledged = hand.acknowledged
         self._gateway.send(

@@ -109,13 +109,13 @@ class StreamedOperator(Operator):
         """
 
     def wants_state(self, now_ns: int) -> bool:
-        """Ask whether they are to be sent the session's state.
+        """Ask in each tick whether they are to be sent the session's state.
 
         Args:
             now_ns: the time of the tick [ns].
 
         Returns:
-            True if `show` is to be called with it now.
+            True if `show` is to be called with it now; the next one is due by that.
         """
         return False
 

@@ -15,7 +15,7 @@ from tams_app.robot import linked_operator
 from tams_app.robot.control import Signals
 from tams_app.robot.linked_operator import LinkedOperator
 from tams_app.runtime.clock import VirtualClock
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
 from tests.session.exchange import MemoryJournal
@@ -41,7 +41,8 @@ def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states
         clock.advance_ns(TICK_NS)
         now_ns = clock.now_ns()
         if operator.wants_state(now_ns):
-            operator.show(msgspec.structs.replace(STATE, now_ns=now_ns))
+            made_ns = now_ns + 2 * NS_PER_MS  # what a tick takes until then
+            operator.show(msgspec.structs.replace(STATE, now_ns=made_ns))
     assert len(sent) == pytest.approx(states, abs=1)
 
 
