@@ -8,12 +8,12 @@ from tams_app.records import Record
 class Listener:
     """A part that receives what the control loop and the policy loop record.
 
-    Nothing here may block. Records of the control loop (`PinnedView`, `PhaseChange`, the `Tick`,
-    then what follows from it: `Note`, `StopRecord`) come in the control thread, once the arm has
-    its command;
-    those of the policy loop (`UplinkSummary`, `PolicyInputs`, and last the `Allocation`, which the
-    encoders have by then) in the policy thread. The listeners of a session receive each record in
-    the order in which `Engine` names them.
+    Nothing here may block. Records of the control loop (`PinnedView`, `PhaseChange`, a `Note` on a
+    confirmation that came too late, the `Tick`, then what follows from it: `Note`, `StopRecord`)
+    come in the control thread, once the arm has its command; those of the policy loop
+    (`UplinkSummary`, `PolicyInputs`, and last the `Allocation`, which the encoders have by then) in
+    the policy thread. The listeners of a session receive each record in the order in which `Engine`
+    names them.
     """
 
     def on_wake(self, now_ns: int) -> None:

@@ -274,7 +274,8 @@ class RobotSide(Listener):
             return
         self._devices.put_back()
         self._engine.trial.again()
-        self._record_placed(False)
+        if self._devices.truth is not None:  # else nothing was put back, and no judge sees it
+            self._record_placed(False)
 
     def _on_placed(self) -> None:
         self._record_placed(True)

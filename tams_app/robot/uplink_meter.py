@@ -32,6 +32,11 @@ class UplinkMeter:
         self._packets: deque[PacketRecord] = deque()
         self._emulated = False
 
+    @property
+    def emulated(self) -> bool:
+        """Whether the network is emulated: what receivers report does not count then."""
+        return self._emulated
+
     def packets(self, packets: Sequence[PacketRecord]) -> None:
         """Newly decided packet fates; those older than the window are forgotten."""
         with self._lock:

@@ -61,11 +61,11 @@ class Video(ABC):
                 view,
                 video,
                 self._rule.rtx,
-                kbps,
+                start_kbps[view],
                 policy.source_drop_below_kbps,
                 codecs.encoder,
             )
-            for view, kbps in start_kbps.items()
+            for view in video.views
         }
         protected = video.views if self._rule.parity else ()
         always = video.repair.parity == "on"

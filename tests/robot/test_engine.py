@@ -193,7 +193,7 @@ def test_a_phase_change_reaches_the_encoders_through_the_listeners_alone(bench):
     assert bench.video.targets[-1] == bench.log.of(Allocation)[0].target_kbps
 
 
-def test_the_log_has_a_tick_after_everything_that_followed_from_it(bench):
+def test_the_log_has_the_tick_of_a_new_phase_right_after_it(bench):
     bench.engage()
     bench.log.records.clear()
     bench.hand.a = True

@@ -37,7 +37,7 @@ class LogIndex:
         self._log = log
         self._views = log.header.views
         stops = sorted(log.stops, key=lambda stop: stop.visible_ns)
-        # up to version 3 a log has it in words alone
+        # a log without the record has it in words alone
         placed = log.placed or [
             Placed(one.t_ns, placed=True) for one in log.notes if one.text.startswith(PLACED)
         ]
