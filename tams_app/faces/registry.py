@@ -52,7 +52,7 @@ class ShowsEnd(Protocol):
     """The operator's answer to what was shown last; None: none yet."""
 
     def end(self) -> None:
-        """Show that the session is over; in place of `Shown.close`, which comes later."""
+        """Show that the session is over; in place of `SessionDisplay.close`, which comes later."""
 
     def show_end(self, end: Ended) -> None:
         """Show what came of it.

@@ -38,6 +38,9 @@ class ArmRig(ABC):
     """An arm that stands at its ready pose, a way to let time pass, and what can go wrong."""
 
     limits = LITE6_LIMITS  # 1.2 times as much is commanded and must be refused
+    ready_joints = READY_JOINTS  # [rad]
+    rest_mm, rest_rad = 1e-3, 1e-6  # reports of an arm that stands differ by less
+    deadman_s = ArmConfig().velocity_deadman_s
     collision: str  # how the arm's controller names it
     gripper_attempts: int  # at a command that the controller refuses
 

@@ -16,14 +16,14 @@ from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Pose, Twist
-from tests.contract.conftest import BOUNDARY, READY_JOINTS, ArmRig, Lite6Rig, raised
+from tests.contract.conftest import BOUNDARY, ArmRig, Lite6Rig, raised
 
 pytestmark = pytest.mark.waiting
 
 ONE_LINE = r"\A.+\Z"
 SIDEWAYS = Twist((0.0, 0.05, 0.0), (0.0, 0.0, 0.0))
 TURN_RAD_S = 0.4
-FAR_TURNED = READY_JOINTS + np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+FAR_RAD = np.radians([60.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 WINDOWS = 5  # of a speed: the median counts
 BEYOND = 1.2  # times what it can do
 LITE6_ONLY = pytest.mark.parametrize("rig", ["tcp", "virtual"], indirect=True)
@@ -42,7 +42,7 @@ def moves(rig: ArmRig, arm: Arm, before: Pose) -> bool:
 
 def stands(rig: ArmRig, arm: Arm, before: Pose) -> bool:
     """It is still where it was; nothing trembles here."""
-    return distance_mm(before, rig.next_state(arm).tcp) < 1e-3
+    return distance_mm(before, rig.next_state(arm).tcp) < rig.rest_mm
 
 
 # --- connecting ---------------------------------------------------------------------------------
@@ -63,7 +63,7 @@ def test_connecting_leaves_the_arm_stopped_where_it_is(rig: ArmRig, arm: Arm) ->
     state, link = rig.next_state(arm), arm.link()
     assert state.activity is Activity.STOPPED
     assert state.fault is None
-    assert np.abs(state.joints - READY_JOINTS).max() < 1e-6
+    assert np.abs(state.joints - rig.ready_joints).max() < rig.rest_rad
     assert (link.failure, link.fault) == ("", LinkFault.NONE)
 
 
@@ -143,7 +143,7 @@ def test_a_twist_turns_the_tcp_about_its_axis_in_the_base_frame(rig: ArmRig, ena
 
 def test_the_arm_stops_by_itself_when_commands_cease(rig: ArmRig, enabled: Arm) -> None:
     rig.stream(enabled, SIDEWAYS, 0.3)
-    rig.advance(ArmConfig().velocity_deadman_s + 0.2)
+    rig.advance(rig.deadman_s + 0.2)
     at_rest = rig.next_state(enabled).tcp
     rig.advance(0.2)
     assert stands(rig, enabled, at_rest)
@@ -182,7 +182,7 @@ def test_a_twist_that_no_arm_may_follow_is_refused_until_enabled_again(
 
 
 def test_moving_to_joints_arrives_and_leaves_no_servo_enabled(rig: ArmRig, arm: Arm) -> None:
-    goal = READY_JOINTS + np.radians([6.0, -4.0, -4.0, 3.0, 5.0, -6.0])
+    goal = rig.ready_joints + np.radians([6.0, -4.0, -4.0, 3.0, 5.0, -6.0])
     arm.begin_move_to_joints(goal.tolist(), 0.8)
 
     def arrived() -> bool:
@@ -197,7 +197,7 @@ def test_moving_to_joints_arrives_and_leaves_no_servo_enabled(rig: ArmRig, arm: 
 
 
 def test_a_move_to_joints_keeps_its_speed(rig: ArmRig, arm: Arm) -> None:
-    arm.begin_move_to_joints(FAR_TURNED.tolist(), 0.2)
+    arm.begin_move_to_joints((rig.ready_joints + FAR_RAD).tolist(), 0.2)
     rig.advance(0.5)
     speeds = []
     for _ in range(WINDOWS):
@@ -210,7 +210,7 @@ def test_a_move_to_joints_keeps_its_speed(rig: ArmRig, arm: Arm) -> None:
 
 
 def test_a_move_that_no_arm_may_make_is_refused(rig: ArmRig, arm: Arm) -> None:
-    ready = READY_JOINTS.tolist()
+    ready = rig.ready_joints.tolist()
     out_of_reach = [*ready[:1], math.radians(rig.limits.joint_upper_deg[1] + 10.0), *ready[2:]]
     for joints, speed in (
         (out_of_reach, 0.5),
@@ -223,7 +223,7 @@ def test_a_move_that_no_arm_may_make_is_refused(rig: ArmRig, arm: Arm) -> None:
 
 
 def test_a_move_is_ended_by_a_stop_and_not_taken_up_again(rig: ArmRig, arm: Arm) -> None:
-    arm.begin_move_to_joints(FAR_TURNED.tolist(), 0.5)
+    arm.begin_move_to_joints((rig.ready_joints + FAR_RAD).tolist(), 0.5)
     rig.advance(0.3)
     arm.stop()
     assert rig.until(lambda: rig.next_state(arm).activity is Activity.STOPPED)
