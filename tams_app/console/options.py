@@ -176,6 +176,7 @@ def overriding(
 
     def decorated(function: CommandFunction) -> CommandFunction:
         own = inspect.signature(function, eval_str=True).parameters
+        assert {*own} <= {"overrides", *order.split()}, "an option that --help would not list"
         options = {name: known[name] for name in order.split() if name not in own}
 
         @wraps(function)

@@ -198,3 +198,5 @@ def test_several_sessions_are_a_bag_each_and_beside_their_logs_without_a_place(
         f"{one}/rosbag2" for one in folders
     ]
     assert all((one / "rosbag2" / "metadata.yaml").exists() for one in folders)
+    with AnyReader([folders[0] / "rosbag2"]) as reader:
+        assert reader.topics["/tf_static"].msgcount == 1, "the scene of the log's own header"

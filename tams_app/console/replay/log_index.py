@@ -59,7 +59,8 @@ class LogIndex:
         self._rates: dict[int, SessionState] = {}  # by time, as they are asked for
         captured: dict[str, dict[int, int]] = {view: {} for view in self._views}
         for frame in log.captured:
-            captured[frame.view][frame.index] = frame.capture_ns
+            if frame.view in captured:  # a foreign log may have others
+                captured[frame.view][frame.index] = frame.capture_ns
         self._captured_ns = {
             view: np.sort(_times([*known.values()])) for view, known in captured.items()
         }
