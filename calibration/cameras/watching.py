@@ -128,7 +128,7 @@ class Watcher:
                 continue
             view = self._seen.get(WRIST_VIEW)
             if self._rested is None:
-                state = "nothing is heard of the arm"
+                state = "the arm sends no reports"
             elif view is None:
                 state = "no board, or not at rest"
             elif any(_near(self._rested, one.flange, _NEW_POSE_M, _NEW_POSE_DEG) for one in taken):

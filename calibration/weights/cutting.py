@@ -171,7 +171,7 @@ def open_session(given: Path, views: Sequence[str]) -> RecordedSession:
             f"{', '.join(views)}: give a session of this set-up"
         )
     if not log.phases:
-        raise UnreadableLogError(f"{folder}: tells no phases; give another session")
+        raise UnreadableLogError(f"{folder}: the log has no phases; give another session")
     kept = log.header.config.get("recording", {}).get("bitstream", True)
     if not kept and not (folder / REFERENCE_NAME).is_file():
         raise UnreadableLogError(

@@ -133,7 +133,7 @@ class Observer(Protocol):
     """Draws conclusions from ticks; no thread, clock or file."""
 
     def step(self, inputs: TeleopInput, output: TeleopOutput) -> Sequence[Record]:
-        """What follows from this tick, for the log and whoever reads it."""
+        """What follows from this tick, for the log and the listeners."""
 
 
 class Teleoperation(Protocol):

@@ -125,25 +125,25 @@ def prediction_errors(log: SessionLog) -> dict[str, Any]:
     Errors are of the flange, of predictions for times at which its pose became known later, while
     it had moved by more than 2 mm since the newest state.
     """
-    told = log.predictions
-    error_mm, newest_mm, error_deg = _counted_errors(told) if told else (np.empty(0),) * 3
+    made = log.predictions
+    error_mm, newest_mm, error_deg = _counted_errors(made) if made else (np.empty(0),) * 3
     return {
         "error_mm": percentiles(error_mm, _NAMES),
         "error_deg": percentiles(error_deg, _NAMES),
         "newest_state_mm": percentiles(newest_mm, _NAMES),
-        "trusted_fraction": ratio(sum(one.trusted for one in told), len(told)),
-        "camera_fits": all(one.camera_fits for one in told) if told else None,
+        "trusted_fraction": ratio(sum(one.trusted for one in made), len(made)),
+        "camera_fits": all(one.camera_fits for one in made) if made else None,
     }
 
 
-def _counted_errors(told: list[MountPrediction]) -> tuple[Floats, Floats, Floats]:
+def _counted_errors(predictions: list[MountPrediction]) -> tuple[Floats, Floats, Floats]:
     """Of the predictions that count: their error, and what the newest state was off by."""
-    states = {one.then_ns: one.then for one in told}
+    states = {one.then_ns: one.then for one in predictions}
     times_ns = np.array(sorted(states), dtype=np.int64)
     known = _pose_rows([states[t_ns] for t_ns in times_ns.tolist()])
-    predicted = _pose_rows([one.now for one in told])
-    newest = _pose_rows([one.then for one in told])
-    at_ns = np.array([one.now_ns + one.offset_ns for one in told], dtype=np.int64)
+    predicted = _pose_rows([one.now for one in predictions])
+    newest = _pose_rows([one.then for one in predictions])
+    at_ns = np.array([one.now_ns + one.offset_ns for one in predictions], dtype=np.int64)
     since_ns = at_ns - times_ns[0]
     true = np.stack(
         [np.interp(since_ns, times_ns - times_ns[0], column) for column in known.T], axis=1

@@ -1,4 +1,4 @@
-"""The entry of one view in summary.json: its frames, where their time goes, and what lacks."""
+"""The entry of one view in summary.json: its frames, where their time goes, and what is missing."""
 
 from __future__ import annotations
 

@@ -215,4 +215,4 @@ def test_an_arm_whose_flange_is_not_known_and_one_that_is_not_heard_give_no_moun
     measuring.measure_mounts(ui, bench, Board(), found, {"eih": lens}, figure)
     assert found[0].mount is None
     assert any("no mount: 0 poses of the arm, 12 are needed" in text for text in ui.said)
-    assert "nothing is heard of the arm" in str(ui.shown[-1])
+    assert "the arm sends no reports" in str(ui.shown[-1])

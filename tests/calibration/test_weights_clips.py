@@ -231,7 +231,7 @@ FLICKER = [(0.1 * n, (Phase.REACH, Phase.ALIGN)[n % 2]) for n in range(5)]
 @pytest.mark.parametrize(
     ("phases", "seconds", "changes", "words"),
     [
-        ([], 0.1, {}, "tells no phases"),
+        ([], 0.1, {}, "has no phases"),
         (FLICKER, 0.5, {}, "no phase lasts long enough"),
         (TWO_PHASES, 0.0, {}, "s1: has no frames of eih"),
         (TWO_PHASES, 0.1, {"recording": {"bitstream": False}}, r"set recording\.bitstream: true"),
