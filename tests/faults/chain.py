@@ -101,7 +101,9 @@ class Chain:
             overrides={"video.width": WIDTH, "video.height": HEIGHT, "video.fps": FPS}
         )
         self.failures: list[tuple[str, BaseException]] = []
-        self.ages_ns: list[int] = []  # of the primary view, as the control loop asked for it
+        # Of the primary view, as the control loop asked for them:
+        self.ages_ns: list[int] = []
+        self.are_damaged: list[bool] = []
         clock = MonotonicClock()
         log = NoLog(clock, on_shown)
         self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
@@ -143,7 +145,8 @@ class Chain:
         return age
 
     def is_damaged(self, view: str) -> bool:
-        return self.operator.is_damaged(view)
+        self.are_damaged.append(self.operator.is_damaged(view))
+        return self.are_damaged[-1]
 
     def is_fresh(self) -> bool:
         """Whether every view shows a young frame."""
