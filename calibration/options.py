@@ -79,13 +79,6 @@ class CameraOptions(WizardOptions):
 class FrameOptions(WizardOptions, LogOptions):
     """Measure how the controller's axes lie; check its buttons."""
 
-    touch: Annotated[
-        Path | None,
-        typer.Option(metavar="POINTS.csv", help="Touch these points (x_mm, y_mm, z_mm) instead."),
-    ] = None
-    keep_scale: Annotated[
-        bool, typer.Option("--keep-scale", help="--touch: do not change hand.translation_scale.")
-    ] = False
     buttons: Annotated[bool, typer.Option(help="Check each button first.")] = True
     rounds: Annotated[int, typer.Option(min=1, max=6, help="Strokes along each axis.")] = 2
 

@@ -1,4 +1,4 @@
-"""Strokes, touches and the six directions, as the person is asked for them.
+"""Strokes and the six directions, as the person is asked for them.
 
 What did not go well is repeated. No arm is connected: the six directions show where teleoperation
 would send it.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from typing import TypeVar
 
@@ -16,9 +16,9 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from calibration.frame.capture import MIN_TRAVEL_M, Held, StrokeCapture, touch_of, travel_m
+from calibration.frame.capture import MIN_TRAVEL_M, Held, StrokeCapture, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
-from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move, Reach
+from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move
 from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,
@@ -29,13 +29,12 @@ from calibration.frame.stroke import (
     check_line,
     fit_line,
 )
-from calibration.frame.touches import Touch, TouchFit, fit_touches
 from calibration.ui import WizardUI, as_text, bar, live_table
 from tams_app.config import Config, HandConfig
-from tams_app.records import ControllerSample, ControllerStatus, Vector
+from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.teleop.motion import HandMotion
 
-ATTEMPTS = 5  # of one stroke, touch or button
+ATTEMPTS = 5  # of one stroke or button
 MOST_ROUNDS = 4
 _ATTEMPTS_OF_ALL = 3  # of everything, when what was measured makes no frame together
 
@@ -55,23 +54,7 @@ def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> S
     return repeated(ui, once)
 
 
-def ask_touches(
-    ui: WizardUI, source: HandSource, config: Config, points: Sequence[Vector]
-) -> list[Touch]:
-    """One good touch of each point [m]."""
-
-    def once(point: Reach) -> Touch:
-        return touch_of(_held(ui, source, config, point), point.robot, point.number)
-
-    touches = []
-    for number, robot in enumerate(points, start=1):
-        place = ", ".join(f"{1000 * value:.0f}" for value in robot)
-        ui.print(f"Touch point {number} ({place} mm), squeeze the trigger, wait, let go.")
-        touches.append(repeated(ui, partial(once, Reach(robot, number))))
-    return touches
-
-
-def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move | Reach) -> Held:
+def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move) -> Held:
     """Ask for it, and wait until the trigger has been held and released; shows what there is."""
     source.ask(prompt)
     capture, count = StrokeCapture(config), 0
@@ -86,11 +69,8 @@ def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move | Reach
             ui.show(live_table([("controller", sample.status.value), *rows]))
 
 
-def _progress(prompt: Move | Reach, held: Held | None) -> list[tuple[str, str]]:
-    """What there is of a stroke or touch, name and value; None while the trigger is up."""
-    if isinstance(prompt, Reach):
-        samples = 0 if held is None else len(held.poses)
-        return [(f"point {prompt.number}", f"{samples} samples" if samples else "squeeze to begin")]
+def _progress(prompt: Move, held: Held | None) -> list[tuple[str, str]]:
+    """What there is of a stroke, name and value; None while the trigger is up."""
     if held is None:
         return [("trigger", "up: squeeze it to begin")]
     try:
@@ -133,19 +113,8 @@ def repeated(
 
 def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
     """Rounds of three strokes, more while that helps; all anew when they make no frame."""
-    return _anew(ui, source, lambda: _fit_rounds(ui, source, config, rounds))
-
-
-def fit_touched(
-    ui: WizardUI, source: HandSource, config: Config, points: Sequence[Vector]
-) -> TouchFit:
-    """Touches of all points; all anew when they make no frame, unless the list is wrong."""
-    return _anew(ui, source, lambda: fit_touches(ask_touches(ui, source, config, points)))
-
-
-def _anew(ui: WizardUI, source: HandSource, once: Callable[[], Result]) -> Result:
-    wrong_list, then = (StrokeFault.IMPOSSIBLE_SCALE,), "\nFrom the beginning, then."
-    return repeated(ui, once, _ATTEMPTS_OF_ALL, wrong_list, then, source)
+    once = partial(_fit_rounds, ui, source, config, rounds)
+    return repeated(ui, once, _ATTEMPTS_OF_ALL, (), "\nFrom the beginning, then.", source)
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:

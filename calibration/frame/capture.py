@@ -1,4 +1,4 @@
-"""Strokes and touches from the controller's samples, live or from the log of a session."""
+"""Strokes from the controller's samples, live or from the log of a session."""
 
 from __future__ import annotations
 
@@ -10,16 +10,12 @@ import numpy as np
 
 from calibration.frame.fit import Matrix
 from calibration.frame.stroke import AXES, RefusedError, Stroke, StrokeFault
-from calibration.frame.touches import Touch, mean_rotation
 from tams_app.config import Config
 from tams_app.console.report import session_log
 from tams_app.recording import read_log, read_ticks
-from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick, Vector
+from tams_app.records import ControllerSample, ControllerStatus, Pose, Tick
 from tams_app.teleop.clutch import Clutch
 from tams_app.teleop.safety import ArmingState
-
-MIN_TOUCH_SAMPLES = 20
-MAX_TOUCH_TREMBLE_M = 0.005  # RMS while touching
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -80,25 +76,6 @@ class StrokeCapture:
             self._poses.append(sample.pose)
             self._pose_ns = sample.pose_ns
         return None
-
-
-def touch_of(held: Held, robot: Vector, number: int) -> Touch:
-    """The touch of one of the robot's points [m]; RefusedError if the hand did not keep still."""
-    if len(held.poses) < MIN_TOUCH_SAMPLES:
-        raise RefusedError(
-            StrokeFault.TOO_FEW_SAMPLES,
-            f"Point {number} was touched for a moment only: hold the trigger for half a second.",
-        )
-    place = np.median(held.positions, axis=0)
-    tremble = float(np.sqrt(((held.positions - place) ** 2).sum() / len(held.poses)))
-    if tremble > MAX_TOUCH_TREMBLE_M:
-        raise RefusedError(
-            StrokeFault.NOISY,
-            f"The hand moved by {1000 * tremble:.0f} mm while touching point {number}: "
-            "rest the controller on the point, then squeeze the trigger.",
-        )
-    turn = mean_rotation([pose.rotation for pose in held.poses])
-    return Touch(robot, place, turn)
 
 
 MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke

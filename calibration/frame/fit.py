@@ -59,9 +59,9 @@ def turn_deg(one: Matrix, other: Matrix) -> float:
 def bound_rad(information: Matrix, variance: float, freedom: int) -> float:
     """How far the rotation may be off [rad], with 95 % confidence, about its worst axis.
 
-    `information`: Σ(I - d dᵀ) over unit directions (Shuster and Oh 1981), or Σ(|q|² I - q qᵀ) over
-    points. `variance`: of one component of a residual, estimated with `freedom` degrees; its own
-    uncertainty is counted by the F distribution. Infinite if something is not determined.
+    `information`: Σ(I - d dᵀ) over unit directions (Shuster and Oh 1981). `variance`: of one
+    component of a residual, estimated with `freedom` degrees; its own uncertainty is counted by the
+    F distribution. Infinite if something is not determined.
     """
     weakest = float(np.linalg.eigvalsh(information)[0])
     if weakest <= 1e-12 or freedom < 1:

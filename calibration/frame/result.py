@@ -16,7 +16,6 @@ from calibration.frame.buttons import ButtonFinding
 from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
 from calibration.frame.stroke import AXES, RefusedError, StrokeFault
-from calibration.frame.touches import TouchFit
 from calibration.store import Calibration
 from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
@@ -33,7 +32,7 @@ _PLANES = ((0, 1), (0, 2))
 class FrameResult:
     """All that one run of the wizard found out."""
 
-    frame: FrameFit | TouchFit
+    frame: FrameFit
     source: str  # in words
     buttons: ButtonFinding | None = None
     lit: Mapping[Move, bool] | None = None  # None: not tried
@@ -46,12 +45,9 @@ def rows(rotation: Matrix) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(row[0]), float(row[1]), float(row[2])) for row in rounded)
 
 
-def hand_with(hand: HandConfig, frame: FrameFit | TouchFit, keep_scale: bool) -> HandConfig:
+def hand_with(hand: HandConfig, frame: FrameFit) -> HandConfig:
     """The hand's mapping with the new frame."""
-    update: dict[str, Any] = {"rotation": rows(frame.rotation)}
-    if isinstance(frame, TouchFit) and not keep_scale:
-        update["translation_scale"] = round(frame.scale, 4)
-    return hand.model_copy(update=update)
+    return hand.model_copy(update={"rotation": rows(frame.rotation)})
 
 
 def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
@@ -64,14 +60,8 @@ def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
     return config.model_copy(update={"controller": controller})
 
 
-def result_table(fit: FrameFit | TouchFit) -> Table:
-    """How each stroke or touch fits the frame."""
-    if isinstance(fit, TouchFit):
-        touches = [
-            (str(number + 1), f"{miss:.1f}", "left out" if number in fit.left_out else "")
-            for number, miss in enumerate(fit.misses_mm)
-        ]
-        return plain_table(("point", "missed by the others, mm", ""), touches, "The touches")
+def result_table(fit: FrameFit) -> Table:
+    """How each stroke fits the frame."""
     strokes = [
         (
             one.line.name,
@@ -88,7 +78,7 @@ def result_table(fit: FrameFit | TouchFit) -> Table:
     return plain_table(heads, strokes, "The strokes")
 
 
-def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
+def remarks(config: Config, frame: FrameFit) -> list[str]:
     """What a person should know of the result, one sentence each."""
     off = turn_deg(frame.rotation, np.array(config.hand.rotation))
     lines = [
@@ -96,14 +86,8 @@ def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
         "measurements' disagreement tells); the rotation in force differs from it by "
         f"{off:.1f}°.",
         f"Residual {frame.residual_mm:.1f} mm, condition {frame.condition:.2f} (1 is best).",
+        *(f"Note: {remark}." for remark in frame.left_out),
     ]
-    if isinstance(frame, FrameFit):
-        lines += [f"Note: {remark}." for remark in frame.left_out]
-    else:
-        lines.append(f"The robot travels {frame.scale:.3f} times as far as the hand.")
-        lines += [f"Note: touch {n + 1} does not fit and is left out." for n in frame.left_out]
-        if frame.is_flat:
-            lines.append("The points lie in one plane: a mirrored list of them would not show.")
     if not stands_upright(frame.rotation):
         lines.append(
             "With this frame the robot's z axis does not point up: right for an arm that hangs or "
@@ -112,7 +96,7 @@ def remarks(config: Config, frame: FrameFit | TouchFit) -> list[str]:
     return lines
 
 
-def doubt(frame: FrameFit | TouchFit) -> str:
+def doubt(frame: FrameFit) -> str:
     """Why the result needs a second thought, "" if it does not; RefusedError if it is no use."""
     bound = frame.error_bound_deg
     if bound > BAD_DEG:
@@ -126,32 +110,23 @@ def doubt(frame: FrameFit | TouchFit) -> str:
     return ""
 
 
-def _advice(frame: FrameFit | TouchFit) -> str:
-    if isinstance(frame, FrameFit):
-        worst = max((s for s in frame.strokes if s.used), key=lambda stroke: stroke.angle_deg)
-        return (
-            f"a {worst.line.name} stroke is {worst.angle_deg:.1f}° off its axis; move along "
-            "something straight, make longer strokes, or more of them with --rounds"
-        )
-    worst_touch = int(np.argmax(frame.misses_mm))
+def _advice(frame: FrameFit) -> str:
+    worst = max((s for s in frame.strokes if s.used), key=lambda stroke: stroke.angle_deg)
     return (
-        f"touch {worst_touch + 1} is {frame.misses_mm[worst_touch]:.0f} mm from where the others "
-        "have it; touch more points, farther apart, and each exactly"
+        f"a {worst.line.name} stroke is {worst.angle_deg:.1f}° off its axis; move along "
+        "something straight, make longer strokes, or more of them with --rounds"
     )
 
 
 def calibration(
-    config: Config, outcome: FrameResult, keep_scale: bool, before: Path | None, simulated: bool
+    config: Config, outcome: FrameResult, before: Path | None, simulated: bool
 ) -> Calibration:
     """What is written. A part that was not measured now stays as `before`, the file in force."""
     changes: dict[str, Any] = {}
     if before is not None:
         changes = deepcopy(read_calibrated(before, KIND).changes)
-    hand = hand_with(config.hand, outcome.frame, keep_scale)
-    new_hand: dict[str, Any] = {"rotation": [list(row) for row in hand.rotation]}
-    if hand.translation_scale != config.hand.translation_scale:
-        new_hand["translation_scale"] = hand.translation_scale
-    changes["hand"] = changes.get("hand", {}) | new_hand
+    rotation = [list(row) for row in rows(outcome.frame.rotation)]
+    changes["hand"] = changes.get("hand", {}) | {"rotation": rotation}
     buttons = outcome.buttons
     if buttons is not None and (buttons.wrong or config.controller.mapping):
         mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
@@ -167,15 +142,10 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
         "condition": round(frame.condition, 3),
         "changed_by_deg": round(turn_deg(frame.rotation, np.array(config.hand.rotation)), 3),
     }
-    if isinstance(frame, FrameFit):
-        used = [stroke for stroke in frame.strokes if stroke.used]
-        quality["off_axis_deg"] = [f"{one.line.name} {one.angle_deg:.2f}" for one in used]
-        quality["samples"] = sum(one.line.samples for one in used)
-        quality["left_out"] = list(frame.left_out)
-    else:
-        quality["scale"] = round(frame.scale, 4)
-        quality["missed_by_the_others_mm"] = [round(miss, 2) for miss in frame.misses_mm]
-        quality["left_out"] = [f"touch {n + 1}" for n in frame.left_out]
+    used = [stroke for stroke in frame.strokes if stroke.used]
+    quality["off_axis_deg"] = [f"{one.line.name} {one.angle_deg:.2f}" for one in used]
+    quality["samples"] = sum(one.line.samples for one in used)
+    quality["left_out"] = list(frame.left_out)
     if lit is not None:
         quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_DIRECTIONS)}"
     if buttons is not None:
@@ -186,20 +156,15 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
 
 
 @styled
-def save_fit(fit: FrameFit | TouchFit, path: Path) -> None:
-    """How the strokes or touches lie in the frame that they make, as a figure."""
+def save_fit(fit: FrameFit, path: Path) -> None:
+    """How the strokes lie in the frame that they make, as a figure."""
     figure = new_figure(WIDE_IN, 3.8)
-    if isinstance(fit, FrameFit):
-        axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
-        for place, plane in zip(axes[:2], _PLANES, strict=True):
-            _draw_directions(place, fit, plane)
-        _draw_angles(axes[2], fit)
-        subject = f"{len(fit.strokes)} strokes"
-    else:
-        _draw_misses(figure.subplots(), fit)
-        subject = f"{len(fit.misses_mm)} touches"
+    axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
+    for place, plane in zip(axes[:2], _PLANES, strict=True):
+        _draw_directions(place, fit, plane)
+    _draw_angles(axes[2], fit)
     figure.suptitle(
-        f"Frame from {subject}: right within {fit.error_bound_deg:.1f}° (95 %), "
+        f"Frame from {len(fit.strokes)} strokes: right within {fit.error_bound_deg:.1f}° (95 %), "
         f"residual {fit.residual_mm:.1f} mm"
     )
     save_figure(figure, path)
@@ -239,12 +204,3 @@ def _draw_angles(axes: Axes, fit: FrameFit) -> None:
     axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes])
     axes.set_ylim(0, 1.25 * max(fit.error_bound_deg, *(s.angle_deg for s in fit.strokes)))
     axes.set_ylabel("off the prompted axis [°]")
-
-
-def _draw_misses(axes: Axes, fit: TouchFit) -> None:
-    numbers = np.arange(1, len(fit.misses_mm) + 1)
-    shades = ["0.75" if n - 1 in fit.left_out else _COLOURS[2] for n in numbers]
-    axes.bar(numbers, fit.misses_mm, color=shades)
-    axes.set_xticks(numbers)
-    axes.set_xlabel("touch")
-    axes.set_ylabel("missed by the others' frame [mm]")

@@ -19,7 +19,6 @@ from calibration.frame.sources import (
     HandSource,
     Move,
     Prompt,
-    Reach,
     Reading,
     Source,
 )
@@ -37,11 +36,10 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 # With something straight to move along, such as a table's edge: assumed, not measured.
 DIRECTION_ERROR_DEG = 1.0  # per axis, each stroke anew
 BOW = 0.02  # of the length, each stroke anew
-TOUCH_ERROR_M = 0.002  # per axis, each touch anew
 MOTOR_NOISE = 0.02  # along an edge; 0.05 to 0.15 in free air (hw.sim.operator.participant)
 
 _TRAVEL = 1.5  # of the arm's reach: a stroke
-_LEAN_M = 0.6  # from rest, with the whole body: for touches
+_LEAN_M = 0.6  # from rest, with the whole body
 _SPEED_M_S = 0.22
 _RETURN_SPEED_M_S = 0.5
 _GAIN_PER_S = 3.5
@@ -66,10 +64,9 @@ class PromptedPerson:
         self._now_ns = 0
         self._last_ns: int | None = None
         self._routine: Routine = iter(())
-        self._first_point: Vector | None = None
 
     def begin(self, routine: Routine) -> None:
-        """Do one of `stroke`, `touch` and `press` next, in place of what was begun before."""
+        """Do one of `stroke` and `press` next, in place of what was begun before."""
         self._routine = routine
 
     def step(self, now_ns: int) -> None:
@@ -106,19 +103,6 @@ class PromptedPerson:
             slope = 4 * (1 - 2 * share) / self._travel  # of a parabola of height 1
             yield HandCommand(speed * (along + slope * aside), np.zeros(3), trigger=True)
         yield from self._wait(_PAUSE_NS, HandCommand.still(trigger=True))
-        yield from self._wait(_PAUSE_NS)
-
-    def touch(self, robot: Vector) -> Routine:
-        """Go to a point of the arm's base frame [m], and squeeze the trigger there.
-
-        The first point is where the hand rests; the others are as far from it as they are.
-        """
-        if self._first_point is None:
-            self._first_point = robot
-        error = self._random.normal(0.0, TOUCH_ERROR_M, 3)
-        yield from self._go_to(self._to_hand @ (robot - self._first_point) + error)
-        yield from self._wait(_PAUSE_NS)
-        yield from self._wait(_HOLD_NS, HandCommand.still(trigger=True))
         yield from self._wait(_PAUSE_NS)
 
     def press(self, role: str) -> Routine:
@@ -158,8 +142,6 @@ class PromptedSource(Source[Reading]):
         self._asked_ns, person = self._clock.now_ns(), self._person
         if isinstance(prompt, Move):
             person.begin(person.stroke(prompt.direction))
-        elif isinstance(prompt, Reach):
-            person.begin(person.touch(prompt.robot))
         else:
             person.begin(person.press(prompt.role))
 

@@ -54,14 +54,6 @@ class Move:
         return np.asarray(self.sign * np.eye(3)[self.axis])
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Reach:
-    """Touch one of the robot's points [m], shape (3,), and squeeze the trigger."""
-
-    robot: Vector
-    number: int  # from 1
-
-
 @dataclass(frozen=True, slots=True)
 class Press:
     """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
@@ -69,7 +61,7 @@ class Press:
     role: str
 
 
-Prompt: TypeAlias = Move | Reach | Press
+Prompt: TypeAlias = Move | Press
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 

@@ -43,8 +43,6 @@ class StrokeFault(StrEnum):
     MIRRORED = "mirrored"
     SKEWED = "skewed"
     CONTRADICTORY = "contradictory"
-    TURNED_HAND = "turned hand"
-    IMPOSSIBLE_SCALE = "impossible scale"
     UNCERTAIN = "uncertain"
     DRIVEN = "driven"
     NO_BUTTON = "no button"

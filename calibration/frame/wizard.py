@@ -1,4 +1,4 @@
-"""`run_tams.py calibrate frame`: buttons, strokes or touches, the fit, a try, and the question."""
+"""`run_tams.py calibrate frame`: buttons, strokes, the fit, a try, and the question."""
 
 from __future__ import annotations
 
@@ -9,20 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calibration.frame import result
-from calibration.frame.asking import fit_moves, fit_touched, try_six_directions
+from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons, finding_table
 from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, FrameResult, save_fit
 from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
 from calibration.frame.stroke import RefusedError, StrokeFault
-from calibration.frame.touches import TouchFit, read_points
 from calibration.options import FrameOptions
 from calibration.store import Calibration
 from calibration.ui import as_text
 from calibration.wizard import Wizard
 from tams_app.errors import ConfigError
-from tams_app.records import Vector
 from tams_app.runtime.clock import MonotonicClock
 
 if TYPE_CHECKING:
@@ -38,24 +36,17 @@ _BUTTONS = "You will press each button once.\n"
 _STROKES = """\
 You will move it along the robot's axes, at least 200 mm each time, along something straight where
 you can."""
-_TOUCHES = """\
-You will touch the points of your list with the same part of the controller, always held the same
-way."""
 
 
 class FrameWizard(Wizard[FrameOptions]):
     """How the controller's frame stands to the arm's, and which button is which."""
 
-    _points: list[Vector]
     _outcome: FrameResult | None = None  # once there is a frame that may be kept
 
     def check(self) -> None:
         options = self.options
-        if options.logs and (options.sim or options.touch):
-            raise ConfigError("--from goes neither with --sim nor with --touch")
-        if options.keep_scale and not options.touch:
-            raise ConfigError("--keep-scale goes with --touch: strokes do not measure the scale")
-        self._points = read_points(options.touch) if options.touch else []
+        if options.logs and options.sim:
+            raise ConfigError("--from does not go with --sim")
         self.overrides = {"rig.enabled": True} if options.sim else None
         self.simulated |= any(was_simulated(log) for log in options.logs)
 
@@ -75,8 +66,7 @@ class FrameWizard(Wizard[FrameOptions]):
         if self._outcome is None:
             return None
         before = self.store.in_force(KIND)
-        keep_scale = self.options.keep_scale
-        return result.calibration(self.config, self._outcome, keep_scale, before, self.simulated)
+        return result.calibration(self.config, self._outcome, before, self.simulated)
 
     def draw(self, path: Path) -> None:
         if self._outcome is not None:
@@ -105,8 +95,8 @@ class FrameWizard(Wizard[FrameOptions]):
         return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.print(text))
 
     def _measure(self, setup: LiveSetup | SimulatedSetup) -> None:
-        options, points = self.options, self._points
-        tasks = (_BUTTONS if options.buttons else "") + (_TOUCHES if points else _STROKES)
+        options = self.options
+        tasks = (_BUTTONS if options.buttons else "") + _STROKES
         self.ui.print(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
         if options.sim:
             self.ui.print("A simulated person does all this now.")
@@ -117,18 +107,14 @@ class FrameWizard(Wizard[FrameOptions]):
             self.ui.print(as_text(finding_table(buttons)))
         config = result.mapped(self.config, buttons)
         with setup.hand(config.controller) as source:
-            frame: FrameFit | TouchFit
-            if points:
-                frame = fit_touched(self.ui, source, config, points)
-            else:
-                frame = fit_moves(self.ui, source, config, options.rounds)
+            frame = fit_moves(self.ui, source, config, options.rounds)
             self._show(frame)
             result.doubt(frame)  # what is no use needs no trying
-            how = f"{'touches' if points else 'strokes'} by {setup.description}"
+            how = f"strokes by {setup.description}"
             self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
             self._try(source, self._outcome)
 
-    def _show(self, frame: FrameFit | TouchFit) -> None:
+    def _show(self, frame: FrameFit) -> None:
         self.ui.print(as_text(result.result_table(frame)))
         for remark in result.remarks(self.config, frame):
             self.ui.print(remark)
@@ -140,7 +126,7 @@ class FrameWizard(Wizard[FrameOptions]):
             "each time; Enter skips a direction."
         )
         config = result.mapped(self.config, outcome.buttons)
-        hand = result.hand_with(config.hand, outcome.frame, self.options.keep_scale)
+        hand = result.hand_with(config.hand, outcome.frame)
         lit = try_six_directions(self.ui, source, config, hand)
         self.ui.print(
             f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for."

@@ -185,6 +185,7 @@ _CAMERAS = (
     "session's window, set cameras.VIEW.exposure_us, and see frame rates in summary.json"
 )
 _FPS = "cameras give what the machine can, of video.fps (--fps) at most; leave it out"
+_STROKES = "the wizard asks for strokes, and hand.translation_scale is yours to set; leave it out"
 _MARKS = "mark each LOG with `replay LOG --mark`, and give the marked ones with --from"
 _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that has it
     "policy.allocation.source_drop_below_kbps": (80.0, "tams_app.policy.strategy"),
@@ -231,6 +232,8 @@ REMOVED = {
     "exposure": _CAMERAS,
     "rate": _CAMERAS,
     "calibrate cameras --from": _CAMERAS,
+    "calibrate frame --touch": _STROKES,
+    "calibrate frame --keep-scale": _STROKES,
     "calibrate phases --mark": _MARKS,
     "calibrate phases --goal-height-mm": _MARKS,
     "calibrate phases --yes": "it writes without a question; leave it out",

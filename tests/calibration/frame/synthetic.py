@@ -1,9 +1,8 @@
-"""Strokes and touches of known truth."""
+"""Strokes of known truth."""
 
 import numpy as np
 
 from calibration.frame.stroke import Stroke
-from calibration.frame.touches import Touch
 from tams_app.rotation import Rotation
 
 
@@ -31,15 +30,3 @@ def stroke(
 
 def strokes(rotation, random, rounds=1, **how):
     return [stroke(rotation, axis, random, **how) for _ in range(rounds) for axis in range(3)]
-
-
-POINTS = np.array(
-    [[0.25, 0.1, 0.05], [0.25, -0.1, 0.05], [0.4, 0.0, 0.05], [0.3, 0.0, 0.25], [0.4, 0.1, 0.2]]
-)
-
-
-def touches(rotation, random, points=POINTS, scale=1.0, noise_m=0.0):
-    """robot = scale · rotation · hand + constant, with noise in the hand's places."""
-    hand = (points - [0.3, 0.0, 0.1]) @ rotation / scale + [0.1, 1.0, -0.3]
-    hand = hand + noise_m * random.standard_normal(hand.shape)
-    return [Touch(p, h, Rotation.identity()) for p, h in zip(points, hand, strict=True)]

@@ -1,4 +1,4 @@
-"""What counts as a stroke and as a touch, live and in a recorded session."""
+"""What counts as a stroke, live and in a recorded session."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import transform
 
-from calibration.frame.capture import Held, StrokeCapture, find_strokes, strokes_of_log, touch_of
+from calibration.frame.capture import StrokeCapture, find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes, turn_deg
 from calibration.frame.stroke import RefusedError, StrokeFault
 from tams_app.config import load_config
@@ -59,30 +59,6 @@ def test_a_recentred_headset_ends_everything_even_between_strokes():
     with pytest.raises(RefusedError) as caught:
         player.give(0.0, status=ControllerStatus.TRACKING_FRAME_CHANGED)
     assert caught.value.reason is StrokeFault.FRAME_CHANGED
-
-
-def held_at(places):
-    return Held(tuple(Pose(np.array([x, 0.0, 0.0]), Rotation.identity()) for x in places))
-
-
-def test_a_touch_is_where_the_hand_mostly_was():
-    touch = touch_of(held_at([0.1] * 30 + [0.11]), np.zeros(3), 1)
-    assert touch.hand[0] == pytest.approx(0.1)
-
-
-@pytest.mark.parametrize(
-    ("places", "reason"),
-    [
-        ([0.1] * 5, StrokeFault.TOO_FEW_SAMPLES),
-        ([], StrokeFault.TOO_FEW_SAMPLES),
-        (np.linspace(0, 0.1, 40), StrokeFault.NOISY),
-    ],
-)
-def test_a_touch_that_was_short_or_moved_is_refused(places, reason):
-    with pytest.raises(RefusedError) as caught:
-        touch_of(held_at(places), np.zeros(3), 3)
-    assert caught.value.reason is reason
-    assert "oint 3" in str(caught.value)
 
 
 def session(*positions, arming="disarmed"):
