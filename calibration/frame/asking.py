@@ -118,14 +118,13 @@ def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> 
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
-    present = np.array(config.hand.rotation)
     strokes: list[Stroke] = []
     for number in range(1, max(rounds, MOST_ROUNDS) + 1):
         ui.print(f"Round {number}.")
         strokes += [ask_stroke(ui, source, config, axis) for axis in range(len(AXES))]
         if number < rounds:
             continue
-        fit = fit_strokes(strokes, present)
+        fit = fit_strokes(strokes)
         if fit.error_bound_deg <= GOOD_DEG or number >= MOST_ROUNDS:
             return fit
         ui.print(f"So far the frame may be off by {fit.error_bound_deg:.1f}°.")

@@ -102,11 +102,8 @@ class FrameFit:
         return tuple(stroke.remark for stroke in self.strokes if not stroke.used)
 
 
-def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> FrameFit:
-    """The frame from at least one stroke along each axis; RefusedError says what to do instead.
-
-    `present`: the rotation in force, which only helps to guess which stroke was made wrongly.
-    """
+def fit_strokes(strokes: Sequence[Stroke]) -> FrameFit:
+    """The frame from at least one stroke along each axis; RefusedError says what to do instead."""
     lines = [fit_line(stroke) for stroke in strokes]
     for axis, name in enumerate(AXES):
         count = sum(line.axis == axis for line in lines)
@@ -125,7 +122,7 @@ def fit_strokes(strokes: Sequence[Stroke], present: Matrix | None = None) -> Fra
     used = _consensus(lines, measured, wanted)
     covered = {line.axis for line, use in zip(lines, used, strict=True) if use}
     if len(covered) < len(AXES):
-        raise diagnose(_typical_directions(lines), present)
+        raise diagnose(_typical_directions(lines))
     rotation = kabsch(measured[used], wanted[used])
     angles = angles_deg(rotation, measured, wanted)
     return FrameFit(
@@ -197,16 +194,13 @@ PARALLEL_DEG = 45.0
 _UP = np.array([0.0, 1.0, 0.0])  # of the tracking frame: OpenVR's standing universe
 _UPRIGHT_DEG = 25.0
 _SQUARE_DEG = 10.0
-_NEAR_DEG = 30.0  # of the rotation in force
 
 
-def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
+def diagnose(directions: Matrix) -> RefusedError:
     """Why `directions` (rows: of the +x, +y, +z strokes, unit) make no frame.
 
     A mirrored triple does not say which of its strokes was wrong: any one reversed, or any two
-    taken for one another, gives the same. What decides is the rotation in force, where one of these
-    mistakes explains the difference from it, and else that robots mostly stand upright; where
-    neither decides, all that is possible is named.
+    taken for one another, gives the same.
     """
     pairs = list(combinations(range(3), 2))
     cosines = [
@@ -223,7 +217,11 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
                 "make both again, each along its own axis of the robot.",
             )
     if np.linalg.det(directions) < 0:
-        return RefusedError(StrokeFault.MIRRORED, _mirrored(directions, present))
+        return RefusedError(
+            StrokeFault.MIRRORED,
+            "The strokes make a mirrored frame: one went the other way, or two axes were taken for "
+            "one another; make them all again, each as prompted.",
+        )
     worst, pair = max((abs(90 - angle), pair) for pair, angle in zip(names, angles, strict=True))
     if worst < _SQUARE_DEG:
         return RefusedError(
@@ -240,31 +238,3 @@ def diagnose(directions: Matrix, present: Matrix | None) -> RefusedError:
 def stands_upright(rotation: Matrix) -> bool:
     """Whether the robot's z axis points up in a tracking frame whose y axis does."""
     return bool(rotation[2] @ _UP > math.cos(math.radians(_UPRIGHT_DEG)))
-
-
-def _mirrored(directions: Matrix, present: Matrix | None) -> str:
-    mistakes = _mistakes(directions)
-    near = present is not None and [
-        name for name, rotation in mistakes if turn_deg(rotation, present) < _NEAR_DEG
-    ]
-    upright = [name for name, rotation in mistakes if stands_upright(rotation)]
-    likely = near or upright or [name for name, _ in mistakes]
-    name = " or ".join(likely)
-    if len(likely) == 1:
-        return f"The strokes make a mirrored frame: most likely {name}; make it again."
-    return f"The strokes make a mirrored frame: {name}; make them all again, each as prompted."
-
-
-def _mistakes(directions: Matrix) -> list[tuple[str, Matrix]]:
-    """What turns a frame into a mirrored one, in words, and the frame without it."""
-    found = []
-    for axis, name in enumerate(AXES):
-        mended = directions.copy()
-        mended[axis] = -mended[axis]
-        found.append((f"the +{name} stroke was reversed", kabsch(mended, np.eye(3))))
-    for first, second in combinations(range(3), 2):
-        mended = directions.copy()
-        mended[[first, second]] = mended[[second, first]]
-        sentence = f"+{AXES[first]} and +{AXES[second]} were taken for one another"
-        found.append((sentence, kabsch(mended, np.eye(3))))
-    return found

@@ -6,8 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from calibration.frame import result
 from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons, finding_table
@@ -75,7 +73,7 @@ class FrameWizard(Wizard[FrameOptions]):
     def _fit_logs(self) -> None:
         logs = self.options.logs
         strokes = [stroke for log in logs for stroke in strokes_of_log(log, self.config)]
-        frame = fit_strokes(strokes, np.array(self.config.hand.rotation))
+        frame = fit_strokes(strokes)
         source = "strokes recorded in " + ", ".join(str(log) for log in logs)
         self._outcome = FrameResult(frame, source)
         self._show(frame)
