@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import TypeVar
 
@@ -23,14 +23,15 @@ from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,
     MIN_SAMPLES,
+    BeginAgainError,
     RefusedError,
     Stroke,
-    StrokeFault,
     check_line,
     fit_line,
 )
 from calibration.ui import WizardUI, as_text, bar, live_table
 from tams_app.config import Config, HandConfig
+from tams_app.errors import TamsError
 from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.teleop.motion import HandMotion
 
@@ -88,21 +89,20 @@ def repeated(
     ui: WizardUI,
     once: Callable[[], Result],
     attempts: int = ATTEMPTS,
-    final: Collection[StrokeFault] = (StrokeFault.FRAME_CHANGED, StrokeFault.WRONG_BUTTON),
+    mended: tuple[type[TamsError], ...] = (RefusedError,),
     then: str = "",
     steady: HandSource | None = None,
 ) -> Result:
     """One measurement, repeated until it goes well; each refusal is printed, and `then` after it.
 
+    `mended`: the refusals that another attempt can mend; the last attempt's is raised.
     `steady`: until its tracking frame no longer changes, no other attempt begins.
-
-    RefusedError: The last one, or one for a reason in `final`, which another attempt does not mend.
     """
     for left in reversed(range(attempts)):
         try:
             return once()
-        except RefusedError as error:
-            if left == 0 or error.reason in final:
+        except mended as error:
+            if left == 0:
                 raise
             ui.print(f"{error}{then}")
         if steady is not None:
@@ -113,8 +113,14 @@ def repeated(
 
 def fit_moves(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
     """Rounds of three strokes, more while that helps; all anew when they make no frame."""
-    once = partial(_fit_rounds, ui, source, config, rounds)
-    return repeated(ui, once, _ATTEMPTS_OF_ALL, (), "\nFrom the beginning, then.", source)
+    return repeated(
+        ui,
+        partial(_fit_rounds, ui, source, config, rounds),
+        _ATTEMPTS_OF_ALL,
+        (RefusedError, BeginAgainError),
+        "\nFrom the beginning, then.",
+        source,
+    )
 
 
 def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -> FrameFit:
@@ -174,8 +180,6 @@ def _try_direction(
         try:
             done = capture.take(sample, now_ns)
         except RefusedError as error:
-            if error.reason is StrokeFault.FRAME_CHANGED:
-                raise
             return str(error)
         compass.update(sample, now_ns, held=capture.so_far is not None)
         count += 1

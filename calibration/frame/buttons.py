@@ -10,7 +10,7 @@ from rich.table import Table
 
 from calibration.frame.asking import repeated
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
-from calibration.frame.stroke import RefusedError, StrokeFault
+from calibration.frame.stroke import BeginAgainError, RefusedError
 from calibration.ui import WizardUI, bar, plain_table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
@@ -54,7 +54,7 @@ class PressWatch:
         self._pressed: set[str] = set()
 
     def take(self, reading: ComponentReading | None, now_ns: int) -> str | None:
-        """The component, once released; RefusedError if none came, two did, or it is taken."""
+        """The component, once released; RefusedError if none came or two did, BeginAgainError if taken."""
         if self._since_ns is None:
             self._since_ns = now_ns
         values = reading.values if reading is not None else {}
@@ -74,13 +74,11 @@ class PressWatch:
         pressed = sorted(self._pressed)
         if len(pressed) > 1:
             raise RefusedError(
-                StrokeFault.TWO_BUTTONS,
                 f"{' and '.join(pressed)} were pressed together: press the {self._role} alone.",
             )
         path = pressed[0]
         if path in self._taken:
-            raise RefusedError(
-                StrokeFault.WRONG_BUTTON,
+            raise BeginAgainError(
                 f"{path} is the {self._taken[path]} already: press another one for {self._role}.",
             )
         return path
@@ -96,7 +94,6 @@ class PressWatch:
         else:
             why = "nothing arrived: wake the controller, and press firmly"
         return RefusedError(
-            StrokeFault.NO_BUTTON,
             f"Waiting for the {self._role}: {why} (--no-buttons leaves the mapping as it is).",
         )
 
@@ -104,11 +101,11 @@ class PressWatch:
 def settle(
     controller_type: str, hand: str, paths: Mapping[str, str], believed: Mapping[str, str]
 ) -> ButtonFinding:
-    """The finding; RefusedError if a component cannot play the part it was pressed for."""
+    """The finding; BeginAgainError if a component cannot play the part it was pressed for."""
     try:
         role_map(controller_type, hand, paths)
     except ConfigError as error:
-        raise RefusedError(StrokeFault.WRONG_BUTTON, str(error)) from error
+        raise BeginAgainError(str(error)) from error
     return ButtonFinding(controller_type, dict(paths), dict(believed))
 
 
@@ -117,7 +114,7 @@ def ask_buttons(ui: WizardUI, source: ButtonSource, config: Config) -> ButtonFin
     return repeated(
         ui,
         partial(_press_all, ui, source, config),
-        final=(StrokeFault.NO_BUTTON, StrokeFault.TWO_BUTTONS),  # each was asked for again already
+        mended=(BeginAgainError,),  # each button was asked for again already
         then=" All the buttons once more.",
     )
 

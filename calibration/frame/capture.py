@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from calibration.frame.fit import Matrix
-from calibration.frame.stroke import AXES, RefusedError, Stroke, StrokeFault
+from calibration.frame.stroke import AXES, BeginAgainError, RefusedError, Stroke
 from tams_app.config import Config
 from tams_app.console.report import session_log
 from tams_app.recording import read_log, read_ticks
@@ -46,13 +46,12 @@ class StrokeCapture:
     def take(self, sample: ControllerSample, now_ns: int) -> Held | None:
         """Take in the newest sample; all of them at the release, else None.
 
-        RefusedError if the tracking was lost meanwhile, or its frame changed at any time.
+        RefusedError if the tracking was lost meanwhile, BeginAgainError if its frame changed.
         """
         buttons = self._clutch.update(sample, now_ns)
         if sample.status is ControllerStatus.TRACKING_FRAME_CHANGED:
             self._poses = None
-            raise RefusedError(
-                StrokeFault.FRAME_CHANGED,
+            raise BeginAgainError(
                 "The headset was recentred, so that nothing measured before holds any longer: "
                 "let the trigger go for a second, and begin anew.",
             )
@@ -61,7 +60,6 @@ class StrokeCapture:
         ):
             self._poses = None
             raise RefusedError(
-                StrokeFault.TRACKING,
                 f"The controller was lost while the trigger was held ({sample.status.value}): "
                 "do it again where it is tracked.",
             )
@@ -86,8 +84,8 @@ def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
     RefusedError."""
     try:
         return find_strokes(read_ticks(session_log(folder)), config)
-    except RefusedError as error:
-        raise RefusedError(error.reason, f"{folder}: {error}") from error
+    except (RefusedError, BeginAgainError) as error:
+        raise RefusedError(f"{folder}: {error}") from error
 
 
 def was_simulated(folder: Path) -> bool:
@@ -106,7 +104,6 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     for tick in ticks:
         if tick.arming.lower() == ArmingState.ENGAGED.value:
             raise RefusedError(
-                StrokeFault.DRIVEN,
                 "In this session the hand drove the arm, which shows the mapping in force and not "
                 "the true one: record strokes with `run --dry-run` without arming, and give that.",
             )
@@ -115,7 +112,6 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
             found.append(held)
     if not found or len(found) % len(AXES):
         raise RefusedError(
-            StrokeFault.MISSING,
             f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
             "of three: +x, +y, +z, in this order, once or more often.",
         )

@@ -21,7 +21,6 @@ from calibration.frame.stroke import (
     AXES,
     RefusedError,
     Stroke,
-    StrokeFault,
     StrokeLine,
     check_line,
     fit_line,
@@ -108,10 +107,9 @@ def fit_strokes(strokes: Sequence[Stroke]) -> FrameFit:
     for axis, name in enumerate(AXES):
         count = sum(line.axis == axis for line in lines)
         if count == 0:
-            raise RefusedError(StrokeFault.MISSING, f"There is no +{name} stroke: make one.")
+            raise RefusedError(f"There is no +{name} stroke: make one.")
         if count > _MOST_PER_AXIS:
             raise RefusedError(
-                StrokeFault.TOO_MANY,
                 f"There are {count} +{name} strokes, and {_MOST_PER_AXIS} along each axis are the "
                 "most: give fewer recordings.",
             )
@@ -212,24 +210,20 @@ def diagnose(directions: Matrix) -> RefusedError:
         if not PARALLEL_DEG <= angle <= 180 - PARALLEL_DEG:
             ways = "nearly the same way" if angle < 90 else "nearly opposite ways"
             return RefusedError(
-                StrokeFault.NOT_INDEPENDENT,
                 f"{pair} went {ways} ({angle:.0f}° apart, and it should be 90): "
                 "make both again, each along its own axis of the robot.",
             )
     if np.linalg.det(directions) < 0:
         return RefusedError(
-            StrokeFault.MIRRORED,
             "The strokes make a mirrored frame: one went the other way, or two axes were taken for "
             "one another; make them all again, each as prompted.",
         )
     worst, pair = max((abs(90 - angle), pair) for pair, angle in zip(names, angles, strict=True))
     if worst < _SQUARE_DEG:
         return RefusedError(
-            StrokeFault.CONTRADICTORY,
             "Strokes along the same axis went different ways: make them all again, as prompted.",
         )
     return RefusedError(
-        StrokeFault.SKEWED,
         f"{pair} are {worst:.0f}° from a right angle: "
         "make both again, along edges that are square to each other.",
     )

@@ -15,7 +15,7 @@ from rich.table import Table
 from calibration.frame.buttons import ButtonFinding
 from calibration.frame.fit import BAD_DEG, GOOD_DEG, FrameFit, Matrix, stands_upright, turn_deg
 from calibration.frame.sources import SIX_DIRECTIONS, Move
-from calibration.frame.stroke import AXES, RefusedError, StrokeFault
+from calibration.frame.stroke import AXES, RefusedError
 from calibration.store import Calibration
 from calibration.ui import plain_table
 from tams_app.config import Config, HandConfig, MappingConfig
@@ -101,7 +101,6 @@ def doubt(frame: FrameFit) -> str:
     bound = frame.error_bound_deg
     if bound > BAD_DEG:
         raise RefusedError(
-            StrokeFault.UNCERTAIN,
             f"The frame may be off by {bound:.1f}°, and more than {BAD_DEG:g}° is no use: "
             f"{_advice(frame)}.",
         )

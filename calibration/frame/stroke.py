@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,36 +26,12 @@ _MEDIAN_STEPS = 15
 _RAYLEIGH_MEDIAN = 1.1774  # of the distance from a line, in standard deviations of one axis
 
 
-class StrokeFault(StrEnum):
-    """What is wrong with what was measured."""
-
-    TOO_SHORT = "too short"
-    TOO_FEW_SAMPLES = "too few samples"
-    CURVED = "curved"
-    WENT_BACK = "went back"
-    NOISY = "noisy"
-    TRACKING = "tracking lost"
-    FRAME_CHANGED = "tracking frame changed"
-    MISSING = "missing"
-    TOO_MANY = "too many"
-    NOT_INDEPENDENT = "not independent"
-    MIRRORED = "mirrored"
-    SKEWED = "skewed"
-    CONTRADICTORY = "contradictory"
-    UNCERTAIN = "uncertain"
-    DRIVEN = "driven"
-    NO_BUTTON = "no button"
-    TWO_BUTTONS = "two buttons"
-    WRONG_BUTTON = "wrong button"
-    WRONG_DIRECTION = "wrong direction"
-
-
 class RefusedError(TamsError):
-    """The data are no use; `reason` is for programs, the sentence for people."""
+    """What was measured is no use; the sentence says what to do."""
 
-    def __init__(self, reason: StrokeFault, sentence: str) -> None:
-        super().__init__(sentence)
-        self.reason = reason
+
+class BeginAgainError(TamsError):
+    """What was measured before holds no longer; the sentence says why."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,25 +124,21 @@ def check_line(line: StrokeLine) -> None:
         raise _too_few(line.name, line.samples)
     if line.length_m < MIN_LENGTH_M:
         raise RefusedError(
-            StrokeFault.TOO_SHORT,
             f"The {line.name} stroke was {length_mm:.0f} mm long: "
             f"make it at least {1000 * ASKED_LENGTH_M:.0f} mm.",
         )
     if line.backtrack > MAX_BACKTRACK:
         raise RefusedError(
-            StrokeFault.WENT_BACK,
             f"The {line.name} stroke went back {line.backtrack * length_mm:.0f} mm: "
             "move one way, and let the trigger go at the end.",
         )
     if line.bow > MAX_BOW:
         raise RefusedError(
-            StrokeFault.CURVED,
             f"The {line.name} stroke is bent by {line.bow * length_mm:.0f} mm over "
             f"{length_mm:.0f} mm: move along something straight, such as the table's edge.",
         )
     if line.scatter_m > MAX_SCATTER_M:
         raise RefusedError(
-            StrokeFault.NOISY,
             f"The {line.name} stroke scatters by {1000 * line.scatter_m:.0f} mm: "
             "go to where the controller is tracked well, and move steadily.",
         )
@@ -203,7 +174,6 @@ def _unit(vector: Vector) -> Vector:
 
 def _too_few(name: str, count: int) -> RefusedError:
     return RefusedError(
-        StrokeFault.TOO_FEW_SAMPLES,
         f"The {name} stroke has {count} samples of the {MIN_SAMPLES} it takes: "
         "move for about two seconds with the trigger held.",
     )

@@ -13,7 +13,7 @@ from calibration.frame.capture import strokes_of_log, was_simulated
 from calibration.frame.fit import FrameFit, fit_strokes
 from calibration.frame.result import KIND, FrameResult, save_fit
 from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
-from calibration.frame.stroke import RefusedError, StrokeFault
+from calibration.frame.stroke import RefusedError
 from calibration.options import FrameOptions
 from calibration.store import Calibration
 from calibration.ui import as_text
@@ -133,7 +133,6 @@ class FrameWizard(Wizard[FrameOptions]):
         if wrong := [one.name for one, is_right in lit.items() if not is_right]:
             self._outcome = None
             raise RefusedError(
-                StrokeFault.WRONG_DIRECTION,
                 f"Another direction lit up for {', '.join(wrong)}, or none: if you moved as asked, "
                 "the frame is wrong; calibrate again.",
             )
@@ -144,7 +143,6 @@ class FrameWizard(Wizard[FrameOptions]):
         if not self.ui.attended:
             self._outcome = None
             raise RefusedError(
-                StrokeFault.UNCERTAIN,
                 "A person at the terminal must confirm so uncertain a frame: run this from one, or "
                 "make better strokes.",
             )

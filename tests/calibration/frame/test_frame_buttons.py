@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.buttons import TIMEOUT_NS, PressWatch, settle
-from calibration.frame.stroke import RefusedError, StrokeFault
+from calibration.frame.stroke import BeginAgainError, RefusedError
 from hw.openvr.components import ComponentReading
 
 pytestmark = pytest.mark.untimed
@@ -45,18 +45,12 @@ def test_what_is_held_at_the_beginning_does_not_count():
 
 
 def test_two_at_once_and_one_that_plays_another_part_already_are_refused_by_name():
-    for taken, pressed, reason, words in (
-        (
-            {},
-            {"a": 1.0, "b": 1.0},
-            StrokeFault.TWO_BUTTONS,
-            "a/click and b/click were .* the b alone",
-        ),
-        ({"a/click": "a"}, {"a": 1.0}, StrokeFault.WRONG_BUTTON, "a/click is the a already"),
+    for taken, pressed, refused, words in (
+        ({}, {"a": 1.0, "b": 1.0}, RefusedError, "a/click and b/click were .* the b alone"),
+        ({"a/click": "a"}, {"a": 1.0}, BeginAgainError, "a/click is the a already"),
     ):
-        with pytest.raises(RefusedError, match=words) as caught:
+        with pytest.raises(refused, match=words):
             play(PressWatch("b", taken), reading(), reading(**pressed), reading())
-        assert caught.value.reason is reason
 
 
 @pytest.mark.parametrize(
@@ -71,10 +65,8 @@ def test_a_missing_press_is_told_with_why(steady, words):
     watch = PressWatch("menu", {})
     watch.take(steady, 0)
     assert watch.take(steady, TIMEOUT_NS) is None
-    with pytest.raises(RefusedError, match=words) as caught:
+    with pytest.raises(RefusedError, match=f"menu: {words}"):
         watch.take(steady, TIMEOUT_NS + 1)
-    assert caught.value.reason is StrokeFault.NO_BUTTON
-    assert "menu" in str(caught.value)
 
 
 def test_swapped_buttons_are_found_and_the_others_left():
@@ -87,6 +79,5 @@ def test_swapped_buttons_are_found_and_the_others_left():
 def test_a_button_cannot_be_the_deadman():
     found = USUAL | {"trigger": "a/click", "a": "joystick/click", "menu": "b/click"}
     found["b"] = "trigger/pull"
-    with pytest.raises(RefusedError, match=r"the deadman must be analog|is analog") as caught:
+    with pytest.raises(BeginAgainError, match=r"the deadman must be analog|is analog"):
         settle(FOCUS, "right", found, USUAL)
-    assert caught.value.reason is StrokeFault.WRONG_BUTTON

@@ -8,7 +8,7 @@ from scipy.spatial import transform
 
 from calibration.frame.capture import StrokeCapture, find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes, turn_deg
-from calibration.frame.stroke import RefusedError, StrokeFault
+from calibration.frame.stroke import BeginAgainError, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError
 from tams_app.records import ControllerSample, ControllerStatus, Pose
@@ -56,9 +56,8 @@ def test_a_stroke_is_what_arrives_between_squeeze_and_release():
 def test_a_recentred_headset_ends_everything_even_between_strokes():
     player = Player()
     player.give(0.0)
-    with pytest.raises(RefusedError) as caught:
+    with pytest.raises(BeginAgainError, match="The headset was recentred"):
         player.give(0.0, status=ControllerStatus.TRACKING_FRAME_CHANGED)
-    assert caught.value.reason is StrokeFault.FRAME_CHANGED
 
 
 def session(*positions, arming="disarmed"):
@@ -114,17 +113,15 @@ def test_a_squeeze_without_motion_is_no_stroke():
 
 def test_a_session_that_drove_the_arm_is_refused_with_the_reason():
     made = rounds(1, np.random.default_rng(2))
-    with pytest.raises(RefusedError, match="shows the mapping in force and not the true") as caught:
+    with pytest.raises(RefusedError, match="shows the mapping in force and not the true"):
         find_strokes(session(*made, arming="engaged"), load_config())
-    assert caught.value.reason is StrokeFault.DRIVEN
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 4])
 def test_a_number_of_strokes_that_is_no_round_is_refused(count):
     made = rounds(2, np.random.default_rng(3))[:count] or [np.zeros((30, 3))]
-    with pytest.raises(RefusedError, match=f"has {count} strokes") as caught:
+    with pytest.raises(RefusedError, match=f"has {count} strokes"):
         find_strokes(session(*made), load_config())
-    assert caught.value.reason is StrokeFault.MISSING
 
 
 def test_which_of_several_sessions_is_no_use_is_told(tmp_path, monkeypatch):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from calibration.frame.fit import fit_strokes, turn_deg
-from calibration.frame.stroke import RefusedError, Stroke, StrokeFault
+from calibration.frame.stroke import RefusedError, Stroke
 from tests.calibration.frame.synthetic import stroke, strokes
 
 pytestmark = pytest.mark.untimed
@@ -34,9 +34,10 @@ def errors_and_bounds(**how):
 
 
 def refusal(made):
+    """What is said of the strokes."""
     with pytest.raises(RefusedError) as caught:
         fit_strokes(made)
-    return caught.value
+    return str(caught.value)
 
 
 def test_strokes_of_200_mm_and_50_samples_with_5_mm_noise_give_under_1_degree():
@@ -113,9 +114,9 @@ def test_a_stroke_that_went_astray_is_left_out_and_named(truth, sign, remark):
 def test_a_reversed_stroke_and_swapped_axes_make_a_mirrored_frame(went, signs):
     random = np.random.default_rng(5)
     made = [stroke(BEHIND, axis, random, sign=sign) for axis, sign in zip(went, signs, strict=True)]
-    error = refusal([Stroke(n, one.positions) for n, one in enumerate(made)])
-    assert error.reason is StrokeFault.MIRRORED
-    assert "make them all again, each as prompted" in str(error)
+    told = refusal([Stroke(n, one.positions) for n, one in enumerate(made)])
+    assert "a mirrored frame" in told
+    assert "make them all again, each as prompted" in told
 
 
 @pytest.mark.parametrize(
@@ -125,9 +126,7 @@ def test_strokes_that_are_not_independent_are_named(sign, words):
     random = np.random.default_rng(6)
     made = strokes(BEHIND, random)
     made[1] = Stroke(1, stroke(BEHIND, 0, random, sign=sign).positions)
-    error = refusal(made)
-    assert error.reason is StrokeFault.NOT_INDEPENDENT
-    assert f"The +x and +y strokes went {words}" in str(error)
+    assert f"The +x and +y strokes went {words}" in refusal(made)
 
 
 def test_strokes_that_are_far_from_square_are_named():
@@ -135,39 +134,34 @@ def test_strokes_that_are_far_from_square_are_named():
     made = strokes(BEHIND, random)
     lean = Rotation.from_rotvec(np.radians(35) * BEHIND[0]).as_matrix()
     made[1] = stroke(BEHIND @ lean, 1, random)
-    error = refusal(made)
-    assert error.reason is StrokeFault.SKEWED
-    assert "The +y and +z strokes are 35° from a right angle" in str(error)
+    assert "The +y and +z strokes are 35° from a right angle" in refusal(made)
 
 
 @pytest.mark.parametrize(
-    ("how", "reason", "words"),
+    ("how", "words"),
     [
-        ({"length_m": 0.12}, StrokeFault.TOO_SHORT, "was 120 mm long: make it at least 200 mm"),
-        ({"samples": 30}, StrokeFault.TOO_FEW_SAMPLES, "has 30 samples of the 50 it takes"),
-        ({"samples": 2}, StrokeFault.TOO_FEW_SAMPLES, "has 2 samples"),
-        ({"bow": 0.15}, StrokeFault.CURVED, "is bent by 30 mm over 200 mm"),
-        ({"noise_m": 0.02, "samples": 200, "length_m": 0.4}, StrokeFault.NOISY, "scatters by 2"),
+        ({"length_m": 0.12}, "was 120 mm long: make it at least 200 mm"),
+        ({"samples": 30}, "has 30 samples of the 50 it takes"),
+        ({"samples": 2}, "has 2 samples"),
+        ({"bow": 0.15}, "is bent by 30 mm over 200 mm"),
+        ({"noise_m": 0.02, "samples": 200, "length_m": 0.4}, "scatters by 2"),
     ],
 )
-def test_a_bad_stroke_is_refused_with_what_to_do(how, reason, words):
-    error = refusal(strokes(BEHIND, np.random.default_rng(9), **how))
-    assert error.reason is reason
-    assert words in str(error)
+def test_a_bad_stroke_is_refused_with_what_to_do(how, words):
+    assert words in refusal(strokes(BEHIND, np.random.default_rng(9), **how))
 
 
 def test_a_stroke_there_and_back_is_refused():
     made = strokes(BEHIND, np.random.default_rng(10))
     one = made[2].positions
     made[2] = Stroke(2, np.concatenate((one, one[::-1][:40])))
-    assert refusal(made).reason is StrokeFault.WENT_BACK
+    assert "The +z stroke went back" in refusal(made)
 
 
 def test_a_missing_axis_and_more_strokes_than_can_be_weighed_are_refused_in_a_sentence():
-    assert "There is no +z stroke" in str(refusal(strokes(BEHIND, np.random.default_rng(0))[:2]))
-    error = refusal(strokes(BEHIND, np.random.default_rng(0), rounds=7))
-    assert error.reason is StrokeFault.TOO_MANY
-    assert "There are 7 +x strokes, and 6 along each axis are the most" in str(error)
+    assert "There is no +z stroke" in refusal(strokes(BEHIND, np.random.default_rng(0))[:2])
+    told = refusal(strokes(BEHIND, np.random.default_rng(0), rounds=7))
+    assert "There are 7 +x strokes, and 6 along each axis are the most" in told
 
 
 def test_strokes_along_the_axes_span_space_evenly():

@@ -18,7 +18,7 @@ from calibration.frame.fit import FrameFit, turn_deg
 from calibration.frame.result import rows
 from calibration.frame.simulated_person import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS, Press
-from calibration.frame.stroke import RefusedError, StrokeFault
+from calibration.frame.stroke import RefusedError
 from calibration.frame.wizard import FrameWizard
 from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
@@ -219,9 +219,8 @@ def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeyp
     lit = dict.fromkeys(SIX_DIRECTIONS, True) | {SIX_DIRECTIONS[0]: False}
     monkeypatch.setattr(wizard, "try_six_directions", lambda *_: lit)
     path = rig()
-    with pytest.raises(RefusedError, match=r"Another direction lit up for \+x") as caught:
+    with pytest.raises(RefusedError, match=r"Another direction lit up for \+x"):
         calibrate(path)
-    assert caught.value.reason is StrokeFault.WRONG_DIRECTION
     assert files(path, "frame") == []
 
 
@@ -282,9 +281,8 @@ def test_a_button_that_never_arrives_ends_it_with_what_to_do(rig):
 
     with SimulatedSetup(config, 0).buttons() as buttons:
         source = Watched(buttons, dead)
-        with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves") as caught:
+        with pytest.raises(RefusedError, match=r"nothing arrived.*--no-buttons leaves"):
             ask_buttons(ScriptedUI(), source, config)
-    assert caught.value.reason is StrokeFault.NO_BUTTON
     assert source.asked == ["trigger", "grip", *["a"] * ATTEMPTS]
 
 
