@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import yaml
 
@@ -26,12 +26,13 @@ from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, TamsError
 from tams_app.outputs import made_folder, write_file
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
 )
 _INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to go back to it.\n"
-
-Draw = Callable[[Path], None]  # the figure of a calibration, to a file
 
 
 def utc_now() -> datetime:
@@ -167,15 +168,15 @@ class CalibrationSet:
         ui: WizardUI,
         calibration: Calibration,
         yes: bool,
-        draw: Draw | None = None,
+        figure: Figure | None = None,
         accept_unfounded: bool = False,
     ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
         `yes`: write without asking; what is unfounded is then kept, but not in force, and refused
         with TamsError, unless `accept_unfounded`. Unattended, nothing is written. If the question
-        is never answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `draw`
-        draws the figure beside the file before that counts.
+        is never answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `figure`
+        is beside the file before that counts.
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
@@ -190,7 +191,7 @@ class CalibrationSet:
             return None
         unfounded = "" if accept_unfounded else calibration.unfounded
         if yes and unfounded:
-            self.keep(ui, calibration, draw)
+            self.keep(ui, calibration, figure)
             raise TamsError(
                 f"{unfounded}; that is not put in force unasked: measure more, or add "
                 "--accept-unfounded"
@@ -200,32 +201,32 @@ class CalibrationSet:
                 f"{unfounded}. Write it all the same?" if unfounded else "Write it?"
             )
         except (KeyboardInterrupt, TamsError):
-            self.keep(ui, calibration, draw)
+            self.keep(ui, calibration, figure)
             raise
         if not wanted:
             ui.print("Nothing is written.")
             return None
-        path = self.write(calibration, draw)
+        path = self.write(calibration, figure)
         ui.print(
             f"Written: {path}\nEvery command with --config {self._config_path} uses it now; "
             "`calibrate undo` takes it back."
         )
         return path
 
-    def keep(self, ui: WizardUI, calibration: Calibration, draw: Draw | None = None) -> None:
+    def keep(self, ui: WizardUI, calibration: Calibration, figure: Figure | None = None) -> None:
         """Write it without letting it count, and say how it can be made to."""
-        path = self._new(calibration, draw)
+        path = self._new(calibration, figure)
         ui.print(
             f"\nKept, but not in force: {path}\n"
             f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
         )
 
-    def write(self, calibration: Calibration, draw: Draw | None = None) -> Path:
+    def write(self, calibration: Calibration, figure: Figure | None = None) -> Path:
         """Write it and let it count from now on; what counted before stays beside it.
 
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
-        path = self._new(calibration, draw)
+        path = self._new(calibration, figure)
         names = {kind: file.name for kind, file in files_in_force(self.folder).items()}
         try:
             self._put_in_force(_index(names | {calibration.kind: path.name}), path.name)
@@ -244,7 +245,7 @@ class CalibrationSet:
             self._replace_index(before)
             raise ConfigError(f"{what}: does not fit the configuration: {error}") from error
 
-    def _new(self, calibration: Calibration, draw: Draw | None) -> Path:
+    def _new(self, calibration: Calibration, figure: Figure | None) -> Path:
         """A new file, and its figure beside it; what counted before still counts."""
         kind = calibration.kind
         if key := overstepping_key(calibration.changes, kind):
@@ -270,9 +271,11 @@ class CalibrationSet:
             path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
         except OSError as error:
             raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
-        if draw is not None:
+        if figure is not None:
+            from tams_app.report.plots import save_figure  # `show` and `undo` need no matplotlib
+
             try:
-                draw(path.with_suffix(".png"))
+                save_figure(figure, path.with_suffix(".png"))
             except BaseException:  # without its figure it is not kept
                 path.unlink(missing_ok=True)
                 raise

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypeAlias, TypeVar
 
 from rich.console import RenderableType
 from rich.live import Live
+from rich.progress_bar import ProgressBar
 from rich.prompt import Confirm, Prompt, PromptBase
 from rich.table import Table
 from rich.text import Text
@@ -19,7 +20,13 @@ from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 
 T = TypeVar("T")
+Progress: TypeAlias = Callable[[str, float], None]
+"""Takes what is under way, and the part of it done: `WizardUI.progress`."""
 _TEXT_WIDTH = 100
+
+
+def quiet(_doing: str, _part: float) -> None:
+    """Progress that is not shown."""
 
 
 class _Line(Prompt):
@@ -100,6 +107,11 @@ class WizardUI:
                 raise
             self._live = display
         self._live.update(live, refresh=True)
+
+    def progress(self, doing: str, part: float) -> None:
+        """Display what is under way, and the part of it done [0..1]."""
+        bar = ProgressBar(total=1.0, completed=part, width=40)
+        self.show(live_table([(doing, bar, f"{part:.0%}")]))
 
     def pressed(self) -> bool:
         """Whether Enter was pressed since the last call; False without a terminal."""

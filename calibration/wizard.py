@@ -6,11 +6,14 @@ from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
+from matplotlib.figure import Figure
+
 from calibration.options import CalibrationOptions
 from calibration.store import Calibration, CalibrationSet
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, TamsError
+from tams_app.report.plots import save_figure
 
 FIGURE_SUFFIXES = (".png", ".jpg")
 
@@ -21,7 +24,7 @@ class Wizard(ABC, Generic[Options]):
     """One run of a wizard, from its options to the exit code.
 
     A subclass says what makes no sense (`check`), what it measures (`measure`), how that looks
-    (`draw`), and what of it is worth keeping if it ends early (`partial`).
+    (`drawn`), and what of it is worth keeping if it ends early (`partial`).
     """
 
     figure_beside: ClassVar[bool] = True  # whether the figure is drawn beside the file written
@@ -56,15 +59,15 @@ class Wizard(ABC, Generic[Options]):
         self.store.check_before(self.ui, self.yes, self.simulated)
         with self.ui:
             found = self._measured()
-            if self.figure is not None:
-                self.draw(self.figure)
+            if self.figure is not None and (drawn := self.drawn()) is not None:
+                save_figure(drawn, self.figure)
                 self.ui.print(f"Drawn: {self.figure}")
             if found is None:
                 return 0
             attended = self.ui.attended
-            draw = self.draw if self.figure_beside else None
+            beside = self.drawn() if self.figure_beside else None
             accepts = getattr(options, "accept_unfounded", False)
-            written = self.store.propose(self.ui, found, self.yes, draw, accepts)
+            written = self.store.propose(self.ui, found, self.yes, beside, accepts)
             return 0 if written is not None or attended else 1
 
     @abstractmethod
@@ -81,8 +84,9 @@ class Wizard(ABC, Generic[Options]):
     def prepare(self) -> None:
         """ConfigError for what does not go with the configuration; nothing was printed yet."""
 
-    def draw(self, path: Path) -> None:
-        """Draw what was found; TamsError if it cannot be written."""
+    def drawn(self) -> Figure | None:
+        """A figure of what was found; None if there is nothing to show."""
+        return None
 
     def partial(self) -> Calibration | None:
         """What is worth keeping when `measure` is interrupted."""

@@ -16,9 +16,9 @@ from pathlib import Path
 
 from rich.table import Table
 
-from calibration.phases.fit import quiet
 from calibration.phases.labels import LabelRules, logged_trials
 from calibration.phases.trials import PHASES, Scores, infer, score
+from calibration.ui import quiet
 from tams_app.config import PhasesConfig, load_config
 from tams_app.printing import Console
 

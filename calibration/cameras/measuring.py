@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
-from pathlib import Path
 from typing import Any
 
 import cv2
+from matplotlib.figure import Figure
 from rich.text import Text
 
 from calibration.cameras.bench import Bench, Task, agreed, until_done
@@ -30,7 +30,7 @@ from calibration.ui import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
 from tams_app.records import ArmFigure, Image, Lens
-from tams_app.report.plots import WIDE_IN, new_figure, save_figure, styled
+from tams_app.report.plots import WIDE_IN, new_figure, styled
 from tams_app.session.lenses import WRIST_VIEW
 
 LENS, MOUNT = "lens", "mount"
@@ -80,8 +80,8 @@ class Findings:
 
 
 @styled
-def draw_findings(found: Sequence[Findings], path: Path) -> None:
-    """The views with what is known of each; TamsError if it cannot be written."""
+def findings_figure(found: Sequence[Findings]) -> Figure:
+    """The views with what is known of each."""
     lines = max(len(each.lines()) for each in found)
     figure = new_figure(WIDE_IN, 3.0 + 0.16 * lines)
     for axes, each in zip(figure.subplots(1, len(found), squeeze=False)[0], found, strict=True):
@@ -91,7 +91,7 @@ def draw_findings(found: Sequence[Findings], path: Path) -> None:
         axes.set_xticks([])
         axes.set_yticks([])
         axes.set_xlabel("\n".join(each.lines()), loc="left")
-    save_figure(figure, path)
+    return figure
 
 
 def measure_latency(ui: WizardUI, bench: Bench, views: Sequence[Findings]) -> None:

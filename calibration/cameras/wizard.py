@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from calibration.cameras import measuring
 from calibration.cameras.bench import Bench, Task, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import check_display
-from calibration.cameras.measuring import LENS, MOUNT, Findings, draw_findings
+from calibration.cameras.measuring import LENS, MOUNT, Findings, findings_figure
 from calibration.options import CameraOptions
 from calibration.store import Calibration, utc_now
 from calibration.ui import WizardUI
@@ -91,8 +91,8 @@ class CameraWizard(Wizard[CameraOptions]):
             not self._bench.attended,
         )
 
-    def draw(self, path: Path) -> None:
-        draw_findings(self._found, path)
+    def drawn(self) -> Figure | None:
+        return findings_figure(self._found)
 
     def _measure(self) -> None:
         steps, ui, bench = self._steps, self.ui, self._bench

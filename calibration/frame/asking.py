@@ -16,9 +16,17 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from calibration.frame.capture import MIN_TRAVEL_M, Held, StrokeCapture, travel_m
 from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
-from calibration.frame.sources import SHOW_EVERY, SIX_DIRECTIONS, HandSource, Move
+from calibration.frame.sources import (
+    MIN_TRAVEL_M,
+    SHOW_EVERY,
+    SIX_DIRECTIONS,
+    HandSource,
+    Held,
+    Move,
+    StrokeCapture,
+    travel_m,
+)
 from calibration.frame.stroke import (
     ASKED_LENGTH_M,
     AXES,

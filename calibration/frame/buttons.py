@@ -54,7 +54,10 @@ class PressWatch:
         self._pressed: set[str] = set()
 
     def take(self, reading: ComponentReading | None, now_ns: int) -> str | None:
-        """The component, once released; RefusedError if none came or two did, BeginAgainError if taken."""
+        """The component, once released.
+
+        RefusedError if none came or two did, BeginAgainError if it is taken.
+        """
         if self._since_ns is None:
             self._since_ns = now_ns
         values = reading.values if reading is not None else {}

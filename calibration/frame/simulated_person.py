@@ -7,7 +7,7 @@ direction and is slightly bent. The hand trembles and the muscles add noise (`si
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeAlias
 
@@ -19,6 +19,7 @@ from calibration.frame.sources import (
     HandSource,
     Move,
     Prompt,
+    Read,
     Reading,
     Source,
 )
@@ -132,9 +133,7 @@ class PromptedPerson:
 class PromptedSource(Source[Reading]):
     """What is read while a simulated person, in virtual time, begins what they are asked."""
 
-    def __init__(
-        self, clock: VirtualClock, read: Callable[[int], Reading], person: PromptedPerson
-    ) -> None:
+    def __init__(self, clock: VirtualClock, read: Read[Reading], person: PromptedPerson) -> None:
         super().__init__(clock, read)
         self._person, self._asked_ns = person, clock.now_ns()
 

@@ -2,28 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from calibration.frame import result
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from rich.table import Table
+
 from calibration.frame.asking import fit_moves, try_six_directions
-from calibration.frame.buttons import ask_buttons, finding_table
-from calibration.frame.capture import strokes_of_log, was_simulated
-from calibration.frame.fit import FrameFit, fit_strokes
-from calibration.frame.result import KIND, FrameResult, save_fit
-from calibration.frame.sources import SIX_DIRECTIONS, HandSource, LiveSetup
-from calibration.frame.stroke import RefusedError
+from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
+from calibration.frame.fit import (
+    BAD_DEG,
+    GOOD_DEG,
+    FrameFit,
+    Matrix,
+    fit_strokes,
+    stands_upright,
+    turn_deg,
+)
+from calibration.frame.sources import (
+    SIX_DIRECTIONS,
+    HandSource,
+    LiveSetup,
+    Move,
+    strokes_of_log,
+    was_simulated,
+)
+from calibration.frame.stroke import AXES, RefusedError
 from calibration.options import FrameOptions
 from calibration.store import Calibration
-from calibration.ui import as_text
+from calibration.ui import as_text, plain_table
 from calibration.wizard import Wizard
+from tams_app.config import Config, MappingConfig
+from tams_app.config.calibrated import read_calibrated
 from tams_app.errors import ConfigError
+from tams_app.report.plots import GRID, INK, WIDE_IN, new_figure, styled
 from tams_app.runtime.clock import MonotonicClock
 
 if TYPE_CHECKING:
     from calibration.frame.simulated_person import SimulatedSetup
 
+KIND = "frame"
+_DIGITS = 9  # the configuration wants orthonormal to 1e-6
+_COLOURS = ("#c0392b", "#27ae60", "#2471a3")  # x, y, z, as robots are drawn
+_PLANES = ((0, 1), (0, 2))
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
 base, y to its left, z up. Take the {hand} controller.
@@ -34,6 +60,17 @@ _BUTTONS = "You will press each button once.\n"
 _STROKES = """\
 You will move it along the robot's axes, at least 200 mm each time, along something straight where
 you can."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FrameResult:
+    """All that one run of the wizard found out."""
+
+    frame: FrameFit
+    source: str  # in words
+    buttons: ButtonFinding | None = None
+    lit: Mapping[Move, bool] | None = None  # None: not tried
+    true_rotation: Matrix | None = None
 
 
 class FrameWizard(Wizard[FrameOptions]):
@@ -54,7 +91,7 @@ class FrameWizard(Wizard[FrameOptions]):
         else:
             self._measure(self._setup())
         assert self._outcome is not None
-        doubt = result.doubt(self._outcome.frame)
+        doubt = doubt_of(self._outcome.frame)
         if doubt and not self._is_kept(doubt):
             self.ui.print("Nothing is written.")
             return None
@@ -64,11 +101,10 @@ class FrameWizard(Wizard[FrameOptions]):
         if self._outcome is None:
             return None
         before = self.store.in_force(KIND)
-        return result.calibration(self.config, self._outcome, before, self.simulated)
+        return calibration(self.config, self._outcome, before, self.simulated)
 
-    def draw(self, path: Path) -> None:
-        if self._outcome is not None:
-            save_fit(self._outcome.frame, path)
+    def drawn(self) -> Figure | None:
+        return None if self._outcome is None else fit_figure(self._outcome.frame)
 
     def _fit_logs(self) -> None:
         logs = self.options.logs
@@ -103,18 +139,18 @@ class FrameWizard(Wizard[FrameOptions]):
             with setup.buttons() as components:
                 buttons = ask_buttons(self.ui, components, self.config)
             self.ui.print(as_text(finding_table(buttons)))
-        config = result.mapped(self.config, buttons)
+        config = mapped(self.config, buttons)
         with setup.hand(config.controller) as source:
             frame = fit_moves(self.ui, source, config, options.rounds)
             self._show(frame)
-            result.doubt(frame)  # what is no use needs no trying
+            doubt_of(frame)  # what is no use needs no trying
             how = f"strokes by {setup.description}"
             self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
             self._try(source, self._outcome)
 
     def _show(self, frame: FrameFit) -> None:
-        self.ui.print(as_text(result.result_table(frame)))
-        for remark in result.remarks(self.config, frame):
+        self.ui.print(as_text(result_table(frame)))
+        for remark in remarks(self.config, frame):
             self.ui.print(remark)
 
     def _try(self, source: HandSource, outcome: FrameResult) -> None:
@@ -123,8 +159,9 @@ class FrameWizard(Wizard[FrameOptions]):
             "Now try it: no arm is connected, the table shows where it would go. Move some 200 mm "
             "each time; Enter skips a direction."
         )
-        config = result.mapped(self.config, outcome.buttons)
-        hand = result.hand_with(config.hand, outcome.frame)
+        config = mapped(self.config, outcome.buttons)
+        turned = {"rotation": rows(outcome.frame.rotation)}
+        hand = config.hand.model_copy(update=turned)
         lit = try_six_directions(self.ui, source, config, hand)
         self.ui.print(
             f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for."
@@ -147,3 +184,164 @@ class FrameWizard(Wizard[FrameOptions]):
                 "make better strokes.",
             )
         return self.ui.yes("Keep it all the same?")
+
+
+def rows(rotation: Matrix) -> tuple[tuple[float, float, float], ...]:
+    """As the configuration has it."""
+    rounded = np.round(rotation, _DIGITS) + 0.0  # no negative zeros
+    return tuple((float(row[0]), float(row[1]), float(row[2])) for row in rounded)
+
+
+def mapped(config: Config, buttons: ButtonFinding | None) -> Config:
+    """The configuration with the buttons as they were found."""
+    if buttons is None:
+        return config
+    mapping: dict[Any, MappingConfig] = dict(config.controller.mapping)
+    mapping[buttons.controller_type] = MappingConfig(**buttons.paths)
+    controller = config.controller.model_copy(update={"mapping": mapping})
+    return config.model_copy(update={"controller": controller})
+
+
+def result_table(fit: FrameFit) -> Table:
+    """How each stroke fits the frame."""
+    strokes = [
+        (
+            one.line.name,
+            f"{1000 * one.line.length_m:.0f}",
+            str(one.line.samples),
+            f"{one.line.straightness:.1%}",
+            f"{1000 * one.line.scatter_m:.1f}",
+            f"{one.angle_deg:.1f}",
+            "" if one.used else "left out",
+        )
+        for one in fit.strokes
+    ]
+    heads = ("stroke", "length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
+    return plain_table(heads, strokes, "The strokes")
+
+
+def remarks(config: Config, frame: FrameFit) -> list[str]:
+    """What a person should know of the result, one sentence each."""
+    off = turn_deg(frame.rotation, np.array(config.hand.rotation))
+    lines = [
+        f"The frame is right within {frame.error_bound_deg:.1f}° (95 %, as far as the "
+        "measurements' disagreement tells); the rotation in force differs from it by "
+        f"{off:.1f}°.",
+        f"Residual {frame.residual_mm:.1f} mm, condition {frame.condition:.2f} (1 is best).",
+        *(f"Note: {remark}." for remark in frame.left_out),
+    ]
+    if not stands_upright(frame.rotation):
+        lines.append(
+            "With this frame the robot's z axis does not point up: right for an arm that hangs or "
+            "leans, else two strokes were reversed or axes were taken for one another."
+        )
+    return lines
+
+
+def doubt_of(frame: FrameFit) -> str:
+    """Why the result needs a second thought, "" if it does not; RefusedError if it is no use."""
+    bound = frame.error_bound_deg
+    if bound > BAD_DEG:
+        raise RefusedError(
+            f"The frame may be off by {bound:.1f}°, and more than {BAD_DEG:g}° is no use: "
+            f"{_advice(frame)}.",
+        )
+    if bound > GOOD_DEG:
+        return f"The frame may be off by {bound:.1f}°, more than {GOOD_DEG:g}°: {_advice(frame)}."
+    return ""
+
+
+def _advice(frame: FrameFit) -> str:
+    worst = max((s for s in frame.strokes if s.used), key=lambda stroke: stroke.angle_deg)
+    return (
+        f"a {worst.line.name} stroke is {worst.angle_deg:.1f}° off its axis; move along "
+        "something straight, make longer strokes, or more of them with --rounds"
+    )
+
+
+def calibration(
+    config: Config, outcome: FrameResult, before: Path | None, simulated: bool
+) -> Calibration:
+    """What is written. A part that was not measured now stays as `before`, the file in force."""
+    changes: dict[str, Any] = {}
+    if before is not None:
+        changes = deepcopy(read_calibrated(before, KIND).changes)
+    rotation = [list(row) for row in rows(outcome.frame.rotation)]
+    changes["hand"] = changes.get("hand", {}) | {"rotation": rotation}
+    buttons = outcome.buttons
+    if buttons is not None and (buttons.wrong or config.controller.mapping):
+        mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
+        mapping[buttons.controller_type] = dict(buttons.paths)
+    return Calibration(KIND, changes, outcome.source, _quality(config, outcome), simulated)
+
+
+def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
+    frame, lit, buttons = outcome.frame, outcome.lit, outcome.buttons
+    quality: dict[str, Any] = {
+        "error_bound_95_deg": round(frame.error_bound_deg, 3),
+        "residual_mm": round(frame.residual_mm, 3),
+        "condition": round(frame.condition, 3),
+        "changed_by_deg": round(turn_deg(frame.rotation, np.array(config.hand.rotation)), 3),
+    }
+    used = [stroke for stroke in frame.strokes if stroke.used]
+    quality["off_axis_deg"] = [f"{one.line.name} {one.angle_deg:.2f}" for one in used]
+    quality["samples"] = sum(one.line.samples for one in used)
+    quality["left_out"] = list(frame.left_out)
+    if lit is not None:
+        quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_DIRECTIONS)}"
+    if buttons is not None:
+        quality["buttons_put_right"] = list(buttons.wrong)
+    if outcome.true_rotation is not None:
+        quality["true_error_deg"] = round(turn_deg(frame.rotation, outcome.true_rotation), 3)
+    return quality
+
+
+@styled
+def fit_figure(fit: FrameFit) -> Figure:
+    """How the strokes lie in the frame that they make."""
+    figure = new_figure(WIDE_IN, 3.8)
+    axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
+    for place, plane in zip(axes[:2], _PLANES, strict=True):
+        _draw_directions(place, fit, plane)
+    _draw_angles(axes[2], fit)
+    figure.suptitle(
+        f"Frame from {len(fit.strokes)} strokes: right within {fit.error_bound_deg:.1f}° (95 %), "
+        f"residual {fit.residual_mm:.1f} mm"
+    )
+    return figure
+
+
+def _draw_directions(axes: Axes, fit: FrameFit, plane: tuple[int, int]) -> None:
+    """Every stroke from the origin, in the robot's frame, seen onto one plane."""
+    for stroke in fit.strokes:
+        line = stroke.line
+        end = 1000 * line.length_m * (fit.rotation @ line.direction)
+        axes.plot(
+            [0, end[plane[0]]],
+            [0, end[plane[1]]],
+            color=_COLOURS[line.axis],
+            linewidth=1.6,
+            linestyle="-" if stroke.used else ":",
+            marker="o",
+            markevery=[1],
+            markersize=3.5,
+        )
+    axes.axhline(0, color=GRID, linewidth=0.8, zorder=0)
+    axes.axvline(0, color=GRID, linewidth=0.8, zorder=0)
+    axes.set_xlabel(f"robot {AXES[plane[0]]} [mm]")
+    axes.set_ylabel(f"robot {AXES[plane[1]]} [mm]")
+    axes.set_aspect("equal", adjustable="datalim")
+
+
+def _draw_angles(axes: Axes, fit: FrameFit) -> None:
+    numbers = np.arange(len(fit.strokes))
+    for number, stroke in zip(numbers, fit.strokes, strict=True):
+        opacity = 1.0 if stroke.used else 0.3
+        axes.bar(number, stroke.angle_deg, color=_COLOURS[stroke.line.axis], alpha=opacity)
+    axes.axhline(
+        fit.error_bound_deg, color=INK, linestyle="--", linewidth=1, label="error bound (95 %)"
+    )
+    axes.legend(loc="upper right")
+    axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes])
+    axes.set_ylim(0, 1.25 * max(fit.error_bound_deg, *(s.angle_deg for s in fit.strokes)))
+    axes.set_ylabel("off the prompted axis [°]")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import TypeAlias
@@ -10,6 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from calibration.phases.trials import CODE, NOT_COUNTED, PHASES, Scores, Trial, infer, score
+from calibration.ui import Progress, quiet
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
@@ -51,11 +52,6 @@ DEFAULT_POINT = point_of(PhasesConfig())
 
 # How good a point is: fewer misses first, then nearer to the defaults, then smaller numbers.
 _Rank: TypeAlias = tuple[int, float, Point]
-Progress: TypeAlias = Callable[[str, float], None]  # what is under way, and the part of it done
-
-
-def quiet(_doing: str, _part: float) -> None:
-    """Progress that is not shown."""
 
 
 class Search:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.progress_bar import ProgressBar
 from rich.table import Table
 
 from calibration.options import PhaseOptions
@@ -12,7 +11,7 @@ from calibration.phases.fit import SEARCHED, PhaseFit, check_count, evaluate, fi
 from calibration.phases.labels import Material, logged_trials, virtual_trials
 from calibration.phases.trials import PHASES, Scores, Switches
 from calibration.store import Calibration
-from calibration.ui import as_text, live_table, plain_table
+from calibration.ui import as_text, plain_table
 from calibration.wizard import Wizard
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
@@ -24,7 +23,6 @@ POOR_RECALL = 0.5
 class PhaseWizard(Wizard[PhaseOptions]):
     """The thresholds of Algorithm 1; asks nothing."""
 
-    figure_beside = False
     _count: int
 
     def check(self) -> None:
@@ -41,7 +39,7 @@ class PhaseWizard(Wizard[PhaseOptions]):
         material = self._trials()
         self.store.check_before(self.ui, self.yes, material.simulated)
         smoothing_ms = self.config.policy.phases.smoothing_ms
-        found = fit_thresholds(material.trials, smoothing_ms, self._show)
+        found = fit_thresholds(material.trials, smoothing_ms, self.ui.progress)
         held_out = None
         if unseen := material.held_out:
             held_out = evaluate(unseen, found.thresholds), evaluate(unseen, PhasesConfig())
@@ -58,17 +56,13 @@ class PhaseWizard(Wizard[PhaseOptions]):
             unfounded=unfounded(found),
         )
 
-    def _show(self, doing: str, part: float) -> None:
-        bar = ProgressBar(total=1.0, completed=part, width=40)
-        self.ui.show(live_table([(doing, bar, f"{part:.0%}")]))
-
     def _trials(self) -> Material:
         options, count, config = self.options, self._count, self.config
         if options.logs:
-            return logged_trials(options.logs, config.policy.phases.smoothing_ms, self._show)
+            return logged_trials(options.logs, config.policy.phases.smoothing_ms, self.ui.progress)
         unseen = count if options.held_out is None else options.held_out
         seeds = range(options.seed, options.seed + count + unseen)
-        return virtual_trials(config, seeds, unseen, self._show)
+        return virtual_trials(config, seeds, unseen, self.ui.progress)
 
 
 def thresholds_table(found: PhaseFit) -> Table:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import heapq
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 from pydantic import ValidationError
 
+from calibration.ui import Progress
 from calibration.weights.clips import ClipFolder, ClipTimes, ClipWriter, CutSession
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error
@@ -280,9 +281,6 @@ def _write(canvas: Image, text: str, x: int) -> None:
     cv2.putText(canvas, text, at, font, _TEXT_SCALE, _INK, 2, cv2.LINE_AA)
 
 
-Progress = Callable[[Segment, float], None]  # the clip being cut, and how much of it [0..1]
-
-
 def cut_session(
     session: RecordedSession, folder: ClipFolder, progress: Progress, context_s: float = 0.0
 ) -> CutSession:
@@ -324,7 +322,8 @@ def cut_session(
             added[segment] += 1
             if added[segment] == len(wanted[segment]):
                 writers[segment].finish()
-            progress(segment, added[segment] / len(wanted[segment]))
+            doing = f"{segment.phase.value}, {segment.seconds:.1f} s"
+            progress(doing, added[segment] / len(wanted[segment]))
     return entry
 
 

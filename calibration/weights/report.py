@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from calibration.store import Calibration
 from calibration.weights.clips import CutSession
@@ -167,10 +167,8 @@ _ROWS_IN = 0.62
 
 
 @plots.styled
-def save_weights(
-    assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str], path: Path
-) -> None:
-    """W, the necessity every rater gave, the votes and Kendall's W by phase, drawn to a file."""
+def weights_figure(assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str]) -> Figure:
+    """W, the necessity every rater gave, the votes and Kendall's W by phase."""
     figure = plots.new_figure(plots.WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
     shares, necessity, votes, concordance = figure.subplots(
         1, 4, sharey=True, width_ratios=(2.2, 3.2, 2.2, 1.4)
@@ -181,7 +179,7 @@ def save_weights(
     _draw_concordance(concordance, assessment)
     figure.suptitle(_title(assessment), fontsize=plots.TEXT_PT)
     plots.legend_beside(figure, necessity, "lower center")
-    plots.save_figure(figure, path)
+    return figure
 
 
 def _title(assessment: Assessment) -> str:

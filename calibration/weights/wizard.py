@@ -9,12 +9,13 @@ from __future__ import annotations
 import time
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from rich.text import Text
 
 from calibration.options import WeightOptions
 from calibration.store import Calibration
 from calibration.weights.clips import ClipFolder, play
-from calibration.weights.cutting import RecordedSession, Segment, cut_session, open_session
+from calibration.weights.cutting import RecordedSession, cut_session, open_session
 from calibration.weights.fit import Assessment, assess
 from calibration.weights.panel import SESSIONS, check_panel, rate_by_panel, record_session
 from calibration.weights.ratings import RatingFolder, Sheet, Show, rate
@@ -23,12 +24,13 @@ from calibration.weights.report import (
     describe,
     describe_cut,
     evidence_remarks,
-    save_weights,
+    weights_figure,
 )
 from calibration.wizard import Wizard
 from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display
 from tams_app.records import Phase
+from tams_app.report.plots import save_figure
 from tams_app.session.folder import recording_directory
 
 _CLIPS, _RATINGS, _FIGURE = "clips", "ratings", "weights.png"
@@ -65,9 +67,10 @@ class WeightWizard(Wizard[WeightOptions]):
             self.ui.print(f"\nEverything so far is kept in {self.folder}.")
             raise
 
-    def draw(self, path: Path) -> None:
-        if self._built is not None:
-            save_weights(*self._built, self.config.video.views, path)
+    def drawn(self) -> Figure | None:
+        if self._built is None:
+            return None
+        return weights_figure(*self._built, self.config.video.views)
 
     def _measure(self) -> Calibration | None:
         options = self.options
@@ -99,7 +102,7 @@ class WeightWizard(Wizard[WeightOptions]):
 
     def _cut(self, session: RecordedSession) -> None:
         self.ui.print(f"Cutting {session.name} into clips, one per phase ({session.shows}).")
-        cut = cut_session(session, self._clips, self._show_progress, self.options.context_s)
+        cut = cut_session(session, self._clips, self.ui.progress, self.options.context_s)
         self.ui.show(Text(""))
         self.ui.print(describe_cut(cut))
         if cut.constrained:
@@ -107,9 +110,6 @@ class WeightWizard(Wizard[WeightOptions]):
                 "These frames suffered from the network. The paper's raters saw full quality: "
                 "record with `run --network none`, or with --record-reference."
             )
-
-    def _show_progress(self, segment: Segment, done: float) -> None:
-        self.ui.show(Text(f"{segment.phase.value}: {done:.0%} of {segment.seconds:.1f} s"))
 
     # --- ratings ----------------------------------------------------------------------------
 
@@ -171,7 +171,7 @@ class WeightWizard(Wizard[WeightOptions]):
         assessment = assess(sheets, views, self.config.policy.weights.matrix, remarks)
         self.ui.print("\n" + describe(assessment, views))
         self._built = assessment, sheets
-        self.draw(self.folder / _FIGURE)
+        save_figure(weights_figure(assessment, sheets, views), self.folder / _FIGURE)
         self.ui.print(f"As a figure: {self.folder / _FIGURE}")
         return calibration_of(assessment, sheets, sessions, self._panel)
 

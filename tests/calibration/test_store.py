@@ -11,6 +11,8 @@ from calibration.store import Calibration, CalibrationSet
 from tams_app import cli
 from tams_app.config import dump_config, load_config
 from tams_app.errors import ConfigError, TamsError
+from tams_app.report import plots
+from tams_app.report.plots import new_figure
 from tests.scripted_ui import CTRL_C, ScriptedUI
 
 pytestmark = pytest.mark.untimed
@@ -174,22 +176,22 @@ def test_a_question_that_is_never_answered_loses_nothing_and_changes_nothing(sto
     assert store.in_force("frame") == kept
 
 
-def test_what_goes_beside_a_calibration_is_there_before_it_counts(store):
-    counted = []
-    store.propose(
-        ScriptedUI(),
-        frame(),
-        yes=True,
-        draw=lambda path: counted.append((path.suffix, store.in_force("frame"))),
-    )
+def test_what_goes_beside_a_calibration_is_there_before_it_counts(store, monkeypatch):
+    figure, counted = new_figure(1, 1), []
+
+    def saved(_figure, path):
+        counted.append((path.suffix, store.in_force("frame")))
+
+    monkeypatch.setattr(plots, "save_figure", saved)
+    before = store.propose(ScriptedUI(), frame(), yes=True, figure=figure)
     assert counted == [(".png", None)]
 
-    def fails(path):
+    def fails(_figure, path):
         raise TamsError(f"{path.name}: cannot be written: No space left on device")
 
-    before = store.in_force("frame")
+    monkeypatch.setattr(plots, "save_figure", fails)
     with pytest.raises(TamsError, match=r"frame-.*\.png"):
-        store.propose(ScriptedUI(), frame(), yes=True, draw=fails)
+        store.propose(ScriptedUI(), frame(), yes=True, figure=figure)
     assert store.in_force("frame") == before
 
 

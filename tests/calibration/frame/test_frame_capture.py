@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import transform
 
-from calibration.frame.capture import StrokeCapture, find_strokes, strokes_of_log
 from calibration.frame.fit import fit_strokes, turn_deg
+from calibration.frame.sources import StrokeCapture, find_strokes, strokes_of_log
 from calibration.frame.stroke import BeginAgainError, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError
@@ -126,7 +126,7 @@ def test_a_number_of_strokes_that_is_no_round_is_refused(count):
 
 def test_which_of_several_sessions_is_no_use_is_told(tmp_path, monkeypatch):
     made = session(*rounds(1, np.random.default_rng(3))[:2])
-    monkeypatch.setattr("calibration.frame.capture.read_ticks", lambda _: made)
+    monkeypatch.setattr("calibration.frame.sources.read_ticks", lambda _: made)
     (tmp_path / "session.mcap").touch()
     with pytest.raises(RefusedError, match=f"{tmp_path}: The session has 2 strokes"):
         strokes_of_log(tmp_path, load_config())

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import transform
 
 from calibration.frame.asking import Compass, direction_of
-from calibration.frame.result import rows
 from calibration.frame.sources import SIX_DIRECTIONS
+from calibration.frame.wizard import rows
 from tams_app.config import load_config
 from tams_app.records import ControllerSample, ControllerStatus, Pose
 from tams_app.rotation import Rotation

@@ -15,11 +15,10 @@ from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons
 from calibration.frame.fit import FrameFit, turn_deg
-from calibration.frame.result import rows
 from calibration.frame.simulated_person import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS, Press
 from calibration.frame.stroke import RefusedError
-from calibration.frame.wizard import FrameWizard
+from calibration.frame.wizard import FrameWizard, rows
 from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
@@ -127,7 +126,7 @@ def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monk
 
 @pytest.mark.usefixtures("fitted")
 def test_a_frame_in_between_is_written_only_if_a_person_says_so(rig, monkeypatch):
-    monkeypatch.setattr("calibration.frame.result.GOOD_DEG", 0.1)
+    monkeypatch.setattr("calibration.frame.wizard.GOOD_DEG", 0.1)
     path = rig()
     with pytest.raises(RefusedError, match="A person at the terminal must confirm"):
         calibrate(path)
