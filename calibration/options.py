@@ -108,9 +108,6 @@ class WeightOptions(WizardOptions, FitOptions):
     folder: Annotated[
         Path | None, typer.Option(help="Folder for clips and ratings; default logs/weights.")
     ] = None
-    panel: Annotated[
-        str, typer.Option(help="--sim: paper (prefers the views of its Table I) or indifferent.")
-    ] = "paper"
     context_s: Annotated[
         float, typer.Option(min=0, max=2, help="Seconds shown before and after each phase.")
     ] = 0.0

@@ -27,7 +27,6 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import rankdata, tiecorrect
 
 from calibration.weights.ratings import (
     LEAST,
@@ -194,43 +193,18 @@ def krippendorff_alpha(values: Floats, level: Literal["nominal", "ordinal"]) -> 
     return float(1.0 - (np.sum(totals) - 1) * np.sum(coincidences * distances) / expected)
 
 
-def kendall_w(values: Floats) -> float | None:
-    """Kendall's coefficient of concordance of `values`, shape (raters, things), ties corrected.
-
-    S. Siegel, "Nonparametric Statistics" (1956), chapter 9.
-
-    0 is no concordance, 1 the same order by all. Raters with a NaN are left out; None with fewer
-    than two raters or two things, or if no rater distinguishes any.
-    """
-    complete = values[np.all(np.isfinite(values), axis=1)]
-    raters, things = complete.shape
-    if raters < 2 or things < 2:
-        return None
-    ranks = rankdata(complete, axis=1)
-    sums = ranks.sum(axis=0)
-    deviation = float(np.sum((sums - sums.mean()) ** 2))
-    # of each rater: 1 without ties, 0 of all the same
-    distinct = float(sum(map(tiecorrect, ranks)))
-    largest = raters * (things**3 - things) * distinct / 12
-    return deviation / largest if largest > 0 else None
-
-
 PAPER_RATERS = 8  # the paper's calibration sample
 
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """W with its evidence. Alphas are over all phases; None where they are not defined.
-
-    `concordance`: Kendall's W of the views' necessity within each phase.
-    """
+    """W with its evidence. Alphas are over all phases; None where they are not defined."""
 
     raters: int
     simulated: int  # how many of them are not people
     rows: dict[Phase, PhaseWeights]
     necessity_alpha: float | None  # ordinal; units are views in phases
     critical_alpha: float | None  # nominal; units are phases
-    concordance: dict[Phase, float | None]
     remarks: tuple[str, ...]  # on the whole panel; each row has its own
 
     @property
@@ -288,9 +262,6 @@ def assess(
         rows=fit_weights(sheets, views, present),
         necessity_alpha=necessity_alpha,
         critical_alpha=critical_alpha,
-        concordance={
-            phase: kendall_w(necessity[:, number, :]) for number, phase in enumerate(Phase)
-        },
         remarks=tuple(remarks),
     )
 

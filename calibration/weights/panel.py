@@ -2,21 +2,20 @@
 
 They exercise the way from ratings to W, and say nothing about views. A simulated rater feels a
 necessity for each view (its mean in the phase, plus the rater's generosity, plus noise), rounds it
-to the scale, and names the view that feels, noise drawn anew, the most necessary. `paper` prefers
-the dominant view of the paper's Table I in each phase and is indifferent between the others;
-`indifferent` prefers nothing.
+to the scale, and names the view that feels, noise drawn anew, the most necessary. The panel prefers
+the dominant view of the paper's Table I in each phase and is indifferent between the others.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Sequence, Set
 from pathlib import Path
 
 import numpy as np
 
 from calibration.weights.ratings import LEAST, MOST, RatedPhase, RatingFolder, Sheet
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, TamsError, not_one_of
+from tams_app.errors import ConfigError, TamsError
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 
@@ -28,24 +27,22 @@ PAPER_DOMINANT = {
     Phase.PRE_RELEASE: "eih",
     Phase.RELEASE: "eih",
 }
-PANELS: Mapping[str, Mapping[Phase, str]] = {"paper": PAPER_DOMINANT, "indifferent": {}}
 _PREFERRED, _OTHER = 4.5, 3.0  # mean necessity
 RATERS = 8  # as many as the paper asked
 _GENEROSITY, _NOISE = 0.4, 0.7  # standard deviations, in points of the scale
 
 
-def simulate_panel(
-    panel: str, views: Sequence[str], seed: int, raters: int = RATERS
-) -> list[Sheet]:
-    """Simulated sheets on every phase, whichever have clips; `panel`: of `PANELS`."""
-    return [_sheet(PANELS[panel], views, number, seed) for number in range(1, raters + 1)]
+def simulate_panel(views: Sequence[str], seed: int, raters: int = RATERS) -> list[Sheet]:
+    """Simulated sheets on every phase, whichever have clips."""
+    return [_sheet(views, number, seed) for number in range(1, raters + 1)]
 
 
-def _sheet(preferred: Mapping[Phase, str], views: Sequence[str], number: int, seed: int) -> Sheet:
+def _sheet(views: Sequence[str], number: int, seed: int) -> Sheet:
     random, answers = np.random.default_rng([seed, number]), list[RatedPhase]()
     generosity = random.normal(0.0, _GENEROSITY)
     for phase in Phase:
-        means = np.array([_PREFERRED if preferred.get(phase) == one else _OTHER for one in views])
+        dominant = PAPER_DOMINANT[phase]
+        means = np.array([_PREFERRED if one == dominant else _OTHER for one in views])
         felt = means + generosity + random.normal(0.0, _NOISE, len(views))
         points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
         needed_most = views[int(np.argmax(means + random.normal(0.0, _NOISE, len(views))))]
@@ -90,15 +87,13 @@ def record_session(config_path: Path | None, directory: Path, seed: int) -> Path
     return log.parent
 
 
-def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: int) -> None:
-    """ConfigError if there is no such panel, if it prefers views that are not there, or if `folder`
-    holds other ratings: of people, or of a panel of another kind or seed.
+def check_panel(folder: RatingFolder, views: Sequence[str], seed: int) -> None:
+    """ConfigError if the panel prefers views that are not there, or if `folder` holds other
+    ratings: of people, or of a panel of another seed.
     """
-    if panel not in PANELS:
-        raise ConfigError(f"--panel: {not_one_of(panel, PANELS)}")
-    if unknown := set(PANELS[panel].values()) - set(views):
-        raise ConfigError(f"--panel {panel}: prefers {', '.join(sorted(unknown))}: no such view")
-    expected = {sheet.rater: sheet for sheet in simulate_panel(panel, views, seed)}
+    if unknown := set(PAPER_DOMINANT.values()) - set(views):
+        raise ConfigError(f"--sim: its raters prefer {', '.join(sorted(unknown))}: no such view")
+    expected = {sheet.rater: sheet for sheet in simulate_panel(views, seed)}
     for known in folder.sheets():
         if not known.simulated:
             raise ConfigError(
@@ -111,16 +106,11 @@ def check_panel(folder: RatingFolder, panel: str, views: Sequence[str], seed: in
             )
 
 
-def rate_by_panel(
-    folder: RatingFolder, panel: str, views: Sequence[str], phases: Set[Phase], seed: int
-) -> str:
+def rate_by_panel(folder: RatingFolder, views: Sequence[str], phases: Set[Phase], seed: int) -> str:
     """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
-    for sheet in simulate_panel(panel, views, seed):
+    for sheet in simulate_panel(views, seed):
         known = folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers:
             if answer.phase in phases and known.on(answer.phase) is None:
                 folder.add(sheet.rater, answer)
-    taste = (
-        "prefers the dominant views of the paper's Table I" if PANELS[panel] else "prefers no view"
-    )
-    return f"{panel}: {taste}; seed {seed}"
+    return f"prefers the dominant views of the paper's Table I; seed {seed}"

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from calibration.store import Calibration
+from calibration.ui import as_text, plain_table
 from calibration.weights.clips import CutSession
 from calibration.weights.cutting import LONGEST_S, SHORTEST_S
 from calibration.weights.fit import RELIABLE_ALPHA, TENTATIVE_ALPHA, Assessment, verdict
@@ -28,16 +29,15 @@ _RULE = (
 
 def describe(assessment: Assessment, views: Sequence[str]) -> str:
     """W, votes and agreement as a table, and everything to be wary of."""
-    heads = "".join(f"{view.upper():>7}" for view in views)
-    lines = [f"{'':13}{heads}   votes   Kendall's W of the necessities"]
-    for phase, row in assessment.rows.items():
-        shares = "".join(
-            f"{row.shares[view]:>6.2f}{'*' if view == row.dominant else ' '}" for view in views
+    rows = [
+        (
+            phase.value,
+            *(f"{row.shares[view]:.2f}{'*' if view == row.dominant else ' '}" for view in views),
+            "/".join(str(row.votes[view]) for view in views),
         )
-        votes = "/".join(str(row.votes[view]) for view in views)
-        lines.append(
-            f"{phase.value:13}{shares}   {votes:7} {known(assessment.concordance[phase], '{:.2f}')}"
-        )
+        for phase, row in assessment.rows.items()
+    ]
+    lines = [as_text(plain_table(("", *(view.upper() for view in views), "votes"), rows))]
     lines.append("* the dominant view, the one most often named most critical")
     necessity, critical = (
         f"alpha {known(alpha, '{:.2f}')} ({verdict(alpha)})"
@@ -144,7 +144,6 @@ def _phase_quality(assessment: Assessment, phase: Phase) -> dict[str, Any]:
         "dominant": row.dominant,
         "votes": row.votes,
         "mean_necessity_of_1_to_5": {view: _rounded(mean) for view, mean in row.necessity.items()},
-        "kendall_w": _rounded(assessment.concordance[phase]),
     }
 
 
@@ -168,15 +167,12 @@ _ROWS_IN = 0.62
 
 @plots.styled
 def weights_figure(assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str]) -> Figure:
-    """W, the necessity every rater gave, the votes and Kendall's W by phase."""
+    """W, the necessity that every rater gave, and the votes, by phase."""
     figure = plots.new_figure(plots.WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
-    shares, necessity, votes, concordance = figure.subplots(
-        1, 4, sharey=True, width_ratios=(2.2, 3.2, 2.2, 1.4)
-    )
+    shares, necessity, votes = figure.subplots(1, 3, sharey=True, width_ratios=(2.2, 3.2, 2.2))
     _draw_shares(shares, assessment, views)
     _draw_necessity(necessity, sheets, views)
     _draw_votes(votes, assessment, views)
-    _draw_concordance(concordance, assessment)
     figure.suptitle(_title(assessment), fontsize=plots.TEXT_PT)
     plots.legend_beside(figure, necessity, "lower center")
     return figure
@@ -244,16 +240,6 @@ def _draw_votes(axes: Axes, assessment: Assessment, views: Sequence[str]) -> Non
         left += counts
     axes.set_xlim(0, max(assessment.raters, 1))
     _style(axes, "named most critical by")
-
-
-def _draw_concordance(axes: Axes, assessment: Assessment) -> None:
-    values = [assessment.concordance[phase] for phase in Phase]
-    known = [value or 0.0 for value in values]
-    bars = axes.barh(range(len(Phase)), known, height=0.3, color="#666666")
-    labels = ["not defined" if value is None else f"{value:.2f}" for value in values]
-    axes.bar_label(bars, labels, padding=2, fontsize=plots.SMALL_PT)
-    axes.set_xlim(0, 1.3)
-    _style(axes, "Kendall's W")
 
 
 def _style(axes: Axes, title: str) -> None:

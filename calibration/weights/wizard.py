@@ -58,7 +58,7 @@ class WeightWizard(Wizard[WeightOptions]):
         self._clips = ClipFolder(self.folder / _CLIPS)
         self._ratings = RatingFolder(options.ratings or self.folder / _RATINGS, views)
         if options.sim:
-            check_panel(self._ratings, options.panel, views, options.seed)
+            check_panel(self._ratings, views, options.seed)
 
     def measure(self) -> Calibration | None:
         try:
@@ -80,9 +80,8 @@ class WeightWizard(Wizard[WeightOptions]):
             self._cut(open_session(log, self.config.video.views))
         if options.sim:
             phases = {clip.phase for clip in self._clips.clips()}
-            self._panel = rate_by_panel(
-                self._ratings, options.panel, self.config.video.views, phases, options.seed
-            )
+            views = self.config.video.views
+            self._panel = rate_by_panel(self._ratings, views, phases, options.seed)
         elif options.ratings is None and not self._collect():
             self.ui.print(f"Everything is kept in {self.folder}.")
             return None

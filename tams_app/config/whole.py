@@ -234,6 +234,8 @@ REMOVED = {
     "calibrate cameras --from": _CAMERAS,
     "calibrate frame --touch": _STROKES,
     "calibrate frame --keep-scale": _STROKES,
+    "calibrate weights --panel": "the simulated raters are one panel, for trying the wizard out; "
+    "leave it out",
     "calibrate phases --mark": _MARKS,
     "calibrate phases --goal-height-mm": _MARKS,
     "calibrate phases --yes": "it writes without a question; leave it out",

@@ -4,6 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
+from calibration.weights import panel
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session, open_session
 from calibration.weights.fit import assess
@@ -51,7 +52,7 @@ def rated(tmp_path):
 
     def make(raters, phases=6):
         folder = RatingFolder(tmp_path / "ratings", VIEWS)
-        for number, sheet in enumerate(simulate_panel("paper", VIEWS, 0, raters)):
+        for number, sheet in enumerate(simulate_panel(VIEWS, 0, raters)):
             folder.open(f"p{number + 1}")
             for answer in sheet.answers[: phases - number]:
                 folder.add(f"p{number + 1}", answer)
@@ -66,7 +67,7 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
     before = load_config(config_path).policy.weights.matrix
     arguments = ["calibrate", "weights", "--config", str(config_path), "--sim", "--yes"]
     arguments += ["--from", str(session), "--folder", str(tmp_path / "work")]
-    arguments += ["--seed", "1", "--panel", "paper"]
+    arguments += ["--seed", "1"]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     matrix = load_config(config_path).policy.weights.matrix
@@ -87,9 +88,10 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
 
 
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
-    config_path, session, calibrate
+    config_path, session, calibrate, monkeypatch
 ):
-    options = {"sim": True, "logs": [session], "panel": "indifferent", "yes": True}
+    monkeypatch.setattr(panel, "_PREFERRED", panel._OTHER)
+    options = {"sim": True, "logs": [session], "yes": True}
     with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
         calibrate(**options)
     assert load_config(config_path).calibrated_by == ()
@@ -174,7 +176,6 @@ def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_ha
         ({"ratings": "none"}, "is no folder of rating files"),
         ({"ratings": "empty"}, "holds no ratings yet"),
         ({"ratings": "empty", "sim": True}, "leave out --sim"),
-        ({"panel": "nice", "sim": True}, "'nice' is not one of paper, indifferent"),
     ],
 )
 def test_what_cannot_be_done_is_refused_with_what_to_do(tmp_path, calibrate, changes, reason):
@@ -192,15 +193,12 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path, calibrate, ra
 
 
 @pytest.mark.verify
-@pytest.mark.parametrize("changes", [{"panel": "indifferent"}, {"seed": 2}])
-def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(
-    session, calibrate, changes
-):
+def test_ratings_of_one_simulated_panel_are_not_called_those_of_another(session, calibrate):
     options = {"sim": True, "logs": [session], "seed": 1, "yes": True}
     assert calibrate(**options)[0] == 0
     assert calibrate(**options)[0] == 0  # the same one goes on
     with pytest.raises(ConfigError, match="ratings of another simulated panel"):
-        calibrate(**options | changes)
+        calibrate(**options | {"seed": 2})
 
 
 def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(session, tmp_path):
@@ -213,7 +211,7 @@ def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
 
 def test_the_same_ratings_give_the_same_figure():
     present = load_config().policy.weights.matrix
-    sheets = simulate_panel("paper", VIEWS, 0, raters=5)
+    sheets = simulate_panel(VIEWS, 0, raters=5)
     one, two = (
         to_png(weights_figure(assess(sheets, VIEWS, present), sheets, VIEWS)) for _ in range(2)
     )
