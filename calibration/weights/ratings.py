@@ -1,4 +1,4 @@
-"""What raters answer about each view in each phase, at the terminal, and the YAML file of each.
+"""What raters answer about each view in each phase, the YAML file of each, and simulated raters.
 
 rater: p01
 simulated: false
@@ -10,8 +10,7 @@ answers:
 from __future__ import annotations
 
 import re
-import zlib
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence, Set
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -21,15 +20,13 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator
 
 from calibration.store import write_text
-from calibration.ui import WizardUI
-from calibration.weights.clips import Clip, Kept, read_kept
+from calibration.weights.clips import Kept, read_kept
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 
 # The paper names neither scale nor wording: five points, the usual choice.
 LEAST: Final = 1
 MOST: Final = 5
-SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable")
 PSEUDONYM = re.compile(r"[A-Za-z0-9_-]{1,40}")
 
 
@@ -157,86 +154,68 @@ class RatingFolder:
         return sheet
 
 
-Show = Callable[[Path], None]
-
-PHASES_IN_WORDS = {
-    Phase.REACH: "the open gripper travels towards the object",
-    Phase.ALIGN: "the open gripper comes down over the object",
-    Phase.GRASP: "the gripper closes on the object",
-    Phase.TRANSPORT: "the object is carried to where it belongs",
-    Phase.PRE_RELEASE: "the object is lowered onto its place",
-    Phase.RELEASE: "the gripper opens and lets the object go",
+PAPER_DOMINANT = {
+    Phase.REACH: "gt",
+    Phase.ALIGN: "eih",
+    Phase.GRASP: "eih",
+    Phase.TRANSPORT: "gs",
+    Phase.PRE_RELEASE: "eih",
+    Phase.RELEASE: "eih",
 }
-_NO_ANSWER = "-"
+_PREFERRED, _OTHER = 4.5, 3.0  # mean necessity
+RATERS = 8  # as many as the paper asked
+_GENEROSITY, _NOISE = 0.4, 0.7  # standard deviations, in points of the scale
 
 
-def viewing_order(clips: Sequence[Clip], rater: str, seed: int) -> list[tuple[Phase, list[Clip]]]:
-    """The phases that have clips, and each one's clips, shuffled for this rater."""
-    random = np.random.default_rng([seed, zlib.crc32(rater.encode())])
-    phases = [phase for phase in Phase if any(clip.phase is phase for clip in clips)]
-    order = []
-    for number in random.permutation(len(phases)):
-        of_phase = [clip for clip in clips if clip.phase is phases[number]]
-        order.append((phases[number], [of_phase[i] for i in random.permutation(len(of_phase))]))
-    return order
+def simulate_panel(views: Sequence[str], seed: int, raters: int = RATERS) -> list[Sheet]:
+    """Sheets of raters who are not people, on every phase, whichever have clips.
+
+    They exercise the way from ratings to W, and say nothing about views. A simulated rater feels a
+    necessity for each view (its mean in the phase, plus the rater's generosity, plus noise), rounds
+    it to the scale, and names the view that feels, noise drawn anew, the most necessary. The panel
+    prefers the dominant view of the paper's Table I in each phase and no other.
+    """
+    return [_sheet(views, number, seed) for number in range(1, raters + 1)]
 
 
-def rate(
-    ui: WizardUI,
-    folder: RatingFolder,
-    rater: str,
-    clips: Sequence[Clip],
-    views: Sequence[str],
-    show: Show,
-    seed: int,
-) -> None:
-    """Let `rater` answer on the phases that are not answered yet; each is kept at once."""
-    sheet = folder.open(rater)
-    order = viewing_order(clips, rater, seed)
-    left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
-    if not left:
-        ui.print(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
-        return
-    if sheet.answers:
-        before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
-        ui.print(f"{rater} has rated {before} before and goes on from there.")
-    ui.print(
-        "\nYou will see the robot's work phase by phase, in no particular order, each time through "
-        f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
-        "necessary each view is to do that phase well, and which single one you would keep sharp "
-        "if the connection could carry only one. There is no right answer. You may stop at any "
-        "question with Ctrl-C and go on later under the same name."
-    )
-    for number, (phase, shown) in enumerate(left, 1):
-        ui.print(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
-        _watch(ui, shown, show)
-        folder.add(rater, _ask(ui, phase, views))
-    ui.print(f"\nThat was all. Thank you, {rater}.")
+def _sheet(views: Sequence[str], number: int, seed: int) -> Sheet:
+    random, answers = np.random.default_rng([seed, number]), list[RatedPhase]()
+    generosity = random.normal(0.0, _GENEROSITY)
+    for phase in Phase:
+        dominant = PAPER_DOMINANT[phase]
+        means = np.array([_PREFERRED if one == dominant else _OTHER for one in views])
+        felt = means + generosity + random.normal(0.0, _NOISE, len(views))
+        points = np.clip(np.rint(felt), LEAST, MOST).astype(int)
+        needed_most = views[int(np.argmax(means + random.normal(0.0, _NOISE, len(views))))]
+        necessity: dict[str, int | None] = dict(zip(views, points.tolist(), strict=True))
+        answers.append(RatedPhase(phase=phase, necessity=necessity, most_critical=needed_most))
+    return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 
-def _watch(ui: WizardUI, clips: Sequence[Clip], show: Show) -> None:
-    while True:
-        for number, clip in enumerate(clips, 1):
-            ui.print(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
-            show(clip.path)
-        if ui.choice("Seen?", {"r": "rate it", "w": "watch again"}) == "r":
-            return
+def check_panel(folder: RatingFolder, views: Sequence[str], seed: int) -> None:
+    """ConfigError if the panel prefers views that are not there, or if `folder` holds other
+    ratings: of people, or of a panel of another seed.
+    """
+    if unknown := set(PAPER_DOMINANT.values()) - set(views):
+        raise ConfigError(f"--sim: its raters prefer {', '.join(sorted(unknown))}: no such view")
+    expected = {sheet.rater: sheet for sheet in simulate_panel(views, seed)}
+    for known in folder.sheets():
+        if not known.simulated:
+            raise ConfigError(
+                f"{folder.path}: holds ratings of people: give another --folder with --sim"
+            )
+        sheet = expected.get(known.rater)
+        if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
+            raise ConfigError(
+                f"{folder.path}: holds ratings of another simulated panel: give another --folder"
+            )
 
 
-def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> RatedPhase:
-    """Ask until the rater stands by the answer."""
-    scale = {str(point): words for point, words in enumerate(SCALE_WORDS, LEAST)}
-    scale[_NO_ANSWER] = "cannot say"
-    names = {view.lower(): view for view in views}
-    while True:
-        necessity: dict[str, int | None] = {}
-        for view in views:
-            answer = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
-            necessity[view] = None if answer == _NO_ANSWER else int(answer)
-        options = {key: view.upper() for key, view in names.items()} | {_NO_ANSWER: "cannot say"}
-        named = ui.choice("Only one view can stay sharp. Which one?", options)
-        critical = names.get(named)
-        points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
-        whole = f"{points}; most critical {critical.upper() if critical else '-'}"
-        if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
-            return RatedPhase(phase=phase, necessity=necessity, most_critical=critical)
+def rate_by_panel(folder: RatingFolder, views: Sequence[str], phases: Set[Phase], seed: int) -> str:
+    """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
+    for sheet in simulate_panel(views, seed):
+        known = folder.open(sheet.rater, simulated=True)
+        for answer in sheet.answers:
+            if answer.phase in phases and known.on(answer.phase) is None:
+                folder.add(sheet.rater, answer)
+    return f"prefers the dominant views of the paper's Table I; seed {seed}"

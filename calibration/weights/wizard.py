@@ -7,18 +7,28 @@ be left at any question and goes on from there the next time.
 from __future__ import annotations
 
 import time
+import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 from matplotlib.figure import Figure
 from rich.text import Text
 
 from calibration.options import WeightOptions
 from calibration.store import Calibration
-from calibration.weights.clips import ClipFolder, play
+from calibration.ui import WizardUI
+from calibration.weights.clips import Clip, ClipFolder, play
 from calibration.weights.cutting import RecordedSession, cut_session, open_session
 from calibration.weights.fit import Assessment, assess
-from calibration.weights.panel import SESSIONS, check_panel, rate_by_panel, record_session
-from calibration.weights.ratings import RatingFolder, Sheet, Show, rate
+from calibration.weights.ratings import (
+    LEAST,
+    RatedPhase,
+    RatingFolder,
+    Sheet,
+    check_panel,
+    rate_by_panel,
+)
 from calibration.weights.report import (
     calibration_of,
     describe,
@@ -27,13 +37,27 @@ from calibration.weights.report import (
     weights_figure,
 )
 from calibration.wizard import Wizard
-from tams_app.errors import ConfigError, SetupError
+from tams_app.config import load_config
+from tams_app.errors import ConfigError, SetupError, TamsError
 from tams_app.faces.display import require_display
+from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 from tams_app.report.plots import save_figure
 from tams_app.session.folder import recording_directory
 
 _CLIPS, _RATINGS, _FIGURE = "clips", "ratings", "weights.png"
+SESSIONS = 3  # at most: a grasp or a release may be too short for a clip
+_NAME = "weights"
+SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable")
+PHASES_IN_WORDS = {
+    Phase.REACH: "the open gripper travels towards the object",
+    Phase.ALIGN: "the open gripper comes down over the object",
+    Phase.GRASP: "the gripper closes on the object",
+    Phase.TRANSPORT: "the object is carried to where it belongs",
+    Phase.PRE_RELEASE: "the object is lowered onto its place",
+    Phase.RELEASE: "the gripper opens and lets the object go",
+}
+_NO_ANSWER = "-"
 
 
 class WeightWizard(Wizard[WeightOptions]):
@@ -124,7 +148,7 @@ class WeightWizard(Wizard[WeightOptions]):
             self.ui.print(
                 f"There is no clip of {', '.join(lacking)}: W keeps its present row there."
             )
-        show = self._screen()
+        in_window = self._has_screen()
         while True:
             raters = len(self._answered())
             whose = "1 rater" if raters == 1 else f"{raters} raters"
@@ -138,22 +162,21 @@ class WeightWizard(Wizard[WeightOptions]):
             )
             views, seed = self.config.video.views, self.options.seed
             try:
-                rate(self.ui, self._ratings, name, clips, views, show, seed)
+                rate(self.ui, self._ratings, name, clips, views, in_window, seed)
             except ConfigError as error:
                 if not self.ui.attended:
                     raise
                 self.ui.print(f"{error}.")
 
-    def _screen(self) -> Show:
-        """A window if there is a display; else the clips' paths."""
+    def _has_screen(self) -> bool:
         try:
             require_display()
         except SetupError:
             self.ui.print(
                 "There is no display here: open each clip in a player when its path is shown."
             )
-            return lambda path: self.ui.print(f"Please watch {path}")
-        return play
+            return False
+        return True
 
     # --- the matrix -------------------------------------------------------------------------
 
@@ -185,3 +208,113 @@ class WeightWizard(Wizard[WeightOptions]):
         if not options.sim:
             return directory / "weights"
         return directory / f"{time.strftime('%Y%m%d-%H%M%S')}-weights-sim"
+
+
+def record_session(config_path: Path | None, directory: Path, seed: int) -> Path:
+    """Run one pick-and-place of the scripted operator at full quality; its folder.
+
+    TamsError if it did not come to its end.
+    """
+    from tams_app.console.app import run_session
+
+    settings = load_config(
+        config_path,
+        {
+            "rig.enabled": True,
+            "rig.operator.kind": "scripted",  # must not depend on this computer's speed
+            "name": _NAME,
+            "network": "none",
+            "seed": seed,
+            "headless": True,
+            "recording.directory": str(directory),
+        },
+    )
+    before = set(directory.glob(f"*/{LOG_NAME}"))
+    run_session(settings, arm_at_once=True)
+    (log,) = set(directory.glob(f"*/{LOG_NAME}")) - before
+    outcome = read_log(log).outcome
+    if outcome is None or not outcome.completed:
+        reason = outcome.reason if outcome else "it was ended early"
+        raise TamsError(
+            f"{log.parent}: the simulated session was not completed ({reason}): run it "
+            "again, or with another --seed"
+        )
+    return log.parent
+
+
+def viewing_order(clips: Sequence[Clip], rater: str, seed: int) -> list[tuple[Phase, list[Clip]]]:
+    """The phases that have clips, and each one's clips, shuffled for this rater."""
+    random = np.random.default_rng([seed, zlib.crc32(rater.encode())])
+    phases = [phase for phase in Phase if any(clip.phase is phase for clip in clips)]
+    order = []
+    for number in random.permutation(len(phases)):
+        of_phase = [clip for clip in clips if clip.phase is phases[number]]
+        order.append((phases[number], [of_phase[i] for i in random.permutation(len(of_phase))]))
+    return order
+
+
+def rate(
+    ui: WizardUI,
+    folder: RatingFolder,
+    rater: str,
+    clips: Sequence[Clip],
+    views: Sequence[str],
+    in_window: bool,
+    seed: int,
+) -> None:
+    """Let `rater` answer on the phases that are not answered yet; each is kept at once.
+
+    `in_window`: clips are played there, else their paths are shown.
+    """
+    sheet = folder.open(rater)
+    order = viewing_order(clips, rater, seed)
+    left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
+    if not left:
+        ui.print(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
+        return
+    if sheet.answers:
+        before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"
+        ui.print(f"{rater} has rated {before} before and goes on from there.")
+    ui.print(
+        "\nYou will see the robot's work phase by phase, in no particular order, each time through "
+        f"all {len(views)} cameras at once, each view's name above it. After each phase, say how "
+        "necessary each view is to do that phase well, and which single one you would keep sharp "
+        "if the connection could carry only one. There is no right answer. You may stop at any "
+        "question with Ctrl-C and go on later under the same name."
+    )
+    for number, (phase, shown) in enumerate(left, 1):
+        ui.print(f"\n{phase.value} ({number} of {len(left)}): {PHASES_IN_WORDS[phase]}.")
+        _watch(ui, shown, in_window)
+        folder.add(rater, _ask(ui, phase, views))
+    ui.print(f"\nThat was all. Thank you, {rater}.")
+
+
+def _watch(ui: WizardUI, clips: Sequence[Clip], in_window: bool) -> None:
+    while True:
+        for number, clip in enumerate(clips, 1):
+            ui.print(f"Clip {number} of {len(clips)}, {clip.seconds:.1f} s.")
+            if in_window:
+                play(clip.path)
+            else:
+                ui.print(f"Please watch {clip.path}")
+        if ui.choice("Seen?", {"r": "rate it", "w": "watch again"}) == "r":
+            return
+
+
+def _ask(ui: WizardUI, phase: Phase, views: Sequence[str]) -> RatedPhase:
+    """Ask until the rater stands by the answer."""
+    scale = {str(point): words for point, words in enumerate(SCALE_WORDS, LEAST)}
+    scale[_NO_ANSWER] = "cannot say"
+    names = {view.lower(): view for view in views}
+    while True:
+        necessity: dict[str, int | None] = {}
+        for view in views:
+            answer = ui.choice(f"{phase.value}: how necessary is {view.upper()}?", scale)
+            necessity[view] = None if answer == _NO_ANSWER else int(answer)
+        options = {key: view.upper() for key, view in names.items()} | {_NO_ANSWER: "cannot say"}
+        named = ui.choice("Only one view can stay sharp. Which one?", options)
+        critical = names.get(named)
+        points = ", ".join(f"{view.upper()} {necessity[view] or '-'}" for view in views)
+        whole = f"{points}; most critical {critical.upper() if critical else '-'}"
+        if ui.yes(f"{phase.value}: {whole}. Keep that? It cannot be changed later."):
+            return RatedPhase(phase=phase, necessity=necessity, most_critical=critical)

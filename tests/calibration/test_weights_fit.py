@@ -10,8 +10,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from calibration.weights.fit import assess, fit_weights, krippendorff_alpha
-from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
-from calibration.weights.ratings import LEAST, MOST, RatedPhase, Sheet
+from calibration.weights.ratings import (
+    LEAST,
+    MOST,
+    PAPER_DOMINANT,
+    RatedPhase,
+    Sheet,
+    simulate_panel,
+)
 from tams_app.config import load_config
 from tams_app.records import Phase
 

@@ -2,8 +2,10 @@
 
 import pytest
 
+from calibration.weights import wizard
 from calibration.weights.clips import Clip
-from calibration.weights.ratings import RatedPhase, RatingFolder, rate, viewing_order
+from calibration.weights.ratings import RatedPhase, RatingFolder
+from calibration.weights.wizard import rate, viewing_order
 from tams_app.errors import ConfigError, LogError
 from tams_app.records import Phase
 from tests.scripted_ui import ScriptedUI
@@ -136,12 +138,13 @@ def test_every_rater_sees_every_clip_once_in_an_order_of_its_own(tmp_path):
     assert viewing_order(given_, "p01", 2) != orders[0]
 
 
-def test_a_rater_watches_then_answers_and_what_they_stand_by_is_kept(tmp_path, folder):
+def test_a_rater_watches_then_answers_and_what_they_stand_by_is_kept(tmp_path, folder, monkeypatch):
     watched = []
+    monkeypatch.setattr(wizard, "play", watched.append)
     taken_back = ["1", "1", "1", "eih", "n"]
     ui = ScriptedUI(["w", "r", *taken_back, "2", "5", "-", "gt", "y"])
     given_ = clips(tmp_path, ("a", "b"), (Phase.REACH,))
-    rate(ui, folder, "p01", given_, VIEWS, watched.append, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, True, seed=0)
     assert len(watched) == 4  # two clips, watched again
     assert set(watched) == {clip.path for clip in given_}
     assert folder.open("p01").answers == (REACH_ANSWER,)
@@ -151,19 +154,15 @@ def test_an_interrupted_rater_goes_on_where_it_stopped(tmp_path, folder):
     given_ = clips(tmp_path, ("a",))
     one = ["r", "3", "3", "3", "gt", "y"]
     with pytest.raises(ConfigError, match="no terminal"):
-        rate(ScriptedUI(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, _unseen, seed=0)
+        rate(ScriptedUI(one * 2 + ["r", "4"]), folder, "p01", given_, VIEWS, False, seed=0)
     first = folder.open("p01").answers
     assert len(first) == 2
     ui = ScriptedUI(one * 4)
-    rate(ui, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    rate(ui, folder, "p01", given_, VIEWS, False, seed=0)
     assert any("has rated 2 phases before" in text for text in ui.said)
     answers = folder.open("p01").answers
     assert answers[:2] == first
     assert {answer.phase for answer in answers} == set(Phase)
     again = ScriptedUI()
-    rate(again, folder, "p01", given_, VIEWS, _unseen, seed=0)
+    rate(again, folder, "p01", given_, VIEWS, False, seed=0)
     assert again.said == ["p01 has rated every phase. Thank you. What was said stays as it is."]
-
-
-def _unseen(path):
-    assert path.suffix == ".mp4"

@@ -4,12 +4,10 @@ import pytest
 from typer.testing import CliRunner
 
 from calibration.options import WeightOptions
-from calibration.weights import panel
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session, open_session
 from calibration.weights.fit import assess
-from calibration.weights.panel import PAPER_DOMINANT, simulate_panel
-from calibration.weights.ratings import RatingFolder
+from calibration.weights.ratings import PAPER_DOMINANT, RatingFolder, simulate_panel
 from calibration.weights.report import evidence_remarks, weights_figure
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
@@ -90,7 +88,7 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
     config_path, session, calibrate, monkeypatch
 ):
-    monkeypatch.setattr(panel, "_PREFERRED", panel._OTHER)
+    monkeypatch.setattr("calibration.weights.ratings._PREFERRED", 3.0)  # as every other view
     options = {"sim": True, "logs": [session], "yes": True}
     with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
         calibrate(**options)
