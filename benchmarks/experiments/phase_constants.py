@@ -2,9 +2,9 @@
 
 `python -m benchmarks.experiments.phase_constants FOLDER...` takes recorded sessions whose phases
 are known: of the rig, by where things were, or with marks beside the log. For each set of
-constants it prints the accuracy of the control ticks with the mean recall of the phases, each
-phase's recall, the switches into it that were missed or spurious, and the median delay of the
-others. ALIGN and PRE_RELEASE begin at any height, or with `--goal-height-mm` only below that.
+constants it prints the accuracy of the control ticks with the mean recall of the phases, and each
+phase's recall. ALIGN and PRE_RELEASE begin at any height, or with `--goal-height-mm` only below
+that.
 `study run --sim` leaves such sessions, in `DIR/trials/*/*`.
 """
 
@@ -16,8 +16,8 @@ from pathlib import Path
 
 from rich.table import Table
 
+from calibration.phases.fit import PHASES, Scores, evaluate
 from calibration.phases.labels import LabelRules, logged_trials
-from calibration.phases.trials import PHASES, Scores, infer, score
 from calibration.ui import quiet
 from tams_app.config import PhasesConfig, load_config
 from tams_app.printing import Console
@@ -33,24 +33,17 @@ def variants() -> dict[str, PhasesConfig]:
 def scores(folders: list[Path], constants: PhasesConfig, rules: LabelRules) -> Scores:
     """Over all sessions together."""
     material = logged_trials(folders, constants.smoothing_ms, quiet, rules)
-    return score(material.trials, [infer(one.motion, constants) for one in material.trials])
+    return evaluate(material.trials, constants)
 
 
 def table_of(found: dict[str, Scores]) -> Table:
     """A row for each set of constants."""
     table = Table("", "accuracy (mean recall)", *(phase.value for phase in PHASES), "ticks")
     for name, one in found.items():
-        cells = []
-        for phase in PHASES:
-            switches, recall = one.switches[phase], one.recall(phase)
-            delay_s = switches.percentile_s(50)
-            cells.append(
-                f"{'–' if recall is None else f'{recall:.2f}'}, "
-                f"{switches.missed}/{switches.spurious}, "
-                f"{'–' if delay_s is None else f'{delay_s:.2f} s'}"
-            )
+        recalls = map(one.recall, PHASES)
+        cells = ["–" if recall is None else f"{recall:.2f}" for recall in recalls]
         table.add_row(name, f"{one.accuracy:.3f} ({one.mean_recall:.3f})", *cells, str(one.ticks))
-    table.caption = "recall, switches missed/spurious, median delay"
+    table.caption = "recall"
     return table
 
 

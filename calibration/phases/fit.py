@@ -1,19 +1,151 @@
-"""Thresholds fitted to labelled trials, with leave-one-out accuracy."""
+"""Trials as Algorithm 1 sees them, how often it is right, and thresholds fitted to their labels."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import product
+from itertools import pairwise, product
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from calibration.phases.trials import CODE, NOT_COUNTED, PHASES, Scores, Trial, infer, score
 from calibration.ui import Progress, quiet
 from tams_app.config import PhasesConfig
-from tams_app.errors import ConfigError, TamsError
-from tams_app.records import Phase
+from tams_app.errors import ConfigError, TamsError, UnreadableLogError
+from tams_app.policy.phases import PhaseTracker, SmoothedSpeed
+from tams_app.records import Phase, Tick
+from tams_app.units import NS_PER_S
+
+Codes: TypeAlias = NDArray[np.int8]
+Floats: TypeAlias = NDArray[np.float64]
+
+PHASES = tuple(Phase)
+CODE = {phase: code for code, phase in enumerate(PHASES)}
+NOT_COUNTED = -1  # a tick of no phase: before the start, or not known
+
+# v̄ [m/s], v̄_z [m/s], gripper closed (None: unknown), Δt [s]
+StepInput: TypeAlias = tuple[float, float, bool | None, float]
+
+
+@dataclass(frozen=True, slots=True)
+class TrialMotion:
+    """What the control loop gave Algorithm 1, tick by tick, n ticks in all.
+
+    `t_s` since the session started, shape (n,). `inputs`: one per tick.
+    """
+
+    name: str
+    t_s: Floats
+    inputs: tuple[StepInput, ...]
+
+    @property
+    def last_s(self) -> float:
+        """When the last tick was."""
+        return float(self.t_s[-1])
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """A motion and its true phases: codes of `PHASES` or NOT_COUNTED, shape (n,)."""
+
+    motion: TrialMotion
+    labels: Codes
+
+    @property
+    def name(self) -> str:
+        return self.motion.name
+
+
+def motion_of(
+    name: str, ticks: Sequence[Tick], started_ns: int, smoothing_ms: float
+) -> TrialMotion:
+    """The inputs of Algorithm 1 anew from logged ticks, as `ControlLoop` makes them.
+
+    LogError if there are no ticks, or none with an arm state.
+    """
+    if not any(tick.arm is not None for tick in ticks):
+        raise UnreadableLogError(
+            f"{name}: has no state of the arm in it: give a session in which the arm was connected"
+        )
+    smoothed = SmoothedSpeed(smoothing_ms / 1000)
+    inputs: list[StepInput] = []
+    last_ns = ticks[0].started_ns
+    for tick in ticks:
+        if tick.arm is not None:
+            smoothed.update(tick.arm.tcp.position, tick.arm.received_ns)
+        closed = tick.arm.gripper_closed if tick.arm is not None else None
+        period_s = (tick.started_ns - last_ns) / NS_PER_S
+        inputs.append((smoothed.speed, smoothed.vertical_speed, closed, period_s))
+        last_ns = tick.started_ns
+    t_s = np.array([(tick.started_ns - started_ns) / NS_PER_S for tick in ticks])
+    return TrialMotion(name, t_s, tuple(inputs))
+
+
+def infer(motion: TrialMotion, thresholds: PhasesConfig) -> Codes:
+    """The phases that Algorithm 1 gives with `thresholds`, codes of `PHASES`, shape (n,)."""
+    step = PhaseTracker(thresholds).step
+    return np.fromiter(
+        (
+            CODE[step(speed=speed, vertical_speed=vertical, closed=closed, period_s=dt).phase]
+            for speed, vertical, closed, dt in motion.inputs
+        ),
+        np.int8,
+        len(motion.inputs),
+    )
+
+
+Counts: TypeAlias = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True)
+class Scores:
+    """`confusion[i, j]`: counted ticks of true phase i that were inferred as j, in the order of
+    `PHASES`."""
+
+    confusion: Counts
+
+    @property
+    def ticks(self) -> int:
+        """How many were counted."""
+        return int(self.confusion.sum())
+
+    @property
+    def accuracy(self) -> float:
+        """Share of the counted ticks whose phase is the true one."""
+        return float(np.trace(self.confusion) / self.confusion.sum())
+
+    @property
+    def mean_recall(self) -> float:
+        """Of the phases that occur: what accuracy would be if all lasted equally long."""
+        recalls = [self.recall(phase) for phase in PHASES]
+        return float(np.mean([recall for recall in recalls if recall is not None]))
+
+    def recall(self, phase: Phase) -> float | None:
+        """Share of the true phase's ticks that were inferred as it; None if it never was."""
+        row = self.confusion[CODE[phase]]
+        return float(row[CODE[phase]] / row.sum()) if row.sum() else None
+
+
+def score(trials: Sequence[Trial], inferred: Sequence[Codes]) -> Scores:
+    """Scores of all trials together; ticks that are not counted count nowhere."""
+    confusion = np.zeros((len(PHASES), len(PHASES)), np.int64)
+    for trial, codes in zip(trials, inferred, strict=True):
+        counted = trial.labels != NOT_COUNTED
+        np.add.at(confusion, (trial.labels[counted], codes[counted]), 1)
+    return Scores(confusion)
+
+
+def evaluate(trials: Sequence[Trial], thresholds: PhasesConfig) -> Scores:
+    """The scores of `thresholds` over `trials`."""
+    return score(trials, [infer(trial.motion, thresholds) for trial in trials])
+
+
+def stretches(values: Codes | NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Start and stop of each stretch of one value."""
+    edges = (np.flatnonzero(np.diff(values)) + 1).tolist()
+    return list(pairwise([0, *edges, len(values)]))
+
 
 SEARCHED = ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
 _STEPS = (0.25, 0.25, 0.025, 0.025)  # the search's resolution; of the dwells three control periods
@@ -201,11 +333,6 @@ def fit_thresholds(
         evaluate(trials, PhasesConfig()),
         tuple(folds),
     )
-
-
-def evaluate(trials: Sequence[Trial], thresholds: PhasesConfig) -> Scores:
-    """The scores of `thresholds` over `trials`."""
-    return score(trials, [infer(trial.motion, thresholds) for trial in trials])
 
 
 def check_trials(trials: Sequence[Trial]) -> None:

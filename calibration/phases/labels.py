@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.phases.trials import CODE, NOT_COUNTED, Codes, Floats, Trial, motion_of, stretches
+from calibration.phases.fit import CODE, NOT_COUNTED, Codes, Floats, Trial, motion_of, stretches
 from calibration.ui import Progress
 from tams_app.config import Config
 from tams_app.console.replay.marks import FILE_NAME, Mark, read_marks

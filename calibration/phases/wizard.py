@@ -7,9 +7,16 @@ from typing import Any
 from rich.table import Table
 
 from calibration.options import PhaseOptions
-from calibration.phases.fit import SEARCHED, PhaseFit, check_count, evaluate, fit_thresholds
+from calibration.phases.fit import (
+    PHASES,
+    SEARCHED,
+    PhaseFit,
+    Scores,
+    check_count,
+    evaluate,
+    fit_thresholds,
+)
 from calibration.phases.labels import Material, logged_trials, virtual_trials
-from calibration.phases.trials import PHASES, Scores, Switches
 from calibration.store import Calibration
 from calibration.ui import as_text, plain_table
 from calibration.wizard import Wizard
@@ -146,17 +153,6 @@ def quality(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> dict[str
     return figures | {
         "confusion_true_by_inferred": {phase.value: row for phase, row in confusion},
         "recall": {phase.value: _rounded(left_out.recall(phase)) for phase in PHASES},
-        "switches": {phase.value: _switches(left_out.switches[phase]) for phase in PHASES},
-    }
-
-
-def _switches(switches: Switches) -> dict[str, float | int | None]:
-    return {
-        "found": len(switches.delays_s),
-        "missed": switches.missed,
-        "spurious": switches.spurious,
-        "delay_median_s": _rounded(switches.percentile_s(50)),
-        "delay_p90_s": _rounded(switches.percentile_s(90)),
     }
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from calibration.phases.fit import StepInput, TrialMotion
 from calibration.phases.labels import Geometry
-from calibration.phases.trials import StepInput, TrialMotion
 from tams_app.records import Activity, ArmState, Pose, SceneTruth, ServoMode, Tick
 from tams_app.rotation import Rotation
 from tests.synthetic_session import header, tick, write_log

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from calibration.phases.fit import CODE, NOT_COUNTED, PHASES
 from calibration.phases.labels import (
     Geometry,
     LabelRules,
@@ -17,7 +18,6 @@ from calibration.phases.labels import (
     marked_labels,
     true_labels,
 )
-from calibration.phases.trials import CODE, NOT_COUNTED, PHASES
 from tams_app.console.replay.marks import Mark
 from tams_app.errors import LogError
 from tams_app.records import Phase

@@ -12,17 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from calibration.phases.fit import (
+    CODE,
     DEFAULT_POINT,
     LARGEST,
+    NOT_COUNTED,
     PhaseFit,
     Point,
     Search,
+    Trial,
     check_trials,
     evaluate,
     fit_thresholds,
+    infer,
+    score,
     thresholds_at,
 )
-from calibration.phases.trials import CODE, NOT_COUNTED, Trial, infer
 from tams_app.config import PhasesConfig
 from tams_app.errors import TamsError
 from tams_app.records import Phase
@@ -76,6 +80,21 @@ def fitted() -> PhaseFit:
 @cache
 def fitted_to_noise() -> PhaseFit:
     return fit_thresholds(noisy_trials(), SMOOTHING_MS)
+
+
+def test_every_counted_tick_is_in_the_confusion_once() -> None:
+    reach, align, grasp, transport = (CODE[phase] for phase in list(Phase)[:4])
+    none = NOT_COUNTED
+    truth = np.array([none, none, reach, reach, align, align, grasp, transport], np.int8)
+    said = np.array([reach, reach, reach, align, align, align, grasp, grasp], np.int8)
+    trial = replace(defaults_trials()[0], labels=truth)
+    scores = score([trial], [said])
+    assert scores.ticks == 6
+    assert scores.confusion[reach, align] == scores.confusion[transport, grasp] == 1
+    assert scores.accuracy == pytest.approx(4 / 6)
+    assert scores.recall(Phase.REACH) == pytest.approx(1 / 2)
+    assert scores.recall(Phase.RELEASE) is None
+    assert scores.mean_recall == pytest.approx((0.5 + 1.0 + 1.0 + 0.0) / 4)
 
 
 @pytest.mark.parametrize("known", KNOWN)

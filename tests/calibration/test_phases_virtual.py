@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from calibration.options import PhaseOptions
+from calibration.phases.fit import CODE, NOT_COUNTED, infer, motion_of
 from calibration.phases.labels import virtual_trials
-from calibration.phases.trials import CODE, NOT_COUNTED, infer, motion_of
 from calibration.phases.wizard import PhaseWizard
 from tams_app.config import DEFAULT_CONFIG, Config, PhasesConfig, load_config
 from tams_app.records import Tick

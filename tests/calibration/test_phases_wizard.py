@@ -15,9 +15,8 @@ import yaml
 
 from calibration.options import PhaseOptions
 from calibration.phases import wizard
-from calibration.phases.fit import PhaseFit, evaluate, fit_thresholds
+from calibration.phases.fit import CODE, NOT_COUNTED, PhaseFit, Trial, evaluate, fit_thresholds
 from calibration.phases.labels import Material, logged_trials
-from calibration.phases.trials import CODE, NOT_COUNTED, Trial
 from calibration.phases.wizard import PhaseWizard
 from calibration.ui import quiet
 from tams_app import cli
