@@ -1,4 +1,4 @@
-"""The ChArUco board: how it looks, where its corners are in a picture, and how it is printed.
+"""The ChArUco board: where its corners are in a picture, how it is printed, and how it looks.
 
 A chessboard whose white squares carry markers: each corner is known by its number, so that parts of
 the board will do, and the edges of a picture can be reached.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.outputs import refuse_existing, write_file
-from tams_app.records import Image, Pose
+from tams_app.records import Image, Lens, Pose
 from tams_app.rotation import Rotation
 
 COLUMNS, ROWS = 5, 7
@@ -131,3 +131,68 @@ def _draw(context: cairo.Context[cairo.PDFSurface]) -> None:
     context.show_text("100 mm. Print at 100 %, glue it flat,")
     context.move_to(left + _RULER_MM + 3, below + 5)
     context.show_text("measure a square: --square-mm")
+
+
+# --- in simulated pictures ------------------------------------------------------------------------
+
+_MODULE_PX = 20
+_PAPER, _INK = 235.0, 25.0  # grey levels in an image
+_FINER = 3  # the board is drawn so much finer than the picture, and averaged
+
+
+class BoardPainter:
+    """Draws the board into the pictures of one camera, as its lens has it."""
+
+    def __init__(self, lens: Lens, ideal: Lens) -> None:
+        """`ideal`: without distortion, as the scene is rendered."""
+        x, y = np.meshgrid(np.arange(lens.width, dtype=float), np.arange(lens.height, dtype=float))
+        slopes = lens.slopes(np.stack((x, y), axis=-1).reshape(-1, 2))
+        self._scene_map = _map(ideal.pixels(slopes), lens)
+        self._is_bent = lens.is_distorted
+        focal, least = _FINER * lens.fx, slopes.min(axis=0)
+        corner = -least * focal + _FINER
+        self._matrix = np.array([(focal, 0, corner[0]), (0, focal, corner[1]), (0, 0, 1.0)])
+        self._map = _map(slopes * focal + corner, lens)
+        width, height = np.ceil(slopes.max(axis=0) * focal + corner + _FINER).astype(int).tolist()
+        self._size = int(width), int(height)
+
+    def scene(self, rendered: Image) -> Image:
+        """A picture without distortion, as this lens makes it."""
+        if not self._is_bent:
+            return rendered
+        bent = cv2.remap(
+            rendered, *self._scene_map, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return np.asarray(bent, np.uint8)
+
+    def paint(self, scene: Image, board: Board, pose: Pose) -> Image:
+        """`scene`, BGR, with the board at `pose` in the camera's frame before all else."""
+        pattern = board.pattern(_MODULE_PX)
+        margin = MODULES * _MODULE_PX
+        paper = cv2.copyMakeBorder(
+            pattern, margin, margin, margin, margin, cv2.BORDER_CONSTANT, value=255
+        )
+        inked = _INK + np.asarray(paper, np.float32) * ((_PAPER - _INK) / 255.0)
+        metre = board.square_m / margin  # a pixel of the pattern
+        start = (0.5 - margin) * metre
+        axes = pose.rotation.as_matrix()
+        plane = np.column_stack(
+            (axes[:, 0] * metre, axes[:, 1] * metre, pose.position + axes[:, :2] @ (start, start))
+        )
+        homography = self._matrix @ plane
+        drawn, cover = (
+            cv2.remap(
+                cv2.blur(cv2.warpPerspective(one, homography, self._size), (_FINER, _FINER)),
+                *self._map,
+                cv2.INTER_LINEAR,
+            )
+            for one in (inked, np.ones_like(inked))
+        )
+        share = np.asarray(cover)[..., None]
+        painted = scene * (1.0 - share) + np.asarray(drawn)[..., None]
+        return np.asarray(np.rint(painted), np.uint8)
+
+
+def _map(pixels: Points, lens: Lens) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    both = pixels.reshape(lens.height, lens.width, 2).astype(np.float32)
+    return np.ascontiguousarray(both[..., 0]), np.ascontiguousarray(both[..., 1])

@@ -9,9 +9,8 @@ the distance in pixels.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -200,9 +199,6 @@ class HandEye:
     board: Pose
 
 
-View = TypeVar("View", ArmView, PlacedBoard)
-
-
 def turns_problem(flanges: Sequence[Pose]) -> str:
     """Why these poses of the arm do not determine a mount, a clause; "" if they do."""
     turns = np.degrees([flanges[0].rotation.turn_to(one.rotation) for one in flanges])
@@ -224,7 +220,7 @@ def fit_hand_eye(lens: Lens, views: Sequence[ArmView]) -> HandEye:
         raise NoFitError(f"{len(views)} poses of the arm, {FEWEST_POSES} are needed")
     if problem := turns_problem([view.flange for view in views]):
         raise NoFitError(problem)
-    mount, (board,) = _judged(lens, views, _FOLDS, _fit_arm)
+    mount, (board,) = _judged(lens, views, _FOLDS)
     return HandEye(mount, board)
 
 
@@ -232,7 +228,7 @@ def fit_fixed(lens: Lens, places: Sequence[PlacedBoard]) -> MountFit:
     """The pose of a camera that stands still, base frame; NoFitError if they are too few."""
     if len(places) < FEWEST_PLACES:
         raise NoFitError(f"{len(places)} places of the board, {FEWEST_PLACES} are needed")
-    return _judged(lens, places, len(places), _fit_placed)[0]
+    return _judged(lens, places, len(places))[0]
 
 
 def board_in_camera(lens: Lens, view: BoardView) -> Pose:
@@ -241,15 +237,13 @@ def board_in_camera(lens: Lens, view: BoardView) -> Pose:
 
 
 def _judged(
-    lens: Lens,
-    views: Sequence[View],
-    folds: int,
-    fit: Callable[[Lens, Sequence[View]], _Fitted],
+    lens: Lens, views: Sequence[ArmView | PlacedBoard], folds: int
 ) -> tuple[MountFit, tuple[Pose, ...]]:
-    """The first pose that `fit` gives, judged on each fold by fits to the others; further poses."""
+    """The camera's pose, judged on each fold by fits to the others; further poses."""
     squares, count = 0.0, 0
     for fold in range(folds):
-        fitted = fit(lens, [view for number, view in enumerate(views) if number % folds != fold])
+        kept = [view for number, view in enumerate(views) if number % folds != fold]
+        fitted = _fitted(lens, kept)
         for view in views[fold::folds]:
             off = view.off_px(lens, *fitted.poses)
             squares, count = squares + float(off @ off), count + len(off) // 2
@@ -260,7 +254,7 @@ def _judged(
             f"corners are {error_px:.1f} px from where arm and camera have them ({worst_px:.1f} "
             "are the most): did the board or a camera move, is --square-mm right, is it this arm?"
         )
-    fitted = fit(lens, views)
+    fitted = _fitted(lens, views)
     pose, *others = fitted.poses
     return MountFit(pose, error_px, *fitted.spread, len(views)), tuple(others)
 
@@ -271,11 +265,16 @@ class _Fitted:
     spread: tuple[float, float]  # of the first [mm, degrees]
 
 
-def _fit_arm(lens: Lens, views: Sequence[ArmView]) -> _Fitted:
-    return _nearest(lens, views, _start(lens, views))
+def _fitted(lens: Lens, views: Sequence[ArmView | PlacedBoard]) -> _Fitted:
+    """The pose of the camera; of one on the arm and that of the board."""
+    on_arm = [view for view in views if isinstance(view, ArmView)]
+    if on_arm:
+        return _nearest(lens, on_arm, _start_on_arm(lens, on_arm))
+    placed = [view for view in views if isinstance(view, PlacedBoard)]
+    return _nearest(lens, placed, (_start_beside(lens, placed),))
 
 
-def _start(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
+def _start_on_arm(lens: Lens, views: Sequence[ArmView]) -> tuple[Pose, Pose]:
     """Initial mount and board poses: those of OpenCV's methods with the least pixel error."""
     seen = [board_in_camera(lens, view.view) for view in views]
     flanges = [view.flange for view in views]
@@ -308,14 +307,14 @@ def _middle(poses: Sequence[Pose]) -> Rotation:
     return min(turns, key=lambda one: sum((one.inv() * other).magnitude() for other in turns))
 
 
-def _fit_placed(lens: Lens, places: Sequence[PlacedBoard]) -> _Fitted:
+def _start_beside(lens: Lens, places: Sequence[PlacedBoard]) -> Pose:
     points = np.concatenate([place.points for place in places])
     pixels = np.concatenate([place.view.pixels for place in places])
     _, turn, way = cv2.solvePnP(
         points, pixels, lens.matrix(), np.array(lens.distortion), flags=cv2.SOLVEPNP_SQPNP
     )
     base = Pose(np.ravel(way), Rotation.from_rotvec(np.ravel(turn).tolist()))
-    return _nearest(lens, places, (inverse(base),))
+    return inverse(base)
 
 
 def _nearest(

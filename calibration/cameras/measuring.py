@@ -190,8 +190,8 @@ def measure_mounts(
             ui.print(f"{each.view.upper()}: left out, for its lens was not measured.")
     known = {each.view: each for each in views if each.view in lenses}
     cameras = {view: each.camera for view, each in known.items()}
-    with bench.arm() as arm:
-        watcher = Watcher(ui, bench, board, cameras, lenses, arm, figure)
+    with bench.listening():
+        watcher = Watcher(ui, bench, board, cameras, lenses, figure)
         hand_eye = _on_the_arm(ui, bench, watcher, lenses[WRIST_VIEW])
         if hand_eye is None:
             return

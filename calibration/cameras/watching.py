@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from rich.text import Text
 
-from calibration.cameras.bench import Arm, Bench, until_done
+from calibration.cameras.bench import Bench, until_done
 from calibration.cameras.board import Board, BoardView
 from calibration.cameras.fit import ArmView, board_in_camera, turns_problem
 from calibration.ui import WizardUI
@@ -106,13 +106,12 @@ class Watcher:
         board: Board,
         cameras: Mapping[str, str],
         lenses: Mapping[str, Lens],
-        arm: Arm,
         figure: ArmFigure,
     ) -> None:
         """`cameras`: by view, as the bench calls them."""
         self._ui, self._bench, self._board = ui, bench, board
         self._views = {cameras[view]: view for view in lenses}
-        self._lenses, self._arm, self._figure = lenses, arm, figure
+        self._lenses, self._figure = lenses, figure
         self._still = {view: Still(bench.width) for view in lenses}
         self._rested: Pose | None = None  # the flange, when the camera on the arm saw it last
         self._seen: dict[str, BoardView] = {}  # by view, while it holds still
@@ -177,7 +176,7 @@ class Watcher:
         seen = self._board.find(frame.image)
         rests = self._still[view].holds(seen)
         if view == WRIST_VIEW:
-            joints, before = self._arm(), self._rested
+            joints, before = self._bench.joints(), self._rested
             flange = None if joints is None else self._figure.place(joints)[self._figure.flange]
             self._rested = flange
             rests &= (

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import closing
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from calibration.cameras import measuring
-from calibration.cameras.bench import Bench, Task, agreed
+from calibration.cameras.bench import Bench, LiveBench, Task, agreed
 from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import check_display
@@ -20,7 +20,7 @@ from calibration.store import Calibration, utc_now
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard
 from hw.arms import arm_kind
-from tams_app.config import CameraConfig, Config
+from tams_app.config import CameraConfig
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, SetupError, TamsError, not_one_of
 from tams_app.records import Lens, Pose
@@ -34,22 +34,19 @@ _NOWHERE = Pose(np.zeros(3), Rotation.identity())
 _LOOK_S = 0.5  # for the figure
 _OFFER = "Measure the latency, with a screen that the cameras can be pointed at?"
 
-MakeBench = Callable[[Config, CameraOptions], Bench]
-
 
 class CameraWizard(Wizard[CameraOptions]):
-    """`make_bench`: another source of cameras than the options name."""
+    """Which camera is which view, and what is measured of each."""
 
     figure_beside = False
     _steps: tuple[str, ...]
     _bench: Bench  # open while it measures
     _found: Sequence[Findings] = ()  # of each view, once its camera is known
 
-    def __init__(
-        self, ui: WizardUI, options: CameraOptions, make_bench: MakeBench | None = None
-    ) -> None:
+    def __init__(self, ui: WizardUI, options: CameraOptions, bench: Bench | None = None) -> None:
+        """`bench`: other cameras than the options name."""
         super().__init__(ui, options)
-        self._make_bench = make_bench or _bench
+        self._given = bench
 
     def check(self) -> None:
         self._steps = chosen_steps(self.options.only)
@@ -62,14 +59,14 @@ class CameraWizard(Wizard[CameraOptions]):
             )
 
     def measure(self) -> Calibration | None:
-        with closing(self._make_bench(self.config, self.options)) as bench:
+        with closing(self._given or self._open()) as bench:
             self._bench = bench
             if bench.attended:
                 self.require_person()
             else:
                 self.ui.print("A simulated person does what is asked for here.")
             if MOUNT in self._steps:
-                with bench.arm():
+                with bench.listening():
                     pass  # one that does not report is refused before anything is measured
             cameras = (
                 bind_views(self.ui, bench, self.config.video.views)
@@ -93,6 +90,15 @@ class CameraWizard(Wizard[CameraOptions]):
 
     def drawn(self) -> Figure | None:
         return findings_figure(self._found)
+
+    def _open(self) -> Bench:
+        if self.options.sim:
+            from calibration.cameras.simulated import SimulatedBench  # only this needs MuJoCo
+
+            return SimulatedBench(self.config, self.options.seed)
+        if LATENCY in self._steps:
+            check_display()
+        return LiveBench(self.config.video, self.config.arm, MonotonicClock())
 
     def _measure(self) -> None:
         steps, ui, bench = self._steps, self.ui, self._bench
@@ -202,15 +208,3 @@ def chosen_steps(only: str) -> tuple[str, ...]:
         if name not in STEPS:
             raise ConfigError(f"--only: {REMOVED.get(name) or not_one_of(name, STEPS)}")
     return names
-
-
-def _bench(config: Config, options: CameraOptions) -> Bench:
-    if options.sim:
-        from calibration.cameras.simulated_bench import SimulatedBench  # only this needs MuJoCo
-
-        return SimulatedBench(config, options.seed)
-    from calibration.cameras.live_bench import LiveBench
-
-    if LATENCY in chosen_steps(options.only):
-        check_display()
-    return LiveBench(config.video, config.arm, MonotonicClock())

@@ -6,14 +6,15 @@ import ctypes
 import json
 import mmap
 import sys
+from functools import partial
 from pathlib import Path
 
 from calibration.cameras import binding
-from calibration.cameras.bench import Bench
-from calibration.cameras.live_bench import LiveBench
+from calibration.cameras.bench import LiveBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
 from hw.v4l2.devices import list_cameras
+from tams_app.config import load_config
 from tams_app.runtime.clock import MonotonicClock
 from tests.hw.v4l2.fake_cameras import FakeCamera
 from tests.scripted_ui import ScriptedUI
@@ -49,11 +50,9 @@ def main() -> None:
     binding._REST_S = 1.0
     ui = WavingUI({view: played_camera(Path(at)) for view, at in played.items()})
 
-    def make_bench(settings, options) -> Bench:  # type: ignore[no-untyped-def]
-        find = lambda: list_cameras(dev, sys_folder)  # noqa: E731
-        return LiveBench(settings.video, settings.arm, MonotonicClock(), find)
-
-    code = CameraWizard(ui, CameraOptions(config=config, only="which"), make_bench).run()
+    settings, find = load_config(config), partial(list_cameras, dev, sys_folder)
+    bench = LiveBench(settings.video, settings.arm, MonotonicClock(), find)
+    code = CameraWizard(ui, CameraOptions(config=config, only="which"), bench).run()
     print("\n".join(ui.said))  # noqa: T201
     sys.exit(code)
 

@@ -11,8 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from calibration.cameras import board as printed
-from calibration.cameras.board import COLUMNS, ROWS, SQUARE_MM, Board, board_pose
-from calibration.cameras.simulated_person import BoardPainter
+from calibration.cameras.board import COLUMNS, ROWS, SQUARE_MM, Board, BoardPainter, board_pose
 from calibration.cameras.watching import WANTED_VIEWS, Still, ViewTaker
 from tams_app import cli
 from tests.calibration.board_views import LENS, held, shown
@@ -25,7 +24,7 @@ STRAIGHT = replace(LENS, distortion=(0.0,) * 5)
 
 
 def picture(lens=LENS, column=0.5, row=0.5, turn=(0.2, -0.3, 0.1)):
-    return BoardPainter(lens, STRAIGHT).paint(GREY, BOARD, held(lens, column, row, turn), None)
+    return BoardPainter(lens, STRAIGHT).paint(GREY, BOARD, held(lens, column, row, turn))
 
 
 @pytest.mark.parametrize("lens", [STRAIGHT, LENS])
@@ -154,15 +153,3 @@ def test_what_is_printed_is_the_board_that_is_looked_for():
     apart = view.pixels[view.ids == 23] - view.pixels[view.ids == 0]
     squares = np.array((COLUMNS - 2, ROWS - 2))
     assert apart[0] == pytest.approx(squares * SQUARE_MM / 25.4 * 100, abs=0.3)
-
-
-def test_the_simulated_picture_of_a_board_has_the_arm_before_it():
-    hidden = np.zeros((480, 640), np.bool_)
-    hidden[200:280, 300:400] = True
-    scene = GREY.copy()
-    scene[..., 2] = 200
-    painted = BoardPainter(STRAIGHT, STRAIGHT).paint(
-        scene, BOARD, held(STRAIGHT, 0.5, 0.5, (0.0, 0.0, 0.0)), hidden
-    )
-    assert (painted[hidden] == scene[hidden]).all()
-    assert (painted[100:150, 300:400] != scene[100:150, 300:400]).any()

@@ -11,7 +11,7 @@ from calibration.cameras import measuring
 from calibration.cameras.bench import Task
 from calibration.cameras.board import Board
 from calibration.cameras.measuring import Findings
-from calibration.cameras.simulated_bench import SimulatedBench
+from calibration.cameras.simulated import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
 from hw.arms import arm_kind
@@ -53,16 +53,12 @@ class Calibrated:
 @pytest.fixture(scope="module")
 def calibrated(tmp_path_factory) -> Calibrated:
     path = write_lab(tmp_path_factory.mktemp("lab"))
-    benches, ui, figure = [], ScriptedUI(), path.with_name("found.png")
-
-    def make_bench(config, options):
-        benches.append(SimulatedBench(config, options.seed, BENT))
-        return benches[0]
-
+    ui, figure = ScriptedUI(), path.with_name("found.png")
+    bench = SimulatedBench(load_config(path), SEED, BENT)
     options = CameraOptions(config=path, seed=SEED, sim=True, yes=True, only="which,lens,mount",
                             figure=figure)  # fmt: skip
-    assert CameraWizard(ui, options, make_bench).run() == 0
-    return Calibrated(path, load_config(path), dict(benches[0].lenses), ui.said, figure)
+    assert CameraWizard(ui, options, bench).run() == 0
+    return Calibrated(path, load_config(path), dict(bench.lenses), ui.said, figure)
 
 
 def test_each_lens_is_found_with_its_distortion(calibrated):
@@ -180,8 +176,7 @@ class Idle(SimulatedBench):
 def run(path, only, bench=SimulatedBench):
     ui = ScriptedUI()
     options = CameraOptions(config=path, seed=SEED, sim=True, yes=True, only=only)
-    wizard = CameraWizard(ui, options, lambda config, options: bench(config, options.seed))
-    return wizard, ui
+    return CameraWizard(ui, options, bench(load_config(path), SEED)), ui
 
 
 def test_where_no_board_is_shown_nothing_is_written_and_the_reason_is_said(config_path):

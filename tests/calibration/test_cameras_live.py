@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 import pytest
 
-from calibration.cameras.live_bench import LiveBench, bind
+from calibration.cameras.bench import LiveBench, bind
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
@@ -143,12 +143,12 @@ def test_the_arm_is_only_listened_to():
     with controller() as served:
         config = served.config().model_copy(update={"host": "127.0.0.1"})
         bench = LiveBench(VideoConfig(), config, MonotonicClock(), list)
-        with bench.arm() as arm:
-            assert until(lambda: arm() is not None)
-            assert arm() == pytest.approx(served.model.joints)
+        with bench.listening():
+            assert until(lambda: bench.joints() is not None)
+            assert bench.joints() == pytest.approx(served.model.joints)
             before = served.model.joints
         bench.close()
         assert served.model.joints == before
     bench = LiveBench(VideoConfig(), config, MonotonicClock(), list)
-    with pytest.raises(DeviceError, match="sends no reports"), bench.arm():
+    with pytest.raises(DeviceError, match="sends no reports"), bench.listening():
         pass

@@ -5,12 +5,12 @@ import io
 import cv2
 import pytest
 
-from calibration.cameras import binding, measuring, simulated_bench
+from calibration.cameras import binding, measuring, simulated
 from calibration.cameras.bench import Task
 from calibration.cameras.binding import bind_views
 from calibration.cameras.flashes import FEWEST_FLASHES
 from calibration.cameras.measuring import Findings
-from calibration.cameras.simulated_bench import SimulatedBench
+from calibration.cameras.simulated import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.options import CameraOptions
 from tams_app.config import load_config
@@ -39,9 +39,9 @@ def bench(config):
 @pytest.fixture(scope="module", autouse=True)
 def quick():
     """The rig's scenes are rendered once, and looked at for less long."""
-    scenes = simulated_bench._scenes(load_config(), SEED)
+    scenes = simulated._scenes(load_config(), SEED)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulated_bench, "_scenes", lambda *_: scenes)
+        patch.setattr(simulated, "_scenes", lambda *_: scenes)
         patch.setattr(measuring, "_FLASHING_S", 11.0)
         yield
 
@@ -50,10 +50,10 @@ def truth_of(bench, view):
     return next((name, truth) for name, truth in bench.truth.items() if truth.view == view)
 
 
-def run(path, ui=None, make_bench=None, **options):
+def run(path, ui=None, bench=None, **options):
     ui = ui or ScriptedUI()
     options = CameraOptions(config=path, seed=SEED, **options)
-    return CameraWizard(ui, options, make_bench).run(), ui
+    return CameraWizard(ui, options, bench).run(), ui
 
 
 @pytest.mark.verify
@@ -124,7 +124,7 @@ class WatchedBench(SimulatedBench):
 
 @pytest.mark.parametrize("how", [KeyboardInterrupt(), DeviceError("camera B is gone; plug it in")])
 def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
-    config_path, monkeypatch, how
+    config_path, config, monkeypatch, how
 ):
     def measure(ui, bench, found):
         raise how
@@ -133,13 +133,7 @@ def test_what_was_found_until_ctrl_c_or_a_lost_camera_is_kept_but_not_in_force(
     monkeypatch.setattr(binding, "_STEP_BACK_S", 1.0)
     ui = ScriptedUI(["unused"], presses=1)
     with pytest.raises(type(how)):
-        run(
-            config_path,
-            ui,
-            lambda config, _: WatchedBench(config, SEED),
-            sim=True,
-            only="which,latency",
-        )
+        run(config_path, ui, WatchedBench(config, SEED), sim=True, only="which,latency")
     assert f"Ended early: {str(how) or 'Ctrl-C'}" in "\n".join(ui.said)
     (kept,) = files(config_path, "cameras")
     assert f"Kept, but not in force: {kept}" in ui.said[-1]
