@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,16 +34,11 @@ class Answers:
     cameras: Sequence[str] = ()  # VIEW=SERIAL_OR_PATH
 
 
-def write_first_file(
-    ui: WizardUI,
-    path: Path,
-    given: Answers,
-    look: Callable[[], list[CameraInfo]] = list_cameras,
-) -> None:
+def write_first_file(ui: WizardUI, path: Path, given: Answers) -> None:
     """Ask `ui` for what is not given, and write the template with the answers to `path`.
 
-    `look` lists the cameras that are plugged in. ConfigError if `path` is there already, for an
-    answer that cannot be, and, where there is no terminal, with what has to be given.
+    ConfigError if `path` is there already, for an answer that cannot be, and, where there is no
+    terminal, with what has to be given.
     """
     if path.exists() or path.is_symlink():
         raise ConfigError(f"{path}: is there already; give another name, or delete it")
@@ -51,13 +46,14 @@ def write_first_file(
     cameras = _given_cameras(given.cameras, ours)
     found = look()
     if not ui.attended:
-        _require_all(given, cameras, ours, found)
+        _require_all(given, cameras, ours, list_cameras())
     model = given.model or _ask_model(ui)
     host = given.host or _ask_host(ui, ours, model)
     hand = given.hand or _ask_hand(ui, ours)
     side = given.side
     if side is None and ui.attended and hand in ("auto", "openvr"):
         side = ui.choice("Which hand holds it?", {side: side for side in SIDES})
+    found = list_cameras()
     cameras |= _ask_cameras(ui, ours, cameras, found)
     values = {
         "arm.model": ("model", json.dumps(model)),

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from matplotlib.figure import Figure
 
-from calibration.options import CalibrationOptions
+from calibration.cli import CalibrationOptions
 from calibration.store import Calibration, CalibrationSet
 from calibration.ui import WizardUI
 from tams_app.config import Config, load_config

@@ -15,7 +15,7 @@ from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import check_display
 from calibration.cameras.measuring import LENS, MOUNT, Findings, findings_figure
-from calibration.options import CameraOptions
+from calibration.cli import CameraOptions
 from calibration.store import Calibration, utc_now
 from calibration.ui import WizardUI
 from calibration.wizard import Wizard

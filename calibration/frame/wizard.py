@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from calibration.cli import FrameOptions
 from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
 from calibration.frame.fit import (
@@ -33,7 +34,6 @@ from calibration.frame.sources import (
     was_simulated,
 )
 from calibration.frame.stroke import AXES, RefusedError
-from calibration.options import FrameOptions
 from calibration.store import Calibration
 from calibration.ui import as_text, plain_table
 from calibration.wizard import Wizard

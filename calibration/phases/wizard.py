@@ -6,7 +6,7 @@ from typing import Any
 
 from rich.table import Table
 
-from calibration.options import PhaseOptions
+from calibration.cli import PhaseOptions
 from calibration.phases.fit import (
     PHASES,
     SEARCHED,

@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.text import Text
 
-from calibration.options import WeightOptions
+from calibration.cli import WeightOptions
 from calibration.store import Calibration
 from calibration.ui import WizardUI
 from calibration.weights.clips import Clip, ClipFolder, play

@@ -35,13 +35,12 @@ ALL = Answers(
 )
 
 
-def cameras() -> list[CameraInfo]:
-    return [ONE, TWIN, OTHER]
+CAMERAS = [ONE, TWIN, OTHER]
 
 
-@pytest.fixture
+@pytest.fixture(autouse=True)
 def devices(monkeypatch: pytest.MonkeyPatch) -> None:
-    """An arm at one address, and a keyboard alone."""
+    """An arm at one address, three cameras, and a keyboard alone."""
 
     def find(_kind: Lite6Kind, config: object) -> FoundArm:
         there = getattr(config, "host", "") == "10.0.0.9"
@@ -52,13 +51,13 @@ def devices(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(Lite6Kind, "find", find)
     monkeypatch.setattr(first_file, "controller", look)
+    monkeypatch.setattr(first_file, "list_cameras", lambda: CAMERAS)
 
 
-@pytest.mark.usefixtures("devices")
 def test_each_thing_is_asked_for_with_what_was_found(tmp_path: Path) -> None:
     path = tmp_path / "ours.yaml"
     ui = ScriptedUI(["10.0.0.8", "n", "10.0.0.9", "openvr", "left", "2", "1", "none"])
-    write_first_file(ui, path, Answers(), cameras)
+    write_first_file(ui, path, Answers())
     made = load_config(path)
     assert (made.arm.host, made.controller.device, made.controller.hand) == (
         "10.0.0.9",
@@ -79,7 +78,7 @@ def test_each_thing_is_asked_for_with_what_was_found(tmp_path: Path) -> None:
 def path(tmp_path: Path) -> Path:
     """The first file, of what the command line says."""
     written, ui = tmp_path / "first.yaml", ScriptedUI()
-    write_first_file(ui, written, ALL, cameras)
+    write_first_file(ui, written, ALL)
     assert not ui.console.asked
     return written
 
@@ -133,7 +132,7 @@ def test_without_a_terminal_each_option_that_is_needed_is_named(tmp_path: Path) 
     with pytest.raises(
         ConfigError, match=r"give --hand DEVICE .*--camera eih=…, --camera gs=…"
     ) as it:
-        write_first_file(ScriptedUI(), path, given, cameras)
+        write_first_file(ScriptedUI(), path, given)
     assert "'Cam', serial 0123 at /dev/video0" in str(it.value)
     assert "--host" not in str(it.value)
     assert not path.exists()
@@ -155,12 +154,12 @@ def test_an_answer_that_cannot_be_is_refused_and_nothing_is_written(
     path = tmp_path / "ours.yaml"
     given = replace(ALL, **changed)  # type: ignore[arg-type]
     with pytest.raises(ConfigError, match=sentence):
-        write_first_file(ScriptedUI(), path, given, cameras)
+        write_first_file(ScriptedUI(), path, given)
     assert not path.exists()
 
 
 def test_a_camera_is_named_by_what_stays_the_same() -> None:
-    found = [*cameras(), BARE]
+    found = [*CAMERAS, BARE]
     assert [stable_name(info, found) for info in found] == [
         "0123",
         "/dev/v4l/by-path/b",

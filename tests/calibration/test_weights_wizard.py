@@ -3,7 +3,7 @@
 import pytest
 from typer.testing import CliRunner
 
-from calibration.options import WeightOptions
+from calibration.cli import WeightOptions
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session, open_session
 from calibration.weights.fit import assess
