@@ -3,21 +3,19 @@
 `python -m benchmarks.experiments.phase_constants FOLDER...` takes recorded sessions whose phases
 are known: of the rig, by where things were, or with marks beside the log. For each set of
 constants it prints the accuracy of the control ticks with the mean recall of the phases, and each
-phase's recall. ALIGN and PRE_RELEASE begin at any height, or with `--goal-height-mm` only below
-that.
+phase's recall.
 `study run --sim` leaves such sessions, in `DIR/trials/*/*`.
 """
 
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 
 from rich.table import Table
 
 from calibration.phases.fit import PHASES, Scores, evaluate
-from calibration.phases.labels import LabelRules, logged_trials
+from calibration.phases.labels import logged_trials
 from calibration.ui import quiet
 from tams_app.config import PhasesConfig, load_config
 from tams_app.printing import Console
@@ -30,9 +28,9 @@ def variants() -> dict[str, PhasesConfig]:
     return {"defaults": PhasesConfig(), "reference": theirs, "reference, smoothed": smoothed}
 
 
-def scores(folders: list[Path], constants: PhasesConfig, rules: LabelRules) -> Scores:
+def scores(folders: list[Path], constants: PhasesConfig) -> Scores:
     """Over all sessions together."""
-    material = logged_trials(folders, constants.smoothing_ms, quiet, rules)
+    material = logged_trials(folders, constants.smoothing_ms, quiet)
     return evaluate(material.trials, constants)
 
 
@@ -50,10 +48,8 @@ def table_of(found: dict[str, Scores]) -> Table:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folders", nargs="+", type=Path, metavar="FOLDER")
-    parser.add_argument("--goal-height-mm", type=float, default=math.inf)
     options = parser.parse_args()
-    rules = LabelRules(goal_height=options.goal_height_mm / 1000)
-    found = {name: scores(options.folders, one, rules) for name, one in variants().items()}
+    found = {name: scores(options.folders, one) for name, one in variants().items()}
     Console(width=180).print(table_of(found))
 
 

@@ -8,7 +8,6 @@ and says what in it is a judgement.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -34,18 +33,11 @@ from tams_app.teleop.safety import ArmingState
 Flags: TypeAlias = NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class LabelRules:
-    """The distances [m] of the definition."""
-
-    over_block: float = 0.020  # from tool to block, horizontally
-    goal_height: float = math.inf  # of the tool above block or container's floor, at most
-    lifted: float = 0.003  # above its rest: then the block has left the table (as in a trial)
-    held: float = 0.030  # from tool to block, at most, while it is carried
-    away: float = 0.010  # half the block's height: then the fingertips are clear of it
-
-
-DEFAULT_RULES = LabelRules()
+# the distances of the definition
+_OVER_BLOCK_M = 0.020  # from tool to block, horizontally
+_LIFTED_M = 0.003  # above its rest: then the block has left the table (as in a trial)
+_HELD_M = 0.030  # from tool to block, at most, while it is carried
+_AWAY_M = 0.010  # half the block's height: then the fingertips are clear of it
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,45 +56,41 @@ class Geometry:
     block_rest_height: float
 
 
-def geometric_labels(scene: Geometry, rules: LabelRules = DEFAULT_RULES) -> Codes:
+def geometric_labels(scene: Geometry) -> Codes:
     """The true phase of every tick, NOT_COUNTED where the task knows none, shape (n,)."""
     labels = np.full(len(scene.closed), NOT_COUNTED, np.int8)
     for start, stop in stretches(scene.closed):
         part = slice(start, stop)
         if scene.closed[start]:
-            _label_closed(labels[part], _cut(scene, part), rules)
+            _label_closed(labels[part], _cut(scene, part))
         else:
-            _label_open(labels[part], _cut(scene, part), rules, start > 0, stop < len(labels))
+            _label_open(labels[part], _cut(scene, part), start > 0, stop < len(labels))
     return labels
 
 
-def _label_closed(labels: Codes, scene: Geometry, rules: LabelRules) -> None:
+def _label_closed(labels: Codes, scene: Geometry) -> None:
     """Grasp until the block leaves the table or the tool has gone, then what carries it."""
     gap = np.linalg.norm(scene.tool - scene.block, axis=1)
-    holds = gap <= rules.held
-    off_table = holds & (scene.block[:, 2] - scene.block_rest_height >= rules.lifted)
+    holds = gap <= _HELD_M
+    off_table = holds & (scene.block[:, 2] - scene.block_rest_height >= _LIFTED_M)
     lifted = _first(off_table)
-    gone = _first(_moved(scene.tool) > rules.away)
+    gone = _first(_moved(scene.tool) > _AWAY_M)
     labels[: min(lifted, gone)] = CODE[Phase.GRASP]
     carried = holds & (np.arange(len(labels)) >= lifted)
     labels[carried] = CODE[Phase.TRANSPORT]
-    low = scene.tool[:, 2] <= rules.goal_height
-    labels[_tail(carried & scene.over_container & low)] = CODE[Phase.PRE_RELEASE]
+    labels[_tail(carried & scene.over_container)] = CODE[Phase.PRE_RELEASE]
 
 
-def _label_open(
-    labels: Codes, scene: Geometry, rules: LabelRules, opened: bool, closes: bool
-) -> None:
+def _label_open(labels: Codes, scene: Geometry, opened: bool, closes: bool) -> None:
     """Release until the tool has gone, then reach, and align from when it is over the block."""
     labels[:] = CODE[Phase.REACH]
     sideways = np.linalg.norm((scene.tool - scene.block)[:, :2], axis=1)
-    above = scene.tool[:, 2] - scene.block[:, 2]
-    over = (sideways <= rules.over_block) & (above <= rules.goal_height)
+    over = sideways <= _OVER_BLOCK_M
     if closes or not scene.over_container[-1]:  # a trial may end before the gripper closes
         labels[_tail(over)] = CODE[Phase.ALIGN]
     if opened:
-        gone = _first(_moved(scene.tool) > rules.away)
-        held_something = np.linalg.norm(scene.tool[0] - scene.block[0]) <= rules.held
+        gone = _first(_moved(scene.tool) > _AWAY_M)
+        held_something = np.linalg.norm(scene.tool[0] - scene.block[0]) <= _HELD_M
         labels[:gone] = CODE[Phase.RELEASE] if held_something else NOT_COUNTED
 
 
@@ -134,11 +122,7 @@ def _cut(scene: Geometry, part: slice) -> Geometry:
 
 
 def true_labels(
-    name: str,
-    ticks: Sequence[Tick],
-    scene: Sequence[SceneTruth],
-    sizes: TaskGeometry,
-    rules: LabelRules = DEFAULT_RULES,
+    name: str, ticks: Sequence[Tick], scene: Sequence[SceneTruth], sizes: TaskGeometry
 ) -> Codes:
     """The phase of every tick by geometry, shape (n,); what precedes the trial is not counted.
 
@@ -157,7 +141,7 @@ def true_labels(
         raise UnreadableLogError(
             f"{name}: has no record of {missing}: its phases cannot be told from it"
         )
-    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes), rules)
+    labels[start:] = geometric_labels(_geometry(ticks[start:], scene, sizes))
     return labels
 
 
@@ -202,12 +186,7 @@ class Material:
     simulated: bool
 
 
-def logged_trials(
-    folders: Sequence[Path],
-    smoothing_ms: float,
-    progress: Progress,
-    rules: LabelRules = DEFAULT_RULES,
-) -> Material:
+def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progress) -> Material:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
     ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
@@ -220,7 +199,7 @@ def logged_trials(
     for number, folder in enumerate(folders):
         progress(f"reading {folder.name}", number / len(folders))
         log, marked = read_log(folder / LOG_NAME), (folder / FILE_NAME).is_file()
-        trials.append(_logged_trial(folder, log, smoothing_ms, rules))
+        trials.append(_logged_trial(folder, log, smoothing_ms))
         names.append(folder.name + (_MARKED if marked else ""))
         simulated |= bool(log.scene) or bool(log.header.config.get("rig", {}).get("enabled"))
     for (one, a), (other, b) in combinations(zip(folders, trials, strict=True), 2):
@@ -256,7 +235,7 @@ def virtual_trials(
     return Material(trials[:known], trials[known:], source, True)
 
 
-def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: LabelRules) -> Trial:
+def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float) -> Trial:
     name = folder.name
     motion = motion_of(name, log.ticks, log.header.started_ns, smoothing_ms)
     marks = folder / FILE_NAME
@@ -267,4 +246,4 @@ def _logged_trial(folder: Path, log: SessionLog, smoothing_ms: float, rules: Lab
             f"{folder}: its phases are not known: mark them with "
             f"`run_tams.py replay {folder} --mark`"
         )
-    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry(), rules))
+    return Trial(motion, true_labels(name, log.ticks, log.scene, task_geometry()))

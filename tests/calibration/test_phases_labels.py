@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from calibration.phases.fit import CODE, NOT_COUNTED, PHASES
 from calibration.phases.labels import (
     Geometry,
-    LabelRules,
     geometric_labels,
     marked_labels,
     true_labels,
@@ -118,14 +117,6 @@ def test_a_block_that_falls_out_of_the_fingers_ends_the_transport() -> None:
     labels = geometric_labels(path.geometry())
     assert order(labels) == ["REACH", "ALIGN", "GRASP", "TRANSPORT", "-"]
     assert np.argmax(labels[fallen:] == NOT_COUNTED) == 0
-
-
-def test_with_a_goal_height_what_happens_above_it_is_not_yet_aligning() -> None:
-    labels = geometric_labels(SCENE, LabelRules(goal_height=0.10))
-    begin, above = first(Phase.ALIGN, labels), PATH.tool[:, 2] - PATH.block[:, 2]
-    assert above[begin] <= 0.10 < above[begin - 1]
-    begin = first(Phase.PRE_RELEASE, labels)
-    assert PATH.tool[begin, 2] <= 0.10 < PATH.tool[begin - 1, 2]
 
 
 @given(st.lists(st.integers(1, 4), min_size=20, max_size=20))
