@@ -37,17 +37,13 @@ from calibration.weights.report import (
     weights_figure,
 )
 from calibration.wizard import Wizard
-from tams_app.config import load_config
-from tams_app.errors import ConfigError, SetupError, TamsError
+from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display
-from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Phase
 from tams_app.report.plots import save_figure
 from tams_app.session.folder import recording_directory
 
 _CLIPS, _RATINGS, _FIGURE = "clips", "ratings", "weights.png"
-SESSIONS = 3  # at most: a grasp or a release may be too short for a clip
-_NAME = "weights"
 SCALE_WORDS = ("not needed", "hardly needed", "useful", "needed", "indispensable")
 PHASES_IN_WORDS = {
     Phase.REACH: "the open gripper travels towards the object",
@@ -98,30 +94,24 @@ class WeightWizard(Wizard[WeightOptions]):
 
     def _measure(self) -> Calibration | None:
         options = self.options
-        if options.sim and not options.logs:
-            self._record()
+        views = self.config.video.views
         for log in options.logs:
-            self._cut(open_session(log, self.config.video.views))
+            self._cut(open_session(log, views))
+        clips = self._clips.clips()
+        if options.ratings is None and not clips:
+            raise ConfigError(
+                f"{self._clips.path}: holds no clips yet: name recorded sessions, at best several, "
+                "with --from LOG"
+            )
         if options.sim:
-            phases = {clip.phase for clip in self._clips.clips()}
-            views = self.config.video.views
+            phases = {clip.phase for clip in clips}
             self._panel = rate_by_panel(self._ratings, views, phases, options.seed)
-        elif options.ratings is None and not self._collect():
+        elif options.ratings is None and not self._collect(clips):
             self.ui.print(f"Everything is kept in {self.folder}.")
             return None
         return self._build()
 
     # --- clips ------------------------------------------------------------------------------
-
-    def _record(self) -> None:
-        """Simulated sessions until every phase has a clip, but no more than SESSIONS of them."""
-        for number in range(SESSIONS):
-            self.ui.print("\nA session on the simulated rig, at full quality, to cut clips from:")
-            seed = self.options.seed + number
-            log = record_session(self.options.config, self.folder, seed)
-            self._cut(open_session(log, self.config.video.views))
-            if {clip.phase for clip in self._clips.clips()} == set(Phase):
-                return
 
     def _cut(self, session: RecordedSession) -> None:
         self.ui.print(f"Cutting {session.name} into clips, one per phase ({session.shows}).")
@@ -136,14 +126,8 @@ class WeightWizard(Wizard[WeightOptions]):
 
     # --- ratings ----------------------------------------------------------------------------
 
-    def _collect(self) -> bool:
+    def _collect(self, clips: Sequence[Clip]) -> bool:
         """Let people rate; True once the matrix is wanted, False to stop."""
-        clips = self._clips.clips()
-        if not clips:
-            raise ConfigError(
-                f"{self._clips.path}: holds no clips yet: name recorded sessions, at best several, "
-                "with --from LOG"
-            )
         if lacking := [phase.value for phase in Phase if all(c.phase is not phase for c in clips)]:
             self.ui.print(
                 f"There is no clip of {', '.join(lacking)}: W keeps its present row there."
@@ -208,38 +192,6 @@ class WeightWizard(Wizard[WeightOptions]):
         if not options.sim:
             return directory / "weights"
         return directory / f"{time.strftime('%Y%m%d-%H%M%S')}-weights-sim"
-
-
-def record_session(config_path: Path | None, directory: Path, seed: int) -> Path:
-    """Run one pick-and-place of the scripted operator at full quality; its folder.
-
-    TamsError if it did not come to its end.
-    """
-    from tams_app.console.app import run_session
-
-    settings = load_config(
-        config_path,
-        {
-            "rig.enabled": True,
-            "rig.operator.kind": "scripted",  # must not depend on this computer's speed
-            "name": _NAME,
-            "network": "none",
-            "seed": seed,
-            "headless": True,
-            "recording.directory": str(directory),
-        },
-    )
-    before = set(directory.glob(f"*/{LOG_NAME}"))
-    run_session(settings, arm_at_once=True)
-    (log,) = set(directory.glob(f"*/{LOG_NAME}")) - before
-    outcome = read_log(log).outcome
-    if outcome is None or not outcome.completed:
-        reason = outcome.reason if outcome else "it was ended early"
-        raise TamsError(
-            f"{log.parent}: the simulated session was not completed ({reason}): run it "
-            "again, or with another --seed"
-        )
-    return log.parent
 
 
 def viewing_order(clips: Sequence[Clip], rater: str, seed: int) -> list[tuple[Phase, list[Clip]]]:
