@@ -125,7 +125,7 @@ def _add(wizard: str, declared: type[CalibrationOptions]) -> None:
     """A command with one option for each field of `declared`, explained by its docstring."""
 
     def command(**given: Any) -> None:
-        from calibration.ui import WizardUI
+        from calibration.kit import WizardUI
 
         raise typer.Exit(pkgutil.resolve_name(wizard)(WizardUI(), declared(**given)).run())
 
@@ -169,14 +169,16 @@ def board(
 @app.command()
 def show(config: ConfigOption = None) -> None:
     """Show the calibration in force: files, origin, accuracy."""
+    from calibration.kit import WizardUI
     from calibration.store import show_in_force
 
-    show_in_force(config)
+    show_in_force(WizardUI(), config)
 
 
 @app.command()
 def undo(config: ConfigOption = None) -> None:
     """Undo the last calibration: the one before is in force again."""
+    from calibration.kit import WizardUI
     from calibration.store import undo_last
 
-    undo_last(config)
+    undo_last(WizardUI(), config)

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 from hw.arms import ARM_KINDS, arm_kind
 from hw.make_controller import DEVICES
 from hw.v4l2.devices import CameraInfo, choose_mode, list_cameras

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from calibration.ui import WizardUI
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.config.calibrated import (
@@ -28,6 +27,8 @@ from tams_app.outputs import made_folder, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from calibration.kit import WizardUI
 
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
@@ -318,9 +319,9 @@ class CalibrationSet:
             write_file(self.index, text)
 
 
-def show_in_force(config_path: Path | None) -> None:
+def show_in_force(ui: WizardUI, config_path: Path | None) -> None:
     """Print each kind's file with its origin and figures; ConfigError if there is no set."""
-    ui, store = WizardUI(), CalibrationSet(config_path, load_config(config_path))
+    store = CalibrationSet(config_path, load_config(config_path))
     in_force = {one.kind: one for one in store.all_in_force()}
     ui.print(f"In force from {store.folder}:")
     for kind in KEYS_BY_KIND:
@@ -328,9 +329,9 @@ def show_in_force(config_path: Path | None) -> None:
         ui.print(f"\n{_described(here) if here else f'{kind}: not calibrated'}")
 
 
-def undo_last(config_path: Path | None) -> None:
+def undo_last(ui: WizardUI, config_path: Path | None) -> None:
     """Take the last calibration back and print what counts instead; TamsError if there is none."""
-    ui, store = WizardUI(), CalibrationSet(config_path, load_config(config_path))
+    store = CalibrationSet(config_path, load_config(config_path))
     undone = store.undo()
     now = store.in_force(undone.kind)
     instead = f"{now.name} counts again" if now else f"no {undone.kind} calibration counts any more"

@@ -135,7 +135,7 @@ def init(
 ) -> None:
     """Create a configuration for your arm, cameras and controller."""
     from calibration.first_file import Answers, write_first_file
-    from calibration.ui import WizardUI
+    from calibration.kit import WizardUI
 
     hand = overrides["controller.device"]
     with WizardUI() as ui:

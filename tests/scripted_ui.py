@@ -7,7 +7,7 @@ from typing import Any
 
 from rich.console import Console, RenderableType
 
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 
 CTRL_C = "\x03"
 

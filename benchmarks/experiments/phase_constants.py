@@ -14,9 +14,9 @@ from pathlib import Path
 
 from rich.table import Table
 
+from calibration.kit import quiet
 from calibration.phases.fit import PHASES, Scores, evaluate
 from calibration.phases.labels import logged_trials
-from calibration.ui import quiet
 from tams_app.config import PhasesConfig, load_config
 from tams_app.printing import Console
 

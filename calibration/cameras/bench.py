@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 
 from calibration.cameras.flashes import Flashes, flashing_window
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 from hw.arm_report import ReportWatch
 from hw.arms import arm_kind
 from hw.gstreamer.camera import GstCamera

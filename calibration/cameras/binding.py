@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.cameras.bench import Bench, Task, agreed, until_done
-from calibration.ui import WizardUI, bar, live_table
+from calibration.kit import WizardUI, bar, live_table
 from tams_app.errors import DeviceError
 from tams_app.records import Image
 

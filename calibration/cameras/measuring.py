@@ -26,7 +26,7 @@ from calibration.cameras.fit import (
 )
 from calibration.cameras.flashes import Latency, camera_latency
 from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, Watcher, names_of
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
 from tams_app.records import ArmFigure, Image, Lens

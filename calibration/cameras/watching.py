@@ -11,7 +11,7 @@ from rich.text import Text
 from calibration.cameras.bench import Bench, until_done
 from calibration.cameras.board import Board, BoardView
 from calibration.cameras.fit import ArmView, board_in_camera, turns_problem
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 from tams_app.prediction.plane_warp import mounted
 from tams_app.records import ArmFigure, Frame, Lens, Pose
 from tams_app.session.lenses import WRIST_VIEW

@@ -37,7 +37,7 @@ from calibration.frame.stroke import (
     check_line,
     fit_line,
 )
-from calibration.ui import WizardUI, as_text, bar, live_table
+from calibration.kit import WizardUI, as_text, bar, live_table
 from tams_app.config import Config, HandConfig
 from tams_app.errors import TamsError
 from tams_app.records import ControllerSample, ControllerStatus

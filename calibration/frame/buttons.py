@@ -11,7 +11,7 @@ from rich.table import Table
 from calibration.frame.asking import repeated
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
 from calibration.frame.stroke import BeginAgainError, RefusedError
-from calibration.ui import WizardUI, bar, plain_table
+from calibration.kit import WizardUI, bar, plain_table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
 from tams_app.errors import ConfigError

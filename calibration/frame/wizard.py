@@ -34,9 +34,8 @@ from calibration.frame.sources import (
     was_simulated,
 )
 from calibration.frame.stroke import AXES, RefusedError
+from calibration.kit import Wizard, as_text, plain_table
 from calibration.store import Calibration
-from calibration.ui import as_text, plain_table
-from calibration.wizard import Wizard
 from tams_app.config import Config, MappingConfig
 from tams_app.config.calibrated import read_calibrated
 from tams_app.errors import ConfigError

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.ui import Progress, quiet
+from calibration.kit import Progress, quiet
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError, TamsError, UnreadableLogError
 from tams_app.policy.phases import PhaseTracker, SmoothedSpeed

@@ -18,8 +18,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from calibration.kit import Progress
 from calibration.phases.fit import CODE, NOT_COUNTED, Codes, Floats, Trial, motion_of, stretches
-from calibration.ui import Progress
 from tams_app.config import Config
 from tams_app.console.replay.marks import FILE_NAME, Mark, read_marks
 from tams_app.console.report import session_log

@@ -7,6 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from calibration.cli import PhaseOptions
+from calibration.kit import Wizard, as_text, plain_table
 from calibration.phases.fit import (
     PHASES,
     SEARCHED,
@@ -18,8 +19,6 @@ from calibration.phases.fit import (
 )
 from calibration.phases.labels import Material, logged_trials, virtual_trials
 from calibration.store import Calibration
-from calibration.ui import as_text, plain_table
-from calibration.wizard import Wizard
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
 

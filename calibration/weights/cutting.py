@@ -18,7 +18,7 @@ import cv2
 import numpy as np
 from pydantic import ValidationError
 
-from calibration.ui import Progress
+from calibration.kit import Progress
 from calibration.weights.clips import ClipFolder, ClipTimes, ClipWriter, CutSession
 from tams_app.config import VideoConfig
 from tams_app.config.problems import describe_validation_error

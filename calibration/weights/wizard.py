@@ -16,8 +16,8 @@ from matplotlib.figure import Figure
 from rich.text import Text
 
 from calibration.cli import WeightOptions
+from calibration.kit import Wizard, WizardUI
 from calibration.store import Calibration
-from calibration.ui import WizardUI
 from calibration.weights.clips import Clip, ClipFolder, play
 from calibration.weights.cutting import RecordedSession, cut_session, open_session
 from calibration.weights.fit import Assessment, assess
@@ -36,7 +36,6 @@ from calibration.weights.report import (
     evidence_remarks,
     weights_figure,
 )
-from calibration.wizard import Wizard
 from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display
 from tams_app.records import Phase

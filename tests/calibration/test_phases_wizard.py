@@ -14,11 +14,11 @@ import pytest
 import yaml
 
 from calibration.cli import PhaseOptions
+from calibration.kit import quiet
 from calibration.phases import wizard
 from calibration.phases.fit import CODE, NOT_COUNTED, PhaseFit, Trial, evaluate, fit_thresholds
 from calibration.phases.labels import Material, logged_trials
 from calibration.phases.wizard import PhaseWizard
-from calibration.ui import quiet
 from tams_app import cli
 from tams_app.config import DEFAULT_CONFIG, PhasesConfig, load_config
 from tams_app.console.replay.marks import Mark, write_marks

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calibration.ui import quiet
+from calibration.kit import quiet
 from calibration.weights import clips as clip_file
 from calibration.weights.clips import ClipFolder, ClipWriter, play
 from calibration.weights.cutting import (

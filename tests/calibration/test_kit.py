@@ -9,7 +9,7 @@ from rich.prompt import Confirm
 from rich.table import Table
 from rich.text import Text
 
-from calibration.ui import WizardUI
+from calibration.kit import WizardUI
 from tams_app.errors import ConfigError
 
 pytestmark = pytest.mark.untimed
