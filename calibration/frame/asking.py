@@ -16,7 +16,19 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from calibration.frame.fit import GOOD_DEG, FrameFit, fit_strokes
+from calibration.frame.fit import (
+    ASKED_LENGTH_M,
+    AXES,
+    GOOD_DEG,
+    MIN_SAMPLES,
+    BeginAgainError,
+    FrameFit,
+    RefusedError,
+    Stroke,
+    check_line,
+    fit_line,
+    fit_strokes,
+)
 from calibration.frame.sources import (
     MIN_TRAVEL_M,
     SHOW_EVERY,
@@ -26,16 +38,6 @@ from calibration.frame.sources import (
     Move,
     StrokeCapture,
     travel_m,
-)
-from calibration.frame.stroke import (
-    ASKED_LENGTH_M,
-    AXES,
-    MIN_SAMPLES,
-    BeginAgainError,
-    RefusedError,
-    Stroke,
-    check_line,
-    fit_line,
 )
 from calibration.kit import WizardUI, as_text, bar, live_table
 from tams_app.config import Config, HandConfig

@@ -9,8 +9,8 @@ from functools import partial
 from rich.table import Table
 
 from calibration.frame.asking import repeated
+from calibration.frame.fit import BeginAgainError, RefusedError
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
-from calibration.frame.stroke import BeginAgainError, RefusedError
 from calibration.kit import WizardUI, bar, plain_table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
@@ -77,12 +77,12 @@ class PressWatch:
         pressed = sorted(self._pressed)
         if len(pressed) > 1:
             raise RefusedError(
-                f"{' and '.join(pressed)} were pressed together: press the {self._role} alone.",
+                f"{' and '.join(pressed)} were pressed together: press the {self._role} alone."
             )
         path = pressed[0]
         if path in self._taken:
             raise BeginAgainError(
-                f"{path} is the {self._taken[path]} already: press another one for {self._role}.",
+                f"{path} is the {self._taken[path]} already: press another one for {self._role}."
             )
         return path
 
@@ -97,7 +97,7 @@ class PressWatch:
         else:
             why = "nothing arrived: wake the controller, and press firmly"
         return RefusedError(
-            f"Waiting for the {self._role}: {why} (--no-buttons leaves the mapping as it is).",
+            f"Waiting for the {self._role}: {why} (--no-buttons leaves the mapping as it is)."
         )
 
 

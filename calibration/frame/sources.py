@@ -10,8 +10,7 @@ from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
-from calibration.frame.fit import Matrix
-from calibration.frame.stroke import AXES, BeginAgainError, RefusedError, Stroke
+from calibration.frame.fit import AXES, BeginAgainError, Matrix, RefusedError, Stroke
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
 from hw.openvr.devices import ComponentReader
@@ -161,7 +160,7 @@ class StrokeCapture:
             self._poses = None
             raise BeginAgainError(
                 "The headset was recentred, so that nothing measured before holds any longer: "
-                "let the trigger go for a second, and begin anew.",
+                "let the trigger go for a second, and begin anew."
             )
         if self._poses is not None and (
             sample.status is not ControllerStatus.OK or sample.pose is None
@@ -169,7 +168,7 @@ class StrokeCapture:
             self._poses = None
             raise RefusedError(
                 f"The controller was lost while the trigger was held ({sample.status.value}): "
-                "do it again where it is tracked.",
+                "do it again where it is tracked."
             )
         if buttons.press:
             self._poses = []
@@ -213,7 +212,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
         if tick.arming.lower() == ArmingState.ENGAGED.value:
             raise RefusedError(
                 "In this session the hand drove the arm, which shows the mapping in force and not "
-                "the true one: record strokes with `run --dry-run` without arming, and give that.",
+                "the true one: record strokes with `run --dry-run` without arming, and give that."
             )
         held = capture.take(tick.controller, tick.started_ns)
         if held is not None and travel_m(held) >= MIN_TRAVEL_M:
@@ -221,7 +220,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     if not found or len(found) % len(AXES):
         raise RefusedError(
             f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
-            "of three: +x, +y, +z, in this order, once or more often.",
+            "of three: +x, +y, +z, in this order, once or more often."
         )
     return [Stroke(n % len(AXES), held.positions) for n, held in enumerate(found)]
 

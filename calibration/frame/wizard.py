@@ -17,10 +17,12 @@ from calibration.cli import FrameOptions
 from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
 from calibration.frame.fit import (
+    AXES,
     BAD_DEG,
     GOOD_DEG,
     FrameFit,
     Matrix,
+    RefusedError,
     fit_strokes,
     stands_upright,
     turn_deg,
@@ -33,7 +35,6 @@ from calibration.frame.sources import (
     strokes_of_log,
     was_simulated,
 )
-from calibration.frame.stroke import AXES, RefusedError
 from calibration.kit import Wizard, as_text, plain_table
 from calibration.store import Calibration
 from tams_app.config import Config, MappingConfig
@@ -170,7 +171,7 @@ class FrameWizard(Wizard[FrameOptions]):
             self._outcome = None
             raise RefusedError(
                 f"Another direction lit up for {', '.join(wrong)}, or none: if you moved as asked, "
-                "the frame is wrong; calibrate again.",
+                "the frame is wrong; calibrate again."
             )
 
     def _is_kept(self, doubt: str) -> bool:
@@ -180,7 +181,7 @@ class FrameWizard(Wizard[FrameOptions]):
             self._outcome = None
             raise RefusedError(
                 "A person at the terminal must confirm so uncertain a frame: run this from one, or "
-                "make better strokes.",
+                "make better strokes."
             )
         return self.ui.yes("Keep it all the same?")
 
@@ -226,7 +227,7 @@ def remarks(config: Config, frame: FrameFit) -> list[str]:
         f"The frame is right within {frame.error_bound_deg:.1f}° (95 %, as far as the "
         "measurements' disagreement tells); the rotation in force differs from it by "
         f"{off:.1f}°.",
-        f"Residual {frame.residual_mm:.1f} mm, condition {frame.condition:.2f} (1 is best).",
+        f"Residual {frame.residual_mm:.1f} mm.",
         *(f"Note: {remark}." for remark in frame.left_out),
     ]
     if not stands_upright(frame.rotation):
@@ -243,7 +244,7 @@ def doubt_of(frame: FrameFit) -> str:
     if bound > BAD_DEG:
         raise RefusedError(
             f"The frame may be off by {bound:.1f}°, and more than {BAD_DEG:g}° is no use: "
-            f"{_advice(frame)}.",
+            f"{_advice(frame)}."
         )
     if bound > GOOD_DEG:
         return f"The frame may be off by {bound:.1f}°, more than {GOOD_DEG:g}°: {_advice(frame)}."
@@ -279,7 +280,6 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
     quality: dict[str, Any] = {
         "error_bound_95_deg": round(frame.error_bound_deg, 3),
         "residual_mm": round(frame.residual_mm, 3),
-        "condition": round(frame.condition, 3),
         "changed_by_deg": round(turn_deg(frame.rotation, np.array(config.hand.rotation)), 3),
     }
     used = [stroke for stroke in frame.strokes if stroke.used]

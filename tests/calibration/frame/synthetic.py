@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from calibration.frame.stroke import Stroke
+from calibration.frame.fit import Stroke
 from tams_app.rotation import Rotation
 
 

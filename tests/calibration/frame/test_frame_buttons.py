@@ -3,7 +3,7 @@
 import pytest
 
 from calibration.frame.buttons import TIMEOUT_NS, PressWatch, settle
-from calibration.frame.stroke import BeginAgainError, RefusedError
+from calibration.frame.fit import BeginAgainError, RefusedError
 from hw.openvr.components import ComponentReading
 
 pytestmark = pytest.mark.untimed

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from scipy.spatial import transform
 
-from calibration.frame.fit import fit_strokes, turn_deg
+from calibration.frame.fit import BeginAgainError, RefusedError, fit_strokes, turn_deg
 from calibration.frame.sources import StrokeCapture, find_strokes, strokes_of_log
-from calibration.frame.stroke import BeginAgainError, RefusedError
 from tams_app.config import load_config
 from tams_app.errors import LogError
 from tams_app.records import ControllerSample, ControllerStatus, Pose

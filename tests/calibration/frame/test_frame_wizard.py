@@ -15,10 +15,9 @@ from calibration.frame import simulated_person as prompted
 from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons
-from calibration.frame.fit import FrameFit, turn_deg
+from calibration.frame.fit import FrameFit, RefusedError, turn_deg
 from calibration.frame.simulated_person import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS, Press
-from calibration.frame.stroke import RefusedError
 from calibration.frame.wizard import FrameWizard, rows
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
