@@ -33,10 +33,6 @@ class CalibrationOptions:
 class WizardOptions(CalibrationOptions):
     """Options of every wizard."""
 
-    figure: Annotated[
-        Path | None,
-        typer.Option("--figure", "--picture", help="Draw the result to this .png or .jpg."),
-    ] = None
     yes: Annotated[bool, typer.Option("--yes", help="Write the result without asking.")] = False
 
 

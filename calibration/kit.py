@@ -6,8 +6,7 @@ import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Sequence
 from io import StringIO
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
 
 from rich.console import RenderableType
 from rich.live import Live
@@ -26,8 +25,6 @@ from tams_app.printing import Console
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-FIGURE_SUFFIXES = (".png", ".jpg")
 
 Options = TypeVar("Options", bound=CalibrationOptions)
 T = TypeVar("T")
@@ -206,14 +203,12 @@ class Wizard(ABC, Generic[Options]):
     (`drawn`), and what of it is worth keeping if it ends early (`partial`).
     """
 
-    figure_beside: ClassVar[bool] = True  # whether the figure is drawn beside the file written
     overrides: dict[str, Any] | None = None  # dotted keys laid over the configuration
     config: Config
     store: CalibrationSet
 
     def __init__(self, ui: WizardUI, options: Options) -> None:
         self.ui, self.options = ui, options
-        self.figure: Path | None = getattr(options, "figure", None)
         self.yes: bool = getattr(options, "yes", True)  # write it without asking
         self.simulated = options.sim  # whether anything simulated has a part in the result
 
@@ -229,8 +224,6 @@ class Wizard(ABC, Generic[Options]):
                 question was to be asked.
         """
         options = self.options
-        if self.figure is not None:
-            check_figure(self.figure)
         self.check()
         self.config = load_config(options.config, self.overrides)
         self.store = CalibrationSet(options.config, self.config)
@@ -238,17 +231,11 @@ class Wizard(ABC, Generic[Options]):
         self.store.check_before(self.ui, self.yes, self.simulated)
         with self.ui:
             found = self._measured()
-            if self.figure is not None and (drawn := self.drawn()) is not None:
-                from tams_app.report.plots import save_figure  # `init` needs no matplotlib
-
-                save_figure(drawn, self.figure)
-                self.ui.print(f"Drawn: {self.figure}")
             if found is None:
                 return 0
             attended = self.ui.attended
-            beside = self.drawn() if self.figure_beside else None
             accepts = getattr(options, "accept_unfounded", False)
-            written = self.store.propose(self.ui, found, self.yes, beside, accepts)
+            written = self.store.propose(self.ui, found, self.yes, self.drawn(), accepts)
             return 0 if written is not None or attended else 1
 
     @abstractmethod
@@ -266,7 +253,7 @@ class Wizard(ABC, Generic[Options]):
         """ConfigError for what does not go with the configuration; nothing was printed yet."""
 
     def drawn(self) -> Figure | None:
-        """A figure of what was found; None if there is nothing to show."""
+        """A figure of what was found, to lie beside the file; None if there is nothing to show."""
         return None
 
     def partial(self) -> Calibration | None:
@@ -286,13 +273,3 @@ class Wizard(ABC, Generic[Options]):
                 self.ui.print(f"\nEnded early: {str(error) or 'Ctrl-C'}")
                 self.store.keep(self.ui, part)
             raise
-
-
-def check_figure(path: Path) -> None:
-    """ConfigError if no figure can be drawn there."""
-    if path.suffix.lower() not in FIGURE_SUFFIXES:
-        raise ConfigError(f"--figure {path}: is drawn to {' or '.join(FIGURE_SUFFIXES)}")
-    if not path.parent.is_dir():
-        raise ConfigError(f"--figure {path}: there is no folder {path.parent}")
-    if path.is_dir():
-        raise ConfigError(f"--figure {path}: is a folder, not a file")

@@ -37,7 +37,6 @@ _OFFER = "Measure the latency, with a screen that the cameras can be pointed at?
 class CameraWizard(Wizard[CameraOptions]):
     """Which camera is which view, and what is measured of each."""
 
-    figure_beside = False
     _steps: tuple[str, ...]
     _bench: Bench  # open while it measures
     _found: Sequence[Findings] = ()  # of each view, once its camera is known
@@ -101,11 +100,10 @@ class CameraWizard(Wizard[CameraOptions]):
 
     def _measure(self) -> None:
         steps, ui, bench = self._steps, self.ui, self._bench
-        if self.options.figure is not None:
-            bench.prompt(Task.REST, "")
-            for each in self._found:
-                for frame in bench.shots([each.camera], _LOOK_S):
-                    each.image = frame.image
+        bench.prompt(Task.REST, "")
+        for each in self._found:
+            for frame in bench.shots([each.camera], _LOOK_S):
+                each.image = frame.image
         if LATENCY in steps:
             measuring.measure_latency(ui, bench, self._found)
         elif not self.options.only and agreed(ui, bench, _OFFER):

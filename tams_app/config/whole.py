@@ -232,6 +232,8 @@ REMOVED = {
     "exposure": _CAMERAS,
     "rate": _CAMERAS,
     "calibrate cameras --from": _CAMERAS,
+    "calibrate --figure": "the figure is beside the file that it writes; leave it out",
+    "calibrate --picture": "the figure is beside the file that it writes; leave it out",
     "calibrate frame --touch": _STROKES,
     "calibrate frame --keep-scale": _STROKES,
     "calibrate weights --panel": "the simulated raters are one panel, for trying the wizard out; "
