@@ -234,7 +234,7 @@ class Wizard(ABC, Generic[Options]):
             if found is None:
                 return 0
             attended = self.ui.attended
-            accepts = getattr(options, "accept_unfounded", False)
+            accepts = getattr(options, "accept_unfounded", None)
             written = self.store.propose(self.ui, found, self.yes, self.drawn(), accepts)
             return 0 if written is not None or attended else 1
 

@@ -170,14 +170,14 @@ class CalibrationSet:
         calibration: Calibration,
         yes: bool,
         figure: Figure | None = None,
-        accept_unfounded: bool = False,
+        accept_unfounded: bool | None = None,
     ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
         `yes`: write without asking; what is unfounded is then kept, but not in force, and refused
-        with TamsError, unless `accept_unfounded`. Unattended, nothing is written. If the question
-        is never answered (Ctrl-C, a closed terminal) the file is kept, but not in force. `figure`
-        is beside the file before that counts.
+        with TamsError, unless `accept_unfounded` (None: only a person can accept it). Unattended,
+        nothing is written. If the question is never answered (Ctrl-C, a closed terminal) the file
+        is kept, but not in force. `figure` is beside the file before that counts.
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
@@ -193,9 +193,11 @@ class CalibrationSet:
         unfounded = "" if accept_unfounded else calibration.unfounded
         if yes and unfounded:
             self.keep(ui, calibration, figure)
+            remedy = "start it without --yes"
+            if accept_unfounded is not None:
+                remedy = "add --accept-unfounded"
             raise TamsError(
-                f"{unfounded}; that is not put in force unasked: measure more, or add "
-                "--accept-unfounded"
+                f"{unfounded}; that is not put in force unasked: measure more, or {remedy}"
             )
         try:
             wanted = yes or ui.yes(

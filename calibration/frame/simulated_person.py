@@ -160,7 +160,7 @@ class SimulatedSetup:
     def __init__(self, config: Config, seed: int) -> None:
         self._config, self._seed = config, seed
         self.description = f"the simulated rig and a simulated person, seed {seed}"
-        self.true_rotation = np.array(operator_hand(config).rotation)
+        self._true_rotation = np.array(operator_hand(config).rotation)
         self._clock = VirtualClock()
 
     @contextmanager
@@ -181,7 +181,7 @@ class SimulatedSetup:
 
     def _make(self, config: Config) -> tuple[PromptedPerson, VirtualController]:
         operator = config.rig.operator
-        person = PromptedPerson(self.true_rotation, operator.arm_reach_m, self._seed)
+        person = PromptedPerson(self._true_rotation, operator.arm_reach_m, self._seed)
         controller = VirtualController(person, operator, self._seed, rig_wiring(config))
         controller.start()
         return person, controller

@@ -95,7 +95,6 @@ class LiveSetup:
     """The configured controller over OpenVR, in a person's hand. No arm is connected."""
 
     description = "a person with the controller"
-    true_rotation: Matrix | None = None  # known in simulation only
 
     def __init__(self, config: Config, clock: Clock, note: TakeNote) -> None:
         self._config, self._clock, self._note = config, clock, note

@@ -70,7 +70,6 @@ class FrameResult:
     source: str  # in words
     buttons: ButtonFinding | None = None
     lit: Mapping[Move, bool] | None = None  # None: not tried
-    true_rotation: Matrix | None = None
 
 
 class FrameWizard(Wizard[FrameOptions]):
@@ -90,11 +89,6 @@ class FrameWizard(Wizard[FrameOptions]):
             self._fit_logs()
         else:
             self._measure(self._setup())
-        assert self._outcome is not None
-        doubt = doubt_of(self._outcome.frame)
-        if doubt and not self._is_kept(doubt):
-            self.ui.print("Nothing is written.")
-            return None
         return self.partial()
 
     def partial(self) -> Calibration | None:
@@ -110,9 +104,10 @@ class FrameWizard(Wizard[FrameOptions]):
         logs = self.options.logs
         strokes = [stroke for log in logs for stroke in strokes_of_log(log, self.config)]
         frame = fit_strokes(strokes)
+        self._show(frame)
+        doubt_of(frame)
         source = "strokes recorded in " + ", ".join(str(log) for log in logs)
         self._outcome = FrameResult(frame, source)
-        self._show(frame)
         self.ui.print("A recording cannot be tried out: watch the directions in `run --dry-run`.")
 
     def _setup(self) -> LiveSetup | SimulatedSetup:
@@ -144,8 +139,7 @@ class FrameWizard(Wizard[FrameOptions]):
             frame = fit_moves(self.ui, source, config, options.rounds)
             self._show(frame)
             doubt_of(frame)  # what is no use needs no trying
-            how = f"strokes by {setup.description}"
-            self._outcome = FrameResult(frame, how, buttons, None, setup.true_rotation)
+            self._outcome = FrameResult(frame, f"strokes by {setup.description}", buttons)
             self._try(source, self._outcome)
 
     def _show(self, frame: FrameFit) -> None:
@@ -173,17 +167,6 @@ class FrameWizard(Wizard[FrameOptions]):
                 f"Another direction lit up for {', '.join(wrong)}, or none: if you moved as asked, "
                 "the frame is wrong; calibrate again."
             )
-
-    def _is_kept(self, doubt: str) -> bool:
-        """Only a person can accept a doubtful result; --yes does not."""
-        self.ui.print(doubt)
-        if not self.ui.attended:
-            self._outcome = None
-            raise RefusedError(
-                "A person at the terminal must confirm so uncertain a frame: run this from one, or "
-                "make better strokes."
-            )
-        return self.ui.yes("Keep it all the same?")
 
 
 def rows(rotation: Matrix) -> tuple[tuple[float, float, float], ...]:
@@ -239,7 +222,7 @@ def remarks(config: Config, frame: FrameFit) -> list[str]:
 
 
 def doubt_of(frame: FrameFit) -> str:
-    """Why the result needs a second thought, "" if it does not; RefusedError if it is no use."""
+    """Why a person has to accept it, "" if they need not; RefusedError if it is no use."""
     bound = frame.error_bound_deg
     if bound > BAD_DEG:
         raise RefusedError(
@@ -247,7 +230,7 @@ def doubt_of(frame: FrameFit) -> str:
             f"{_advice(frame)}."
         )
     if bound > GOOD_DEG:
-        return f"The frame may be off by {bound:.1f}°, more than {GOOD_DEG:g}°: {_advice(frame)}."
+        return f"The frame may be off by {bound:.1f}°, more than {GOOD_DEG:g}°: {_advice(frame)}"
     return ""
 
 
@@ -272,7 +255,14 @@ def calibration(
     if buttons is not None and (buttons.wrong or config.controller.mapping):
         mapping = changes.setdefault("controller", {}).setdefault("mapping", {})
         mapping[buttons.controller_type] = dict(buttons.paths)
-    return Calibration(KIND, changes, outcome.source, _quality(config, outcome), simulated)
+    return Calibration(
+        KIND,
+        changes,
+        outcome.source,
+        _quality(config, outcome),
+        simulated,
+        doubt_of(outcome.frame),
+    )
 
 
 def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
@@ -290,8 +280,6 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
         quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_DIRECTIONS)}"
     if buttons is not None:
         quality["buttons_put_right"] = list(buttons.wrong)
-    if outcome.true_rotation is not None:
-        quality["true_error_deg"] = round(turn_deg(frame.rotation, outcome.true_rotation), 3)
     return quality
 
 
