@@ -23,6 +23,7 @@ from calibration.frame.fit import (
     MIN_SAMPLES,
     BeginAgainError,
     FrameFit,
+    Matrix,
     RefusedError,
     Stroke,
     check_line,
@@ -34,7 +35,6 @@ from calibration.frame.sources import (
     SHOW_EVERY,
     SIX_DIRECTIONS,
     HandSource,
-    Held,
     Move,
     StrokeCapture,
     travel_m,
@@ -58,14 +58,14 @@ def ask_stroke(ui: WizardUI, source: HandSource, config: Config, axis: int) -> S
     ui.print(f"Hold the trigger, move along the robot's {move.name} ({move.meaning}), let go.")
 
     def once() -> Stroke:
-        stroke = Stroke(axis, _held(ui, source, config, move).positions)
+        stroke = Stroke(axis, _held(ui, source, config, move))
         check_line(fit_line(stroke))
         return stroke
 
     return repeated(ui, once)
 
 
-def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move) -> Held:
+def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move) -> Matrix:
     """Ask for it, and wait until the trigger has been held and released; shows what there is."""
     source.ask(prompt)
     capture, count = StrokeCapture(config), 0
@@ -80,12 +80,12 @@ def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move) -> Hel
             ui.show(live_table([("controller", sample.status.value), *rows]))
 
 
-def _progress(prompt: Move, held: Held | None) -> list[tuple[str, str]]:
+def _progress(prompt: Move, held: Matrix | None) -> list[tuple[str, str]]:
     """What there is of a stroke, name and value; None while the trigger is up."""
     if held is None:
         return [("trigger", "up: squeeze it to begin")]
     try:
-        line = fit_line(Stroke(prompt.axis, held.positions))
+        line = fit_line(Stroke(prompt.axis, held))
     except RefusedError:  # too few samples to say anything yet
         return [("trigger", "held: move")]
     return [

@@ -18,7 +18,7 @@ from tams_app.config import Config, ControllerConfig
 from tams_app.console.report import session_log
 from tams_app.errors import DeviceError
 from tams_app.recording import read_log, read_ticks
-from tams_app.records import ControllerSample, ControllerStatus, Pose, TakeNote, Tick, Vector
+from tams_app.records import ControllerSample, ControllerStatus, TakeNote, Tick, Vector
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.teleop.clutch import Clutch
 from tams_app.teleop.safety import ArmingState
@@ -124,60 +124,48 @@ class LiveSetup:
             yield Source(self._clock, sample)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Held:
-    """The poses that arrived while the trigger was held, in order of time."""
-
-    poses: tuple[Pose, ...]
-
-    @property
-    def positions(self) -> Matrix:
-        """[m], shape (n, 3)."""
-        return np.array([pose.position for pose in self.poses]).reshape(-1, 3)
-
-
 class StrokeCapture:
     """Collects while the trigger is held, with the clutch's own rules for what that means."""
 
     def __init__(self, config: Config) -> None:
         self._clutch = Clutch(config.freshness.buttons_ms * 1e6)
-        self._poses: list[Pose] | None = None  # None: the trigger is up
+        self._places: list[Vector] | None = None  # None: the trigger is up
         self._pose_ns = 0
 
     @property
-    def so_far(self) -> Held | None:
-        """What has arrived since the trigger was squeezed; None while it is up."""
-        return None if self._poses is None else Held(tuple(self._poses))
+    def so_far(self) -> Matrix | None:
+        """Where the hand was since the trigger was squeezed [m], shape (n, 3); None while it is up."""
+        return None if self._places is None else np.array(self._places).reshape(-1, 3)
 
-    def take(self, sample: ControllerSample, now_ns: int) -> Held | None:
-        """Take in the newest sample; all of them at the release, else None.
+    def take(self, sample: ControllerSample, now_ns: int) -> Matrix | None:
+        """Take in the newest sample; all places at the release [m], shape (n, 3), else None.
 
         RefusedError if the tracking was lost meanwhile, BeginAgainError if its frame changed.
         """
         buttons = self._clutch.update(sample, now_ns)
         if sample.status is ControllerStatus.TRACKING_FRAME_CHANGED:
-            self._poses = None
+            self._places = None
             raise BeginAgainError(
                 "The headset was recentred, so that nothing measured before holds any longer: "
                 "let the trigger go for a second, and begin anew."
             )
-        if self._poses is not None and (
+        if self._places is not None and (
             sample.status is not ControllerStatus.OK or sample.pose is None
         ):
-            self._poses = None
+            self._places = None
             raise RefusedError(
                 f"The controller was lost while the trigger was held ({sample.status.value}): "
                 "do it again where it is tracked."
             )
         if buttons.press:
-            self._poses = []
-        if self._poses is None:
+            self._places = []
+        if self._places is None:
             return None
         if not buttons.pressed:
-            done, self._poses = Held(tuple(self._poses)), None
+            done, self._places = self.so_far, None
             return done
         if sample.pose is not None and sample.pose_ns > self._pose_ns:
-            self._poses.append(sample.pose)
+            self._places.append(sample.pose.position)
             self._pose_ns = sample.pose_ns
         return None
 
@@ -206,7 +194,7 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
     rotation in force, so the pairs of their travels give that rotation and nothing of how the
     frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
     """
-    capture, found = StrokeCapture(config), list[Held]()
+    capture, found = StrokeCapture(config), list[Matrix]()
     for tick in ticks:
         if tick.arming.lower() == ArmingState.ENGAGED.value:
             raise RefusedError(
@@ -221,12 +209,9 @@ def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
             f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
             "of three: +x, +y, +z, in this order, once or more often."
         )
-    return [Stroke(n % len(AXES), held.positions) for n, held in enumerate(found)]
+    return [Stroke(n % len(AXES), held) for n, held in enumerate(found)]
 
 
-def travel_m(held: Held) -> float:
-    """From the first place to the farthest from it [m]."""
-    positions = held.positions
-    if not len(positions):
-        return 0.0
-    return float(np.linalg.norm(positions - positions[0], axis=1).max())
+def travel_m(held: Matrix) -> float:
+    """From the first place to the farthest from it [m]; of places of shape (n, 3)."""
+    return float(np.linalg.norm(held - held[:1], axis=1).max(initial=0.0))

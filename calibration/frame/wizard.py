@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from rich.table import Table
 
@@ -17,7 +16,6 @@ from calibration.cli import FrameOptions
 from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
 from calibration.frame.fit import (
-    AXES,
     BAD_DEG,
     GOOD_DEG,
     FrameFit,
@@ -40,7 +38,7 @@ from calibration.store import Calibration
 from tams_app.config import Config, MappingConfig
 from tams_app.config.calibrated import read_calibrated
 from tams_app.errors import ConfigError
-from tams_app.report.plots import GRID, INK, WIDE_IN, new_figure, styled
+from tams_app.report.plots import INK, PAGE_IN, new_figure, styled
 from tams_app.runtime.clock import MonotonicClock
 
 if TYPE_CHECKING:
@@ -49,7 +47,6 @@ if TYPE_CHECKING:
 KIND = "frame"
 _DIGITS = 9  # the configuration wants orthonormal to 1e-6
 _COLOURS = ("#c0392b", "#27ae60", "#2471a3")  # x, y, z, as robots are drawn
-_PLANES = ((0, 1), (0, 2))
 _INTRODUCTION = """\
 How does the controller's tracking frame stand to the robot? The robot's x points away from its
 base, y to its left, z up. Take the {hand} controller.
@@ -285,43 +282,9 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
 
 @styled
 def fit_figure(fit: FrameFit) -> Figure:
-    """How the strokes lie in the frame that they make."""
-    figure = new_figure(WIDE_IN, 3.8)
-    axes = figure.subplots(1, 3, width_ratios=(1, 1, 1.15))
-    for place, plane in zip(axes[:2], _PLANES, strict=True):
-        _draw_directions(place, fit, plane)
-    _draw_angles(axes[2], fit)
-    figure.suptitle(
-        f"Frame from {len(fit.strokes)} strokes: right within {fit.error_bound_deg:.1f}° (95 %), "
-        f"residual {fit.residual_mm:.1f} mm"
-    )
-    return figure
-
-
-def _draw_directions(axes: Axes, fit: FrameFit, plane: tuple[int, int]) -> None:
-    """Every stroke from the origin, in the robot's frame, seen onto one plane."""
-    for stroke in fit.strokes:
-        line = stroke.line
-        end = 1000 * line.length_m * (fit.rotation @ line.direction)
-        axes.plot(
-            [0, end[plane[0]]],
-            [0, end[plane[1]]],
-            color=_COLOURS[line.axis],
-            linewidth=1.6,
-            linestyle="-" if stroke.used else ":",
-            marker="o",
-            markevery=[1],
-            markersize=3.5,
-        )
-    axes.axhline(0, color=GRID, linewidth=0.8, zorder=0)
-    axes.axvline(0, color=GRID, linewidth=0.8, zorder=0)
-    axes.set_xlabel(f"robot {AXES[plane[0]]} [mm]")
-    axes.set_ylabel(f"robot {AXES[plane[1]]} [mm]")
-    axes.set_aspect("equal", adjustable="datalim")
-
-
-def _draw_angles(axes: Axes, fit: FrameFit) -> None:
-    numbers = np.arange(len(fit.strokes))
+    """How far each stroke is off its axis in the frame that they make."""
+    figure = new_figure(PAGE_IN, 3.4)
+    axes, numbers = figure.subplots(), np.arange(len(fit.strokes))
     for number, stroke in zip(numbers, fit.strokes, strict=True):
         opacity = 1.0 if stroke.used else 0.3
         axes.bar(number, stroke.angle_deg, color=_COLOURS[stroke.line.axis], alpha=opacity)
@@ -332,3 +295,8 @@ def _draw_angles(axes: Axes, fit: FrameFit) -> None:
     axes.set_xticks(numbers, [stroke.line.name for stroke in fit.strokes])
     axes.set_ylim(0, 1.25 * max(fit.error_bound_deg, *(s.angle_deg for s in fit.strokes)))
     axes.set_ylabel("off the prompted axis [°]")
+    figure.suptitle(
+        f"Frame from {len(fit.strokes)} strokes: right within {fit.error_bound_deg:.1f}° (95 %), "
+        f"residual {fit.residual_mm:.1f} mm"
+    )
+    return figure

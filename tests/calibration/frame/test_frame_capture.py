@@ -46,9 +46,9 @@ def test_a_stroke_is_what_arrives_between_squeeze_and_release():
     held = [player.give(1.0, x=n / 100) for n in range(20)]
     held.append(player.give(1.0, x=0.19, new_pose=False))  # it counts once
     assert held == [None] * 21
-    assert len(player.capture.so_far.poses) == 20
+    assert len(player.capture.so_far) == 20
     done = player.give(0.0, x=9.0)
-    assert done.positions[:, 0] == pytest.approx(np.arange(20) / 100)
+    assert done[:, 0] == pytest.approx(np.arange(20) / 100)
     assert player.capture.so_far is None
 
 
