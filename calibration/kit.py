@@ -119,7 +119,7 @@ class WizardUI:
     def progress(self, doing: str, part: float) -> None:
         """Display what is under way, and the part of it done [0..1]."""
         bar = ProgressBar(total=1.0, completed=part, width=40)
-        self.show(live_table([(doing, bar, f"{part:.0%}")]))
+        self.show(table([(doing, bar, f"{part:.0%}")]))
 
     def pressed(self) -> bool:
         """Whether Enter was pressed since the last call; False without a terminal."""
@@ -166,24 +166,18 @@ def bar(share: float, width: int = 20) -> str:
     return "█" * full + "░" * (width - full)
 
 
-def plain_table(
-    heads: Sequence[str], rows: Iterable[Sequence[str]], title: str | None = None
+def table(
+    rows: Iterable[Sequence[RenderableType]], heads: Sequence[str] = (), title: str | None = None
 ) -> Table:
-    """A table without lines, its first column left and the others right."""
-    table = Table(box=None, padding=(0, 2), title=title, title_justify="left")
+    """A table without lines; under `heads` its first column is left and the others are right."""
+    made = Table(
+        box=None, padding=(0, 2), title=title, title_justify="left", show_header=bool(heads)
+    )
     for number, head in enumerate(heads):
-        table.add_column(head, justify="right" if number else "left")
+        made.add_column(head, justify="right" if number else "left")
     for row in rows:
-        table.add_row(*row)
-    return table
-
-
-def live_table(rows: Iterable[Sequence[RenderableType]]) -> Table:
-    """What changes while a person looks at it: a table without lines and heads."""
-    table = Table(box=None, show_header=False)
-    for row in rows:
-        table.add_row(*row)
-    return table
+        made.add_row(*row)
+    return made
 
 
 def as_text(*parts: RenderableType) -> str:

@@ -13,7 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from calibration.cameras.bench import Bench, Task, agreed, until_done
-from calibration.kit import WizardUI, bar, live_table
+from calibration.kit import WizardUI, bar, table
 from tams_app.errors import DeviceError
 from tams_app.records import Image
 
@@ -178,7 +178,7 @@ def _watch(
 
 
 def _bars(shares: Mapping[str, float], taken: Mapping[str, str]) -> Table:
-    return live_table(
+    return table(
         # the camera's own name may look like markup
         (Text(name), taken.get(name, "").upper(), bar(3 * share, _BAR), f"{share:.0%} moves")
         for name, share in shares.items()

@@ -39,7 +39,7 @@ from calibration.frame.sources import (
     StrokeCapture,
     travel_m,
 )
-from calibration.kit import WizardUI, as_text, bar, live_table
+from calibration.kit import WizardUI, as_text, bar, table
 from tams_app.config import Config, HandConfig
 from tams_app.errors import TamsError
 from tams_app.records import ControllerSample, ControllerStatus
@@ -77,7 +77,7 @@ def _held(ui: WizardUI, source: HandSource, config: Config, prompt: Move) -> Mat
         count += 1
         if count % SHOW_EVERY == 0:
             rows = _progress(prompt, capture.so_far)
-            ui.show(live_table([("controller", sample.status.value), *rows]))
+            ui.show(table([("controller", sample.status.value), *rows]))
 
 
 def _progress(prompt: Move, held: Matrix | None) -> list[tuple[str, str]]:
@@ -211,7 +211,7 @@ def _compass_table(asked: Move | None, lit: Move | None, right: Mapping[Move, bo
         name = Text(f" {_ARROWS[move.name]} {move.name} ", style)
         verdict = {True: "✓", False: "✗", None: ""}[right.get(move)]
         rows.append(("▶" if move == asked else " ", name, move.meaning, verdict))
-    return live_table(rows)
+    return table(rows)
 
 
 class Compass:

@@ -11,7 +11,7 @@ from rich.table import Table
 from calibration.frame.asking import repeated
 from calibration.frame.fit import BeginAgainError, RefusedError
 from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
-from calibration.kit import WizardUI, bar, plain_table
+from calibration.kit import WizardUI, bar, table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
 from tams_app.errors import ConfigError
@@ -154,7 +154,7 @@ def _button_table(reading: ComponentReading | None, role: str, found: Mapping[st
     values = reading.values if reading else {}
     roles = {path: role for role, path in found.items()}
     rows = [(path, bar(value), roles.get(path, "")) for path, value in values.items()]
-    return plain_table(("component", "pressed", "plays"), rows, f"Press and let go {PARTS[role]}")
+    return table(rows, ("component", "pressed", "plays"), f"Press and let go {PARTS[role]}")
 
 
 def finding_table(finding: ButtonFinding) -> Table:
@@ -162,4 +162,4 @@ def finding_table(finding: ButtonFinding) -> Table:
     verdicts = {role: "put right" if role in finding.wrong else "as it was" for role in ROLES}
     rows = [(role, finding.paths[role], finding.believed[role], verdicts[role]) for role in ROLES]
     title = f"Buttons of {finding.controller_type}"
-    return plain_table(("part", "found", "in force", ""), rows, title)
+    return table(rows, ("part", "found", "in force", ""), title)

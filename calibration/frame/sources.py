@@ -134,7 +134,7 @@ class StrokeCapture:
 
     @property
     def so_far(self) -> Matrix | None:
-        """Where the hand was since the trigger was squeezed [m], shape (n, 3); None while it is up."""
+        """Where the hand was since the squeeze [m], shape (n, 3); None while the trigger is up."""
         return None if self._places is None else np.array(self._places).reshape(-1, 3)
 
     def take(self, sample: ControllerSample, now_ns: int) -> Matrix | None:

@@ -33,7 +33,7 @@ from calibration.frame.sources import (
     strokes_of_log,
     was_simulated,
 )
-from calibration.kit import Wizard, as_text, plain_table
+from calibration.kit import Wizard, as_text, table
 from calibration.store import Calibration
 from tams_app.config import Config, MappingConfig
 from tams_app.config.calibrated import read_calibrated
@@ -197,7 +197,7 @@ def result_table(fit: FrameFit) -> Table:
         for one in fit.strokes
     ]
     heads = ("stroke", "length, mm", "samples", "straight", "scatter, mm", "off axis, °", "")
-    return plain_table(heads, strokes, "The strokes")
+    return table(strokes, heads, "The strokes")
 
 
 def remarks(config: Config, frame: FrameFit) -> list[str]:

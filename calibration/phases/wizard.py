@@ -7,7 +7,7 @@ from typing import Any
 from rich.table import Table
 
 from calibration.cli import PhaseOptions
-from calibration.kit import Wizard, as_text, plain_table
+from calibration.kit import Wizard, as_text, table
 from calibration.phases.fit import (
     PHASES,
     SEARCHED,
@@ -78,7 +78,7 @@ def thresholds_table(found: PhaseFit) -> Table:
         chosen, default = (getattr(one, name) for one in (found.thresholds, PhasesConfig()))
         folds = [getattr(fold, name) for fold in found.folds]
         rows.append((name, f"{chosen:g}", f"{default:g}", f"{min(folds):g} to {max(folds):g}"))
-    return plain_table(("", "chosen", "default", "with one trial left out"), rows)
+    return table(rows, ("", "chosen", "default", "with one trial left out"))
 
 
 def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> Table:
@@ -94,7 +94,7 @@ def accuracy_table(found: PhaseFit, held_out: tuple[Scores, Scores] | None) -> T
         for name, pair in compared.items()
     ]
     heads = ("frame-wise accuracy (mean recall of the phases)", "calibrated", "defaults")
-    return plain_table(heads, rows)
+    return table(rows, heads)
 
 
 def unfounded(found: PhaseFit) -> str:

@@ -53,13 +53,13 @@ def read_kept(path: Path, model: type[Model]) -> Model:
 class CutSession(Kept):
     """What was cut from one session; times in seconds from its start."""
 
+    model_config = ConfigDict(extra="ignore")  # what earlier versions counted besides
+
     recorded: str  # UTC
     shows: Annotated[str, Field(alias="picture")]  # the quality of the frames, in words
     constrained: bool  # not at full quality, as the paper's were
     rig: bool = False  # recorded on the simulated rig
     context_s: float  # shown before and after each phase
-    too_short: int  # segments left out
-    not_longest: int  # segments left out
     clips: dict[Phase, ClipTimes]
 
 

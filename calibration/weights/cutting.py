@@ -193,16 +193,7 @@ def _video(folder: Path, log: SessionLog, views: Sequence[str]) -> VideoConfig:
         ) from error
 
 
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What to cut from a session, and how much of it was left out, in segments."""
-
-    chosen: tuple[Segment, ...]  # in the order of Phase, at most one each
-    too_short: int
-    not_longest: int
-
-
-def select(segments: Sequence[Segment]) -> Selection:
+def select(segments: Sequence[Segment]) -> list[Segment]:
     """The longest segment of each phase that is that can be judged, shortened to LONGEST_S."""
     long_enough = [segment for segment in segments if segment.seconds >= SHORTEST_S]
     chosen = []
@@ -211,9 +202,7 @@ def select(segments: Sequence[Segment]) -> Selection:
         if of_phase:
             longest = max(of_phase, key=lambda segment: segment.end_ns - segment.start_ns)
             chosen.append(_shortened(longest, is_last=longest is segments[-1]))
-    return Selection(
-        tuple(chosen), len(segments) - len(long_enough), len(long_enough) - len(chosen)
-    )
+    return chosen
 
 
 def _shortened(segment: Segment, is_last: bool) -> Segment:
@@ -289,15 +278,15 @@ def cut_session(
     `context_s`: how much of what comes before and after a phase its clip shows too. LogError if
     the session has no phase that is long enough, or cannot be decoded.
     """
-    selection = select(session.segments(context_s))
-    if not selection.chosen:
+    chosen = select(session.segments(context_s))
+    if not chosen:
         raise UnreadableLogError(f"{session.folder}: no phase lasts long enough for a clip")
-    entry = _entry(session, selection, context_s)
+    entry = _entry(session, chosen, context_s)
     folder.add(session.name, entry)
     video, writers, added = session.video, dict[Segment, ClipWriter](), Counter[Segment]()
     wanted = {
         segment: instants(segment, video.fps)
-        for segment in selection.chosen
+        for segment in chosen
         if not folder.file(segment.phase, session.name).is_file()
     }
     # with context the clips overlap: their frames are wanted in turns
@@ -327,7 +316,7 @@ def cut_session(
     return entry
 
 
-def _entry(session: RecordedSession, selection: Selection, context_s: float) -> CutSession:
+def _entry(session: RecordedSession, chosen: Sequence[Segment], context_s: float) -> CutSession:
     header = session.log.header
     recorded_s = (header.started_ns + header.wall_offset_ns) / NS_PER_S
     return CutSession(
@@ -336,13 +325,11 @@ def _entry(session: RecordedSession, selection: Selection, context_s: float) -> 
         constrained=session.is_constrained,
         rig=session.is_of_rig,
         context_s=context_s,
-        too_short=selection.too_short,
-        not_longest=selection.not_longest,
         clips={
             segment.phase: ClipTimes(
                 start_s=round((segment.start_ns - header.started_ns) / NS_PER_S, 3),
                 seconds=round(segment.seconds, 3),
             )
-            for segment in selection.chosen
+            for segment in chosen
         },
     )

@@ -192,30 +192,19 @@ def _sheet(views: Sequence[str], number: int, seed: int) -> Sheet:
     return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 
-def check_panel(folder: RatingFolder, views: Sequence[str], seed: int) -> None:
-    """ConfigError if the panel prefers views that are not there, or if `folder` holds other
-    ratings: of people, or of a panel of another seed.
-    """
+def check_panel(folder: RatingFolder, views: Sequence[str]) -> None:
+    """ConfigError if the panel prefers views that are not there, or `folder` holds ratings."""
     if unknown := set(PAPER_DOMINANT.values()) - set(views):
         raise ConfigError(f"--sim: its raters prefer {', '.join(sorted(unknown))}: no such view")
-    expected = {sheet.rater: sheet for sheet in simulate_panel(views, seed)}
-    for known in folder.sheets():
-        if not known.simulated:
-            raise ConfigError(
-                f"{folder.path}: holds ratings of people: give another --folder with --sim"
-            )
-        sheet = expected.get(known.rater)
-        if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
-            raise ConfigError(
-                f"{folder.path}: holds ratings of another simulated panel: give another --folder"
-            )
+    if folder.sheets():
+        raise ConfigError(f"{folder.path}: holds ratings already: give another --folder with --sim")
 
 
 def rate_by_panel(folder: RatingFolder, views: Sequence[str], phases: Set[Phase], seed: int) -> str:
-    """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
+    """Let a simulated panel rate `phases`, in files as people's; what it is."""
     for sheet in simulate_panel(views, seed):
-        known = folder.open(sheet.rater, simulated=True)
+        folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers:
-            if answer.phase in phases and known.on(answer.phase) is None:
+            if answer.phase in phases:
                 folder.add(sheet.rater, answer)
     return f"prefers the dominant views of the paper's Table I; seed {seed}"

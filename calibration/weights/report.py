@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calibration.kit import as_text, plain_table
+from calibration.kit import as_text, table
 from calibration.store import Calibration
 from calibration.weights.clips import CutSession
 from calibration.weights.cutting import LONGEST_S, SHORTEST_S
@@ -37,7 +37,7 @@ def describe(assessment: Assessment, views: Sequence[str]) -> str:
         )
         for phase, row in assessment.rows.items()
     ]
-    lines = [as_text(plain_table(("", *(view.upper() for view in views), "votes"), rows))]
+    lines = [as_text(table(rows, ("", *(view.upper() for view in views), "votes")))]
     lines.append("* the dominant view, the one most often named most critical")
     necessity, critical = (
         f"alpha {known(alpha, '{:.2f}')} ({verdict(alpha)})"
@@ -52,7 +52,7 @@ def describe(assessment: Assessment, views: Sequence[str]) -> str:
 
 
 def describe_cut(cut: CutSession) -> str:
-    """Which clips there are, and what was left out."""
+    """Which clips there are, and of which phases there are none."""
     clips = ", ".join(f"{phase.value} {times.seconds:.1f} s" for phase, times in cut.clips.items())
     missing = [phase.value for phase in Phase if phase not in cut.clips]
     lacking = (
@@ -62,9 +62,8 @@ def describe_cut(cut: CutSession) -> str:
         else ""
     )
     return (
-        f"{len(cut.clips)} clips: {clips}.{lacking} Left out: {cut.too_short} stretches under "
-        f"{SHORTEST_S:g} s and {cut.not_longest} that were not the longest of their phase "
-        f"(a clip is at most {LONGEST_S:g} s)."
+        f"{len(cut.clips)} clips: {clips}.{lacking} Each is the longest stretch of its phase, of "
+        f"{SHORTEST_S:g} to {LONGEST_S:g} s."
     )
 
 
@@ -167,12 +166,11 @@ _ROWS_IN = 0.62
 
 @plots.styled
 def weights_figure(assessment: Assessment, sheets: Sequence[Sheet], views: Sequence[str]) -> Figure:
-    """W, the necessity that every rater gave, and the votes, by phase."""
+    """W and the necessity that every rater gave, by phase."""
     figure = plots.new_figure(plots.WIDE_IN, 1.5 + _ROWS_IN * len(Phase))
-    shares, necessity, votes = figure.subplots(1, 3, sharey=True, width_ratios=(2.2, 3.2, 2.2))
+    shares, necessity = figure.subplots(1, 2, sharey=True, width_ratios=(2.2, 3.2))
     _draw_shares(shares, assessment, views)
     _draw_necessity(necessity, sheets, views)
-    _draw_votes(votes, assessment, views)
     figure.suptitle(_title(assessment), fontsize=plots.TEXT_PT)
     plots.legend_beside(figure, necessity, "lower center")
     return figure
@@ -208,12 +206,12 @@ def _draw_shares(axes: Axes, assessment: Assessment, views: Sequence[str]) -> No
 
 def _draw_necessity(axes: Axes, sheets: Sequence[Sheet], views: Sequence[str]) -> None:
     """A dot per rater, equal ones beside each other, and a bar at the mean."""
-    table = necessity_table(sheets, views)
+    given = necessity_table(sheets, views)
     for number, view in enumerate(views):
         middle = (number - (len(views) - 1) / 2) * 0.8 / len(views)
         colour = view_colour(number)
         for y in range(len(Phase)):
-            points = np.sort(table[np.isfinite(table[:, y, number]), y, number])
+            points = np.sort(given[np.isfinite(given[:, y, number]), y, number])
             _, first, counts = np.unique(points, return_index=True, return_counts=True)
             rank = np.arange(len(points)) - np.repeat(first, counts)
             x = points + _SPREAD * (rank - (np.repeat(counts, counts) - 1) / 2)
@@ -227,19 +225,6 @@ def _draw_necessity(axes: Axes, sheets: Sequence[Sheet], views: Sequence[str]) -
     axes.set_xticks(range(LEAST, MOST + 1))
     axes.grid(axis="x")
     _style(axes, "necessity: a dot per rater, a bar at the mean")
-
-
-def _draw_votes(axes: Axes, assessment: Assessment, views: Sequence[str]) -> None:
-    left = np.zeros(len(Phase))
-    for number, view in enumerate(views):
-        counts = np.array([assessment.rows[phase].votes[view] for phase in Phase])
-        colour = view_colour(number)
-        bars = axes.barh(range(len(Phase)), counts, left=left, height=0.5, color=colour)
-        labels = [str(count) if count else "" for count in counts]
-        axes.bar_label(bars, labels, label_type="center", fontsize=plots.SMALL_PT, color="white")
-        left += counts
-    axes.set_xlim(0, max(assessment.raters, 1))
-    _style(axes, "named most critical by")
 
 
 def _style(axes: Axes, title: str) -> None:
