@@ -15,17 +15,13 @@ from calibration.cameras.bench import Bench, Task, agreed, until_done
 from calibration.cameras.board import Board
 from calibration.cameras.fit import (
     FEWEST_VIEWS,
-    HandEye,
     LensFit,
     MountFit,
     NoFitError,
-    PlacedBoard,
-    fit_fixed,
-    fit_hand_eye,
     fit_lens,
 )
 from calibration.cameras.flashes import Latency, camera_latency
-from calibration.cameras.watching import EVERY, WANTED_VIEWS, Place, ViewTaker, Watcher, names_of
+from calibration.cameras.watching import EVERY, WANTED_VIEWS, ViewTaker, Watcher
 from calibration.kit import WizardUI
 from tams_app.config import LensConfig, MountConfig
 from tams_app.errors import SetupError
@@ -34,9 +30,7 @@ from tams_app.report.plots import WIDE_IN, new_figure, styled
 from tams_app.session.lenses import WRIST_VIEW
 
 LENS, MOUNT = "lens", "mount"
-WANTED_POSES, WANTED_PLACES = 16, 5
 _POINTING_S, _FLASHING_S, _SHOWING_S = 120.0, 20.0, 300.0
-_MOST_PLACES = 8  # that a simulated person tries
 
 
 @dataclass(slots=True)
@@ -192,71 +186,11 @@ def measure_mounts(
     cameras = {view: each.camera for view, each in known.items()}
     with bench.listening():
         watcher = Watcher(ui, bench, board, cameras, lenses, figure)
-        hand_eye = _on_the_arm(ui, bench, watcher, lenses[WRIST_VIEW])
-        if hand_eye is None:
-            return
-        wrist = known.pop(WRIST_VIEW)
-        wrist.mount = hand_eye.mount
-        if known:
-            _beside_it(ui, bench, watcher, known, lenses, hand_eye)
-
-
-def _on_the_arm(ui: WizardUI, bench: Bench, watcher: Watcher, lens: Lens) -> HandEye | None:
-    view = WRIST_VIEW.upper()
-    while True:
-        ui.print(
-            f"{view}: lay the board on the table, propped up towards the other cameras, and leave "
-            f"it there. Move the arm, by hand or by its own program, to {WANTED_POSES} poses from "
-            f"which {view} sees the board: from all sides, turned about the camera's axis by 30° "
-            "and more, and tilted. Let it rest each time; it is taken by itself. Enter ends it."
-        )
-        bench.prompt(Task.MOVE_ARM, WRIST_VIEW)
-        try:
-            found = fit_hand_eye(lens, watcher.poses(WANTED_POSES))
-        except NoFitError as error:
-            ui.print(f"{view}: no mount: {error}.")
-            if not agreed(ui, bench, "Try again?"):
-                return None
-        else:
-            ui.print(f"{view}: {mount_words(found.mount)}.")
-            return found
-
-
-def _beside_it(
-    ui: WizardUI,
-    bench: Bench,
-    watcher: Watcher,
-    views: Mapping[str, Findings],
-    lenses: Mapping[str, Lens],
-    hand_eye: HandEye,
-) -> None:
-    names, wrist = names_of(views), WRIST_VIEW.upper()
-    ui.print(
-        f"{names}: put the board at {WANTED_PLACES - 1} other places, tilted otherwise each time, "
-        f"where {wrist} and all of them see it, and let board and arm rest. Enter takes a place "
-        "that not all of them see; Enter where none does ends it."
-    )
-    places: list[Place] = [(hand_eye.board, dict(watcher.beside))]
-    for _ in range(_MOST_PLACES):
-        bench.prompt(Task.MOVE_BOARD, "")
-        place = watcher.next_place(hand_eye.mount.pose, [board for board, _ in places])
-        if place is not None:
-            places.append(place)
-            ui.print(f"Place {len(places)} of {WANTED_PLACES}: seen by {names_of(place[1])}.")
-        if len(places) == WANTED_PLACES or (place is None and bench.attended):
-            break
-    for view, found in views.items():
-        try:
-            seen_there = [
-                PlacedBoard(board.position + board.rotation.apply(seen[view].points), seen[view])
-                for board, seen in places
-                if view in seen
-            ]
-            found.mount = fit_fixed(lenses[view], seen_there)
-        except NoFitError as error:
-            ui.print(f"{view.upper()}: no mount: {error}.")
-        else:
-            ui.print(f"{view.upper()}: {mount_words(found.mount)}.")
+        hand_eye = watcher.mount_on_arm()
+        if hand_eye is not None:
+            known[WRIST_VIEW].mount = hand_eye.mount
+            for view, mount in watcher.mounts_beside(hand_eye).items():
+                known[view].mount = mount
 
 
 def lens_words(fit: LensFit) -> str:
@@ -265,16 +199,6 @@ def lens_words(fit: LensFit) -> str:
     return (
         f"focal length {fit.lens.fx:.1f} px (± {fit.focal_error:.2%}), {bent}; in views that it "
         f"was not fitted to the corners are within {fit.error_px:.2f} px (rms); {fit.views} views"
-    )
-
-
-def mount_words(fit: MountFit) -> str:
-    """What was found, with its error."""
-    x, y, z = (fit.pose.position * 1000.0).tolist()
-    return (
-        f"at ({x:.1f}, {y:.1f}, {z:.1f}) mm (± {fit.position_sd_mm:.1f} mm, "
-        f"{fit.rotation_sd_deg:.2f}°); where it was not fitted to it predicts the corners within "
-        f"{fit.error_px:.1f} px (rms); {fit.views} views"
     )
 
 

@@ -8,9 +8,19 @@ from itertools import product
 import numpy as np
 from rich.text import Text
 
-from calibration.cameras.bench import Bench, until_done
+from calibration.cameras.bench import Bench, Task, agreed, until_done
 from calibration.cameras.board import Board, BoardView
-from calibration.cameras.fit import ArmView, board_in_camera, turns_problem
+from calibration.cameras.fit import (
+    ArmView,
+    HandEye,
+    MountFit,
+    NoFitError,
+    PlacedBoard,
+    board_in_camera,
+    fit_fixed,
+    fit_hand_eye,
+    turns_problem,
+)
 from calibration.kit import WizardUI
 from tams_app.prediction.plane_warp import mounted
 from tams_app.records import ArmFigure, Frame, Lens, Pose
@@ -27,6 +37,8 @@ _NEW_VIEW_SHARE = 0.06  # of the picture's width, the corners' mean
 _EDGE_SHARE = 0.2  # of a side: as near to it corners have to come
 _ROWS, _COLUMNS = ("top", "", "bottom"), ("left", "", "right")
 WANTED_VIEWS = 20
+WANTED_POSES, WANTED_PLACES = 16, 5
+_MOST_PLACES = 8  # that a simulated person tries
 
 Place = tuple[Pose, dict[str, BoardView]]
 """Where the board is (base frame), and what each camera beside the arm saw of it."""
@@ -115,12 +127,70 @@ class Watcher:
         self._still = {view: Still(bench.width) for view in lenses}
         self._rested: Pose | None = None  # the flange, when the camera on the arm saw it last
         self._seen: dict[str, BoardView] = {}  # by view, while it holds still
-        self.beside: dict[str, BoardView] = {}  # what the others saw last, since `poses` began
+        self._beside: dict[str, BoardView] = {}  # what the others saw last, since `poses` began
 
-    def poses(self, wanted: int) -> list[ArmView]:
+    def mount_on_arm(self) -> HandEye | None:
+        """The mount of the camera on the arm; None if it was not found."""
+        ui, bench, view = self._ui, self._bench, WRIST_VIEW.upper()
+        while True:
+            ui.print(
+                f"{view}: lay the board on the table, propped up towards the other cameras, and "
+                f"leave it there. Move the arm, by hand or by its own program, to {WANTED_POSES} "
+                f"poses from which {view} sees the board: from all sides, turned about the "
+                "camera's axis by 30° and more, and tilted. Let it rest each time; it is taken by "
+                "itself. Enter ends it."
+            )
+            bench.prompt(Task.MOVE_ARM, WRIST_VIEW)
+            try:
+                found = fit_hand_eye(self._lenses[WRIST_VIEW], self._poses(WANTED_POSES))
+            except NoFitError as error:
+                ui.print(f"{view}: no mount: {error}.")
+                if not agreed(ui, bench, "Try again?"):
+                    return None
+            else:
+                ui.print(f"{view}: {mount_words(found.mount)}.")
+                return found
+
+    def mounts_beside(self, hand_eye: HandEye) -> dict[str, MountFit]:
+        """The mounts of the other cameras, by view, as far as they were found."""
+        ui, bench = self._ui, self._bench
+        views = [view for view in self._lenses if view != WRIST_VIEW]
+        if not views:
+            return {}
+        ui.print(
+            f"{names_of(views)}: put the board at {WANTED_PLACES - 1} other places, tilted "
+            f"otherwise each time, where {WRIST_VIEW.upper()} and all of them see it, and let "
+            "board and arm rest. Enter takes a place that not all of them see; Enter where none "
+            "does ends it."
+        )
+        places: list[Place] = [(hand_eye.board, dict(self._beside))]
+        for _ in range(_MOST_PLACES):
+            bench.prompt(Task.MOVE_BOARD, "")
+            place = self._next_place(hand_eye.mount.pose, [board for board, _ in places])
+            if place is not None:
+                places.append(place)
+                ui.print(f"Place {len(places)} of {WANTED_PLACES}: seen by {names_of(place[1])}.")
+            if len(places) == WANTED_PLACES or (place is None and bench.attended):
+                break
+        found = {}
+        for view in views:
+            seen_there = [
+                PlacedBoard(board.position + board.rotation.apply(seen[view].points), seen[view])
+                for board, seen in places
+                if view in seen
+            ]
+            try:
+                found[view] = fit_fixed(self._lenses[view], seen_there)
+            except NoFitError as error:
+                ui.print(f"{view.upper()}: no mount: {error}.")
+            else:
+                ui.print(f"{view.upper()}: {mount_words(found[view])}.")
+        return found
+
+    def _poses(self, wanted: int) -> list[ArmView]:
         """The board from several poses of the arm, each as both rest; until it is enough."""
         taken: list[ArmView] = []
-        self.beside = {}
+        self._beside = {}
         state = "no board yet"
         for frame in self._shots(_MOVING_S):
             if self._views[frame.view] != WRIST_VIEW:
@@ -140,7 +210,7 @@ class Watcher:
                 break
         return taken
 
-    def next_place(self, mount: Pose, before: Sequence[Pose]) -> Place | None:
+    def _next_place(self, mount: Pose, before: Sequence[Pose]) -> Place | None:
         """The board at another place than `before`, at rest; None: Enter was pressed without one.
 
         mount: of the camera on the arm, by which the place is known.
@@ -186,7 +256,7 @@ class Watcher:
             )
         if rests and seen is not None:
             self._seen[view] = seen
-            self.beside |= {} if view == WRIST_VIEW else {view: seen}
+            self._beside |= {} if view == WRIST_VIEW else {view: seen}
         else:
             self._seen.pop(view, None)
 
@@ -200,3 +270,13 @@ def _near(one: Pose, other: Pose, metres: float, degrees: float) -> bool:
 def names_of(views: Iterable[str]) -> str:
     """As they are shown."""
     return ", ".join(view.upper() for view in views)
+
+
+def mount_words(fit: MountFit) -> str:
+    """What was found, with its error."""
+    x, y, z = (fit.pose.position * 1000.0).tolist()
+    return (
+        f"at ({x:.1f}, {y:.1f}, {z:.1f}) mm (± {fit.position_sd_mm:.1f} mm, "
+        f"{fit.rotation_sd_deg:.2f}°); where it was not fitted to it predicts the corners within "
+        f"{fit.error_px:.1f} px (rms); {fit.views} views"
+    )
