@@ -90,12 +90,6 @@ class WizardUI:
             case_sensitive=False,
         )
 
-    def text(self, question: str) -> str:
-        """Ask until there is an answer."""
-        while not (answer := self.line(question)):
-            self.print("Please say something: it is kept with the data.")
-        return answer
-
     def line(self, question: str) -> str:
         """Ask for one line; it may be empty."""
         return self._ask(_Line, question)

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from calibration.frame.asking import repeated
 from calibration.frame.fit import BeginAgainError, RefusedError
-from calibration.frame.sources import SHOW_EVERY, ButtonSource, Press
+from calibration.frame.sources import SHOW_EVERY, ButtonSource
 from calibration.kit import WizardUI, bar, table
 from hw.openvr.components import ROLES, ComponentReading, configured_role_map, role_map
 from tams_app.config import Config
@@ -137,7 +137,7 @@ def _press(
     ui: WizardUI, source: ButtonSource, role: str, found: Mapping[str, str]
 ) -> tuple[str, str]:
     """The component that is pressed for `role`, and the type of the controller."""
-    source.ask(Press(role))
+    source.ask(role)
     watch, count = PressWatch(role, {path: taken for taken, path in found.items()}), 0
     while True:
         now_ns, reading = source.next()

@@ -142,7 +142,7 @@ class PromptedSource(Source[Reading]):
         if isinstance(prompt, Move):
             person.begin(person.stroke(prompt.direction))
         else:
-            person.begin(person.press(prompt.role))
+            person.begin(person.press(prompt))
 
     def next(self) -> tuple[int, Reading]:
         now_ns, reading = super().next()

@@ -59,14 +59,8 @@ class Move:
         return np.asarray(self.sign * np.eye(3)[self.axis])
 
 
-@dataclass(frozen=True, slots=True)
-class Press:
-    """Press and release one part of the controller, of `hw.openvr.components.ROLES`."""
-
-    role: str
-
-
-Prompt: TypeAlias = Move | Press
+Prompt: TypeAlias = Move | str
+"""A stroke, or the part of the controller to press and release, of `hw.openvr.components.ROLES`."""
 SIX_DIRECTIONS = tuple(Move(axis, sign) for axis in range(3) for sign in (1, -1))
 
 

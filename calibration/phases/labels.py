@@ -189,11 +189,8 @@ class Material:
 def logged_trials(folders: Sequence[Path], smoothing_ms: float, progress: Progress) -> Material:
     """The trials of recorded sessions: by the marks beside each log, else by where things were.
 
-    ConfigError for a folder that has neither, and for one that is given twice, or a copy of it.
+    ConfigError for a folder that has neither, and for a copy of another, or itself again.
     """
-    for number, folder in enumerate(folders):
-        if folder.resolve() in [other.resolve() for other in folders[:number]]:
-            raise ConfigError(f"{folder}: is given twice: a trial left out must be unseen")
     folders = [session_log(folder).parent for folder in folders]
     trials, names, simulated = [], [], False
     for number, folder in enumerate(folders):

@@ -252,8 +252,6 @@ def assess(
     simulated = sum(sheet.simulated for sheet in sheets)
     remarks = [
         *_size_remarks(raters, simulated),
-        *_alpha_remarks("the necessity of views", necessity_alpha),
-        *_alpha_remarks("the most critical view", critical_alpha),
         *more_remarks,
     ]
     return Assessment(
@@ -283,16 +281,3 @@ def _size_remarks(raters: int, simulated: int) -> list[str]:
     if raters < PAPER_RATERS:
         remarks.append(f"few raters: {raters}, where the paper asked {PAPER_RATERS}")
     return remarks
-
-
-def _alpha_remarks(about: str, alpha: float | None) -> list[str]:
-    if alpha is None:
-        return [f"agreement on {about} is not defined: too few ratings, or all the same"]
-    if alpha >= RELIABLE_ALPHA:
-        return []
-    bound = (
-        f"between {TENTATIVE_ALPHA} and {RELIABLE_ALPHA}: tentative conclusions only"
-        if alpha >= TENTATIVE_ALPHA
-        else f"below {TENTATIVE_ALPHA}: too little to rely on"
-    )
-    return [f"agreement on {about}: alpha {alpha:.2f}, {bound}"]

@@ -140,7 +140,7 @@ class WeightWizard(Wizard[WeightOptions]):
             chosen = self.ui.choice("\nWhat next?", options)
             if chosen != "r":
                 return chosen == "b"
-            name = self.ui.text(
+            name = self.ui.line(
                 "Rater's pseudonym (such as p01; the same name goes on where it stopped):"
             )
             views, seed = self.config.video.views, self.options.seed

@@ -229,7 +229,6 @@ def test_a_log_without_a_state_of_the_arm_is_refused_with_its_name(
         ({"logs": (Path("a"), Path("b"))}, "2 trials are too few .* give at least 3"),
         ({"sim": True, "trials": 2}, "2 trials are too few"),
         ({"logs": (Path("a"),)}, "1 trial is too few"),
-        ({"logs": (Path("a"), Path("b"), Path("a"))}, "a: is given twice"),
         ({"logs": (Path("a"), Path("b"), Path("c"))}, "a: there is no such folder"),
     ],
 )

@@ -17,7 +17,7 @@ from calibration.frame.asking import ATTEMPTS, fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons
 from calibration.frame.fit import FrameFit, RefusedError, turn_deg
 from calibration.frame.simulated_person import SimulatedSetup
-from calibration.frame.sources import SIX_DIRECTIONS, Press
+from calibration.frame.sources import SIX_DIRECTIONS
 from calibration.frame.wizard import FrameWizard, rows
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
@@ -142,7 +142,7 @@ class Watched:
         self._source, self._change, self.asked = source, change, []
 
     def ask(self, prompt):
-        self.asked.append(prompt.role if isinstance(prompt, Press) else prompt.name)
+        self.asked.append(prompt if isinstance(prompt, str) else prompt.name)
         self._source.ask(prompt)
 
     def next(self):
@@ -244,12 +244,12 @@ class Clumsy(Watched):
         self._instead = instead
 
     def ask(self, prompt):
-        if prompt.role != "a" or "a" in self.asked:
+        if prompt != "a" or "a" in self.asked:
             super().ask(prompt)
             return
         self.asked.append("a")
         if self._instead:
-            self._source.ask(Press(self._instead))
+            self._source.ask(self._instead)
 
 
 @pytest.mark.parametrize(
