@@ -37,19 +37,13 @@ class WizardOptions(CalibrationOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class LogOptions(CalibrationOptions):
-    """Options of what takes recorded sessions."""
+class FitOptions(CalibrationOptions):
+    """Options of fits to recorded sessions, whose result may do no better than what is there."""
 
     logs: Annotated[
         list[Path],
         typer.Option("--from", metavar="LOG", help="A recorded session folder; may be repeated."),
     ] = field(default_factory=list)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FitOptions(LogOptions):
-    """Options of fits whose result may do no better than what is there."""
-
     accept_unfounded: Annotated[
         bool,
         typer.Option("--accept-unfounded", help="Accept a result that its figures do not support."),
@@ -74,7 +68,7 @@ class CameraOptions(WizardOptions):
 
 
 @dataclass(frozen=True, kw_only=True)
-class FrameOptions(WizardOptions, LogOptions):
+class FrameOptions(WizardOptions):
     """Measure how the controller's axes lie; check its buttons."""
 
     buttons: Annotated[bool, typer.Option(help="Check each button first.")] = True

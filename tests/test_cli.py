@@ -209,7 +209,10 @@ def test_the_version_is_told(capsys):
         (["network", "s9", "--interface", "eth0"], "'s9' is not one of s1, s2, s3, none"),
         (["phases", README], "README.md"),
         (["calibrate", "frame", "--config", "missing.yaml"], "missing.yaml: cannot be read"),
-        (["calibrate", "frame", "--from", "missing"], "missing"),
+        (
+            ["calibrate", "frame", "--from", "missing"],
+            "--from: recorded strokes cannot be tried out",
+        ),
         (["calibrate", "phases", "--from", "missing"], "1 trial is too few"),
         (["calibrate", "weights", "--from", "missing"], "missing"),
         (["calibrate", "cameras", "--from", "missing"], "--from: `calibrate cameras` measures"),

@@ -2,26 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Generic, TypeAlias, TypeVar
 
 import numpy as np
 
-from calibration.frame.fit import AXES, BeginAgainError, Matrix, RefusedError, Stroke
+from calibration.frame.fit import AXES, BeginAgainError, Matrix, RefusedError
 from hw.openvr.components import ComponentReading
 from hw.openvr.controller import OpenVrController
 from hw.openvr.devices import ComponentReader
 from tams_app.config import Config, ControllerConfig
-from tams_app.console.report import session_log
 from tams_app.errors import DeviceError
-from tams_app.recording import read_log, read_ticks
-from tams_app.records import ControllerSample, ControllerStatus, TakeNote, Tick, Vector
+from tams_app.records import ControllerSample, ControllerStatus, TakeNote, Vector
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.teleop.clutch import Clutch
-from tams_app.teleop.safety import ArmingState
 
 SAMPLE_RATE_HZ = 120.0
 SHOW_EVERY = 12  # samples: ten times a second
@@ -165,45 +161,6 @@ class StrokeCapture:
 
 
 MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
-
-
-def strokes_of_log(folder: Path, config: Config) -> list[Stroke]:
-    """The strokes in a session's log, +x, +y, +z over and over; UnreadableLogError or
-    RefusedError."""
-    try:
-        return find_strokes(read_ticks(session_log(folder)), config)
-    except (RefusedError, BeginAgainError) as error:
-        raise RefusedError(f"{folder}: {error}") from error
-
-
-def was_simulated(folder: Path) -> bool:
-    """Whether the session ran on the simulated rig, and so in its tracking frame."""
-    return bool(read_log(session_log(folder)).header.config["rig"]["enabled"])
-
-
-def find_strokes(ticks: Iterable[Tick], config: Config) -> list[Stroke]:
-    """Each stretch with the trigger held is the next stroke, if the hand went somewhere.
-
-    RefusedError for a session in which the arm was driven. There the arm follows the hand by the
-    rotation in force, so the pairs of their travels give that rotation and nothing of how the
-    frames truly stand; and the hand goes where the task needs it, not along the robot's axes.
-    """
-    capture, found = StrokeCapture(config), list[Matrix]()
-    for tick in ticks:
-        if tick.arming.lower() == ArmingState.ENGAGED.value:
-            raise RefusedError(
-                "In this session the hand drove the arm, which shows the mapping in force and not "
-                "the true one: record strokes with `run --dry-run` without arming, and give that."
-            )
-        held = capture.take(tick.controller, tick.started_ns)
-        if held is not None and travel_m(held) >= MIN_TRAVEL_M:
-            found.append(held)
-    if not found or len(found) % len(AXES):
-        raise RefusedError(
-            f"The session has {len(found)} strokes with the trigger held, and it takes a multiple "
-            "of three: +x, +y, +z, in this order, once or more often."
-        )
-    return [Stroke(n % len(AXES), held) for n, held in enumerate(found)]
 
 
 def travel_m(held: Matrix) -> float:

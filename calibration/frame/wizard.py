@@ -21,7 +21,6 @@ from calibration.frame.fit import (
     FrameFit,
     Matrix,
     RefusedError,
-    fit_strokes,
     stands_upright,
     turn_deg,
 )
@@ -30,8 +29,6 @@ from calibration.frame.sources import (
     HandSource,
     LiveSetup,
     Move,
-    strokes_of_log,
-    was_simulated,
 )
 from calibration.kit import Wizard, as_text, table
 from calibration.store import Calibration
@@ -75,53 +72,10 @@ class FrameWizard(Wizard[FrameOptions]):
     _outcome: FrameResult | None = None  # once there is a frame that may be kept
 
     def check(self) -> None:
-        options = self.options
-        if options.logs and options.sim:
-            raise ConfigError("--from does not go with --sim")
-        self.overrides = {"rig.enabled": True} if options.sim else None
-        self.simulated |= any(was_simulated(log) for log in options.logs)
+        self.overrides = {"rig.enabled": True} if self.options.sim else None
 
     def measure(self) -> Calibration | None:
-        if self.options.logs:
-            self._fit_logs()
-        else:
-            self._measure(self._setup())
-        return self.partial()
-
-    def partial(self) -> Calibration | None:
-        if self._outcome is None:
-            return None
-        before = self.store.in_force(KIND)
-        return calibration(self.config, self._outcome, before, self.simulated)
-
-    def drawn(self) -> Figure | None:
-        return None if self._outcome is None else fit_figure(self._outcome.frame)
-
-    def _fit_logs(self) -> None:
-        logs = self.options.logs
-        strokes = [stroke for log in logs for stroke in strokes_of_log(log, self.config)]
-        frame = fit_strokes(strokes)
-        self._show(frame)
-        doubt_of(frame)
-        source = "strokes recorded in " + ", ".join(str(log) for log in logs)
-        self._outcome = FrameResult(frame, source)
-        self.ui.print("A recording cannot be tried out: watch the directions in `run --dry-run`.")
-
-    def _setup(self) -> LiveSetup | SimulatedSetup:
-        if self.options.sim:
-            from calibration.frame.simulated_person import SimulatedSetup
-
-            return SimulatedSetup(self.config, self.options.seed)
-        if self.config.rig.enabled:
-            raise ConfigError(
-                "this configuration has the simulated rig: add --sim, or give --config with "
-                "hardware"
-            )
-        self.require_person()
-        return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.print(text))
-
-    def _measure(self, setup: LiveSetup | SimulatedSetup) -> None:
-        options = self.options
+        options, setup = self.options, self._setup()
         tasks = (_BUTTONS if options.buttons else "") + _STROKES
         self.ui.print(_INTRODUCTION.format(hand=self.config.controller.hand, tasks=tasks))
         if options.sim:
@@ -138,6 +92,29 @@ class FrameWizard(Wizard[FrameOptions]):
             doubt_of(frame)  # what is no use needs no trying
             self._outcome = FrameResult(frame, f"strokes by {setup.description}", buttons)
             self._try(source, self._outcome)
+        return self.partial()
+
+    def partial(self) -> Calibration | None:
+        if self._outcome is None:
+            return None
+        before = self.store.in_force(KIND)
+        return calibration(self.config, self._outcome, before, self.simulated)
+
+    def drawn(self) -> Figure | None:
+        return None if self._outcome is None else fit_figure(self._outcome.frame)
+
+    def _setup(self) -> LiveSetup | SimulatedSetup:
+        if self.options.sim:
+            from calibration.frame.simulated_person import SimulatedSetup
+
+            return SimulatedSetup(self.config, self.options.seed)
+        if self.config.rig.enabled:
+            raise ConfigError(
+                "this configuration has the simulated rig: add --sim, or give --config with "
+                "hardware"
+            )
+        self.require_person()
+        return LiveSetup(self.config, MonotonicClock(), lambda _level, text: self.ui.print(text))
 
     def _show(self, frame: FrameFit) -> None:
         self.ui.print(as_text(result_table(frame)))

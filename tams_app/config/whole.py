@@ -234,6 +234,7 @@ REMOVED = {
     "calibrate cameras --from": _CAMERAS,
     "calibrate --figure": "the figure is beside the file that it writes; leave it out",
     "calibrate --picture": "the figure is beside the file that it writes; leave it out",
+    "calibrate frame --from": "recorded strokes cannot be tried out: leave it out, and make them",
     "calibrate frame --touch": _STROKES,
     "calibrate frame --keep-scale": _STROKES,
     "calibrate weights --panel": "the simulated raters are one panel, for trying the wizard out; "

@@ -19,7 +19,7 @@ from tams_app.config.marks import TEMPLATE, filled, unset_keys
 from tams_app.console.doctor import configuration, marked_keys
 from tams_app.console.findings import Finding
 from tams_app.errors import ConfigError
-from tests.calibration.frame.test_frame_terminal import Terminal
+from tests.calibration.test_terminal import Terminal
 from tests.scripted_ui import ScriptedUI
 
 pytestmark = pytest.mark.untimed

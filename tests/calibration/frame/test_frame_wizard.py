@@ -1,4 +1,4 @@
-"""The whole conversation, with the simulated person and with recorded strokes."""
+"""The whole conversation, with the simulated person."""
 
 import re
 from dataclasses import dataclass, replace
@@ -25,7 +25,6 @@ from tams_app.errors import ConfigError, TamsError
 from tams_app.records import ControllerStatus
 from tams_app.session.virtual.videoless import VideolessTrial
 from tams_app.units import NS_PER_S
-from tests.calibration.frame.test_frame_capture import TRUTH, recorded_session
 from tests.calibration.lab import files, in_force, write_lab
 from tests.scripted_ui import ScriptedUI
 
@@ -292,34 +291,17 @@ def lab(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("recorded", [True, False])
-def test_neither_a_simulated_person_nor_strokes_of_the_rig_turn_a_real_arms_frame(
-    lab, tmp_path, recorded
-):
-    logs = (recorded_session(tmp_path, on_the_rig=True),) if recorded else ()
+def test_a_simulated_person_does_not_turn_a_real_arms_frame(lab):
     ui = ScriptedUI()
     with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(lab, ui, sim=not recorded, logs=logs)
+        calibrate(lab, ui)
     assert ui.said == []  # told at once, not once everything is done
     assert files(lab, "frame") == []
-
-
-def test_strokes_recorded_with_a_real_hand_turn_a_real_arms_frame(lab, tmp_path):
-    assert calibrate(lab, sim=False, logs=(recorded_session(tmp_path, on_the_rig=False),))[0] == 0
-    assert len(files(lab, "frame")) == 1
 
 
 def test_without_a_terminal_no_person_is_waited_for(lab):
     with pytest.raises(ConfigError, match="there is no terminal: start it from one, or give"):
         calibrate(lab, sim=False)
-
-
-def test_a_recorded_session_gives_the_frame(rig, tmp_path):
-    path = rig()
-    code, ui = calibrate(path, sim=False, logs=(recorded_session(tmp_path, on_the_rig=True),))
-    assert code == 0
-    assert turn_deg(np.array(load_config(path).hand.rotation), TRUTH) < 1.0
-    assert any("cannot be tried out" in text for text in ui.said)
 
 
 def test_the_same_seed_makes_the_same_frame(rig, calibrated):
@@ -329,16 +311,9 @@ def test_the_same_seed_makes_the_same_frame(rig, calibrated):
     assert np.array_equal(fit.rotation, calibrated.fit.rotation)
 
 
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"logs": ("x",)}, "--from does not go with --sim"),
-        ({"sim": False}, "has the simulated rig: add --sim"),
-    ],
-)
-def test_options_that_do_not_go_together_are_refused(rig, options, words):
-    with pytest.raises(ConfigError, match=words):
-        calibrate(rig(), **options)
+def test_a_rig_without_sim_is_refused_with_what_to_add(rig):
+    with pytest.raises(ConfigError, match="has the simulated rig: add --sim"):
+        calibrate(rig(), sim=False)
 
 
 QUICK_TRIAL = 6  # its seed

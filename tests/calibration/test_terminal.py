@@ -1,4 +1,4 @@
-"""The wizard as it is started from a terminal: the question, and Ctrl-C at any time."""
+"""A wizard as it is started from a terminal: the question, and Ctrl-C at any time."""
 
 import os
 import pty
@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.calibration.frame.test_frame_capture import recorded_session
+from calibration.weights.ratings import RatingFolder, simulate_panel
 
 pytestmark = pytest.mark.waiting
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 TIMEOUT_S = 90.0
 QUESTION = "Write it?"
 
@@ -66,12 +66,11 @@ class Terminal:
 
 @pytest.fixture
 def start(config_path):
-    """Starts the wizard in a terminal; none is left behind."""
+    """Starts a wizard in a terminal; none is left behind."""
     started = []
 
     def begin(*options):
-        command = ("calibrate", "frame", "--no-buttons", "--config", str(config_path))
-        started.append(Terminal(*command, *options))
+        started.append(Terminal("calibrate", *options, "--config", str(config_path)))
         return started[-1]
 
     yield begin
@@ -82,7 +81,12 @@ def start(config_path):
 
 
 def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config_path, start):
-    terminal = start("--from", str(recorded_session(config_path.parent, on_the_rig=True)))
+    ratings = RatingFolder(config_path.parent / "ratings", ("eih", "gt", "gs"))
+    for sheet in simulate_panel(("eih", "gt", "gs"), seed=1):
+        ratings.open(sheet.rater, simulated=True)
+        for answer in sheet.answers:
+            ratings.add(sheet.rater, answer)
+    terminal = start("weights", "--ratings", str(ratings.path), "--accept-unfounded")
     terminal.wait_for(QUESTION)
     terminal.type("perhaps\n")
     terminal.wait_for("Please answer y or n.")
@@ -95,7 +99,7 @@ def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config_path, start
 
 
 def test_ctrl_c_before_there_is_a_result_writes_nothing(config_path, start):
-    terminal = start("--sim", "--rounds", "6")
+    terminal = start("frame", "--no-buttons", "--sim", "--rounds", "6")
     terminal.wait_for("Round 1.")
     terminal.interrupt()
     assert terminal.end() == 130
