@@ -53,14 +53,8 @@ class Bench(Protocol):
     fps: int
     width: int  # of the pictures
     height: int
-
-    @property
-    def cameras(self) -> Sequence[str]:
-        """The candidates, as people call them."""
-
-    @property
-    def refused(self) -> Sequence[str]:
-        """The cameras that cannot be used, a sentence each."""
+    cameras: Sequence[str]  # the candidates, as people call them
+    refused: Sequence[str]  # those that cannot be used, a sentence each
 
     def binding(self, camera: str) -> dict[str, str]:
         """The configuration's keys that choose this camera."""
@@ -133,7 +127,7 @@ class LiveBench:
         self.fps, self.width, self.height = video.fps, video.width, video.height
         self._video, self._arm, self._clock, self._find = video, arm, clock, find
         self._plugged: dict[str, _Plugged] = {}
-        self._refused: list[str] = []
+        self.refused: Sequence[str] = ()
         self._watch: ReportWatch | None = None
         self._joints: Vector | None = None
         self._reported_ns = 0
@@ -145,14 +139,7 @@ class LiveBench:
             ) from error
         for info in found:
             self._open(info, found)
-
-    @property
-    def cameras(self) -> Sequence[str]:
-        return tuple(self._plugged)
-
-    @property
-    def refused(self) -> Sequence[str]:
-        return tuple(self._refused)
+        self.cameras: Sequence[str] = tuple(self._plugged)
 
     def binding(self, camera: str) -> dict[str, str]:
         keys = {"source", "name", "serial", "path", "file", "pixel_format"}
@@ -218,7 +205,7 @@ class LiveBench:
             camera = GstCamera(name, source, self._video, self._clock, lambda _level, _text: None)
             camera.start()
         except DeviceError as error:
-            self._refused.append(str(error))
+            self.refused = (*self.refused, str(error))
         else:
             self._plugged[name] = _Plugged(info, config, camera)
 

@@ -75,6 +75,7 @@ class SimulatedBench:
         self._scenes = _scenes(config, seed)
         self._noise = {name: SensorNoise(seed, truth.view) for name, truth in self.truth.items()}
         self._flashes: Flashes | None = None
+        self.cameras: Sequence[str] = tuple(self.truth)
         self.refused: Sequence[str] = ()
         figure = arm_kind(config.arm.model).figure()
         assert figure is not None, "the rig's arm has one"
@@ -92,10 +93,6 @@ class SimulatedBench:
         self._layout = draw_layout(seed)
         self._renderer: SceneRenderer | None = None
         self._last: dict[str, tuple[bytes, Image]] = {}  # by view: what was seen where
-
-    @property
-    def cameras(self) -> Sequence[str]:
-        return tuple(self.truth)
 
     def binding(self, camera: str) -> dict[str, str]:
         return {

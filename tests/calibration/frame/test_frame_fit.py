@@ -157,12 +157,6 @@ def test_a_stroke_there_and_back_is_refused():
     assert "The +z stroke went back" in refusal(made)
 
 
-def test_a_missing_axis_and_more_strokes_than_can_be_weighed_are_refused_in_a_sentence():
-    assert "There is no +z stroke" in refusal(strokes(BEHIND, np.random.default_rng(0))[:2])
-    told = refusal(strokes(BEHIND, np.random.default_rng(0), rounds=7))
-    assert "There are 7 +x strokes, and 6 along each axis are the most" in told
-
-
 def test_exact_strokes_leave_no_residual():
     fit = fit_strokes(strokes(BEHIND, np.random.default_rng(0), rounds=2))
     assert fit.residual_mm == pytest.approx(0.0, abs=1e-6)
