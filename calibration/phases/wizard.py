@@ -110,8 +110,6 @@ def unfounded(found: PhaseFit) -> str:
 def remarks(found: PhaseFit) -> list[str]:
     """What to know before the thresholds are taken over."""
     lines = []
-    if no_better := unfounded(found):
-        lines.append(f"{no_better}: keep the defaults, or give more trials.")
     for phase in PHASES:
         recall = found.left_out.recall(phase)
         if recall is not None and recall < POOR_RECALL:

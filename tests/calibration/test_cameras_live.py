@@ -35,28 +35,23 @@ def info(number, serial="", name="Webcam", port=None, modes=(MODE,)):
     return CameraInfo(name, serial, f"/dev/video{number}", links, modes)
 
 
-def bound(found):
+@pytest.mark.parametrize(
+    ("found", "bound"),
+    [
+        (
+            [info(0, "S1", port="1"), info(1, "", "Scope", port="2"), info(2, "", "Third")],
+            [("S1", "", ""), ("", "/dev/v4l/by-path/usb-2", ""), ("", "", "Third")],
+        ),
+        (  # a serial or name that two cameras share binds neither
+            [info(0, "S1", port="1"), info(1, "S1", port="2"), info(2)],
+            [("", "/dev/v4l/by-path/usb-1", ""), ("", "/dev/v4l/by-path/usb-2", "")],
+        ),
+        ([info(2), info(3)], [("", "/dev/video2", ""), ("", "/dev/video3", "")]),
+    ],
+)
+def test_cameras_are_bound_by_serial_else_port_else_name_if_no_other_has_it(found, bound):
     configs = [bind(each, found, VIDEO) for each in found]
-    return [(config.serial, config.path, config.name) for config in configs]
-
-
-def test_cameras_are_bound_by_serial_else_port_else_name():
-    found = [info(0, "S1", port="1"), info(1, "", "Scope", port="2"), info(2, "", "Third")]
-    assert bound(found) == [
-        ("S1", "", ""),
-        ("", "/dev/v4l/by-path/usb-2", ""),
-        ("", "", "Third"),
-    ]
-
-
-def test_a_serial_or_name_that_two_cameras_share_binds_neither():
-    found = [info(0, "S1", port="1"), info(1, "S1", port="2"), info(2), info(3)]
-    assert bound(found) == [
-        ("", "/dev/v4l/by-path/usb-1", ""),
-        ("", "/dev/v4l/by-path/usb-2", ""),
-        ("", "/dev/video2", ""),
-        ("", "/dev/video3", ""),
-    ]
+    assert [(config.serial, config.path, config.name) for config in configs][: len(bound)] == bound
 
 
 def test_a_camera_without_mjpeg_is_used_raw_and_one_without_either_is_refused():

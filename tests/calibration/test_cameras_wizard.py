@@ -14,7 +14,7 @@ from calibration.cameras.simulated import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
 from calibration.cli import CameraOptions
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, DeviceError, TamsError
+from tams_app.errors import ConfigError, DeviceError
 from tams_app.printing import Console
 from tams_app.report.plots import DPI, WIDE_IN
 from tests.calibration.lab import files, in_force
@@ -80,25 +80,6 @@ def test_the_latency_measured_is_what_the_configuration_then_says(config_path, b
     assert run(config_path, sim=True, yes=True, only="which")[0] == 0
     assert load_config(config_path).cameras == config.cameras
     assert len(files(config_path, "cameras")) == 2
-
-
-def test_unattended_and_without_yes_nothing_is_written(config_path, tmp_path):
-    assert run(config_path, sim=True, only="which")[0] == 1
-    assert not (tmp_path / "calibration").exists()
-
-
-def test_what_could_not_be_written_is_refused_before_the_first_prompt(config_path, tmp_path):
-    ui = ScriptedUI()
-    (tmp_path / "calibration").write_text("in the way")
-    with pytest.raises(TamsError, match="cannot be written"):
-        run(config_path, ui, sim=True, yes=True)
-    serials = "".join(f"  {view}: {{source: v4l2, serial: {view}-1}}\n" for view in VIEWS)
-    config_path.write_text(
-        config_path.read_text() + f"rig: {{enabled: false}}\ncameras:\n{serials}"
-    )
-    with pytest.raises(ConfigError, match="has real devices"):
-        run(config_path, ui, sim=True, only="which", yes=True)
-    assert ui.said == []
 
 
 def test_options_that_make_no_sense_are_one_sentence(config_path):

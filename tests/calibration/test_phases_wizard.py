@@ -192,8 +192,6 @@ def test_only_trials_of_real_devices_count_for_real_devices(
     mark(own_logs)
     with pytest.raises(ConfigError, match="has real devices"):
         calibrate(config_path, logs=(logs[0], *own_logs[1:]))
-    with pytest.raises(ConfigError, match="has real devices"):
-        calibrate(config_path, sim=True)
     assert not load_config(config_path).calibrated_by
     assert calibrate(config_path, logs=own_logs) == 0
     assert load_config(config_path).calibrated_by
