@@ -101,7 +101,7 @@ def attribute(moved: Mapping[str, Sequence[float]], taken: Mapping[str, str]) ->
     blind = [name for name, seen in moved.items() if len(seen) < _FEWEST_FRAMES]
     if len(blind) == len(moved):
         return unclear("no camera gave enough images: look at their cables")
-    first, *others = sorted(shares, key=lambda name: shares[name], reverse=True)
+    first, *others = sorted(shares, key=shares.__getitem__, reverse=True)
     if shares[first] < _CLEAR_SHARE:
         best = f"{100 * shares[first]:.1f} % of the image at most"
         return unclear(f"hardly anything moved ({best}): wave a hand right before the lens")

@@ -31,13 +31,11 @@ from calibration.frame.fit import (
     fit_strokes,
 )
 from calibration.frame.sources import (
-    MIN_TRAVEL_M,
     SHOW_EVERY,
     SIX_DIRECTIONS,
     HandSource,
     Move,
     StrokeCapture,
-    travel_m,
 )
 from calibration.kit import WizardUI, as_text, bar, table
 from tams_app.config import Config, HandConfig
@@ -148,6 +146,7 @@ def _fit_rounds(ui: WizardUI, source: HandSource, config: Config, rounds: int) -
 
 
 _ARROWS = {"+x": "⊙", "−x": "⊗", "+y": "←", "−y": "→", "+z": "↑", "−z": "↓"}
+MIN_TRAVEL_M = 0.060  # from the first place: less is a squeeze of the trigger, no stroke
 MIN_SPEED_M_S = 0.04  # of the hand: slower, no direction is lit
 MAX_OFF_AXIS_DEG = 30.0
 TRIES_PER_DIRECTION = 3  # of one direction: people take left for right
@@ -185,7 +184,7 @@ def _try_direction(
     capture, compass = StrokeCapture(config), Compass(config, hand)
     source.ask(wanted)
     count, done = 0, None
-    while done is None or travel_m(done) < MIN_TRAVEL_M:
+    while done is None or np.linalg.norm(done - done[:1], axis=1).max(initial=0.0) < MIN_TRAVEL_M:
         now_ns, sample = source.next()
         try:
             done = capture.take(sample, now_ns)

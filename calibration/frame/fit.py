@@ -58,10 +58,6 @@ class Stroke:
     axis: int
     positions: Matrix
 
-    @property
-    def name(self) -> str:
-        return f"+{AXES[self.axis]}"
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class StrokeLine:
@@ -96,7 +92,7 @@ def fit_line(stroke: Stroke) -> StrokeLine:
     points = stroke.positions
     count = len(points)
     if count < 3:
-        raise _too_few(stroke.name, count)
+        raise _too_few(f"+{AXES[stroke.axis]}", count)
     ends = max(1, round(_ENDS * count))
     first, last = _median(points[:ends]), _median(points[-ends:])
     direction, centre = _unit(last - first), _median(points)

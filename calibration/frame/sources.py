@@ -158,11 +158,3 @@ class StrokeCapture:
             self._places.append(sample.pose.position)
             self._pose_ns = sample.pose_ns
         return None
-
-
-MIN_TRAVEL_M = 0.060  # less is a squeeze of the trigger, no stroke
-
-
-def travel_m(held: Matrix) -> float:
-    """From the first place to the farthest from it [m]; of places of shape (n, 3)."""
-    return float(np.linalg.norm(held - held[:1], axis=1).max(initial=0.0))

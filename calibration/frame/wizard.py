@@ -248,7 +248,6 @@ def _quality(config: Config, outcome: FrameResult) -> dict[str, Any]:
     }
     used = [stroke for stroke in frame.strokes if stroke.used]
     quality["off_axis_deg"] = [f"{one.line.name} {one.angle_deg:.2f}" for one in used]
-    quality["samples"] = sum(one.line.samples for one in used)
     quality["left_out"] = list(frame.left_out)
     if lit is not None:
         quality["directions_lit"] = f"{sum(lit.values())} of {len(SIX_DIRECTIONS)}"

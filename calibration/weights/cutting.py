@@ -12,6 +12,7 @@ from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import pairwise
+from operator import attrgetter, itemgetter
 from pathlib import Path
 
 import cv2
@@ -200,7 +201,7 @@ def select(segments: Sequence[Segment]) -> list[Segment]:
     for phase in Phase:
         of_phase = [segment for segment in long_enough if segment.phase is phase]
         if of_phase:
-            longest = max(of_phase, key=lambda segment: segment.end_ns - segment.start_ns)
+            longest = max(of_phase, key=attrgetter("seconds"))
             chosen.append(_shortened(longest, is_last=longest is segments[-1]))
     return chosen
 
@@ -292,7 +293,7 @@ def cut_session(
     # with context the clips overlap: their frames are wanted in turns
     turns = sorted(
         ((t_ns, segment) for segment, times in wanted.items() for t_ns in times),
-        key=lambda one: one[0],
+        key=itemgetter(0),
     )
     with ExitStack() as stack:
         frames = stack.enter_context(closing(session.frames()))

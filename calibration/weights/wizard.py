@@ -13,7 +13,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from rich.text import Text
 
 from calibration.cli import WeightOptions
 from calibration.kit import Wizard, WizardUI
@@ -115,7 +114,6 @@ class WeightWizard(Wizard[WeightOptions]):
     def _cut(self, session: RecordedSession) -> None:
         self.ui.print(f"Cutting {session.name} into clips, one per phase ({session.shows}).")
         cut = cut_session(session, self._clips, self.ui.progress, self.options.context_s)
-        self.ui.show(Text(""))
         self.ui.print(describe_cut(cut))
         if cut.constrained:
             self.ui.print(

@@ -20,7 +20,6 @@ from calibration.weights.cutting import (
     open_session,
     phase_segments,
     select,
-    side_by_side,
 )
 from tams_app.errors import ConfigError, LogError, SetupError
 from tams_app.records import Frame, Phase, PhaseChange
@@ -93,16 +92,6 @@ def test_each_instant_shows_every_views_newest_frame_of_that_time(captures, want
             assert images[view][0, 0, 0] == before[-1] if before else view not in images
 
 
-def test_views_stand_side_by_side_under_a_strip_that_names_them():
-    images = {view: image_of(view, 0) for view in VIEWS}
-    whole = side_by_side(images, VIEWS, "ALIGN")
-    assert whole.shape == (HEIGHT + STRIP_HEIGHT, 3 * WIDTH, 3)
-    for number, view in enumerate(VIEWS):
-        part = whole[STRIP_HEIGHT:, number * WIDTH : (number + 1) * WIDTH]
-        assert np.array_equal(part, images[view])
-    assert np.ptp(whole[:STRIP_HEIGHT]) > 100  # something is written there
-
-
 def frames_of(path):
     video = cv2.VideoCapture(str(path))
     assert video.get(cv2.CAP_PROP_FPS) == FPS
@@ -128,6 +117,7 @@ def test_a_session_is_cut_into_clips_that_show_all_views_as_they_were(tmp_path):
     for clip, first, count in ((reach, 0, 21), (align, 21, 22)):
         frames = frames_of(clip.path)
         assert len(frames) == count
+        assert np.ptp(frames[0][:STRIP_HEIGHT]) > 100  # something is written there
         for number, frame in enumerate(frames):
             found = [seen(part(frame, view)) for view in VIEWS]
             assert found == [(view, first + number) for view in VIEWS]

@@ -199,12 +199,6 @@ def test_few_and_simulated_raters_are_told():
     assert "not defined" in alone.unfounded
 
 
-def test_a_panel_is_the_same_for_the_same_seed_and_another_for_another():
-    first, again, other = (simulate_panel(VIEWS, seed) for seed in (1, 1, 2))
-    assert first == again
-    assert first != other
-
-
 # --- agreement ---------------------------------------------------------------------------------
 
 N = np.nan

@@ -6,15 +6,13 @@ from typer.testing import CliRunner
 from calibration.cli import WeightOptions
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session, open_session
-from calibration.weights.fit import assess
 from calibration.weights.ratings import PAPER_DOMINANT, RatingFolder, simulate_panel
-from calibration.weights.report import evidence_remarks, weights_figure
+from calibration.weights.report import evidence_remarks
 from calibration.weights.wizard import WeightWizard
 from tams_app.cli import app
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
 from tams_app.records import Phase
-from tams_app.report.plots import to_png
 from tests.calibration.lab import in_force
 from tests.calibration.weights_session import record_session
 from tests.scripted_ui import CTRL_C, ScriptedUI
@@ -194,13 +192,3 @@ def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(
     remark = "the clips of trial-1 show the simulated rig, not a real arm"
     assert evidence_remarks([], sessions, for_rig=False) == [remark]
     assert evidence_remarks([], sessions, for_rig=True) == []
-
-
-def test_the_same_ratings_give_the_same_figure():
-    present = load_config().policy.weights.matrix
-    sheets = simulate_panel(VIEWS, 0, raters=5)
-    one, two = (
-        to_png(weights_figure(assess(sheets, VIEWS, present), sheets, VIEWS)) for _ in range(2)
-    )
-    assert one == two
-    assert len(one) < 150_000

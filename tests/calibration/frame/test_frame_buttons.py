@@ -69,13 +69,6 @@ def test_a_missing_press_is_told_with_why(steady, words):
         watch.take(steady, TIMEOUT_NS + 1)
 
 
-def test_swapped_buttons_are_found_and_the_others_left():
-    found = USUAL | {"a": "b/click", "b": "a/click"}
-    finding = settle(FOCUS, "right", found, USUAL)
-    assert finding.wrong == ("a", "b")
-    assert finding.paths == found
-
-
 def test_a_button_cannot_be_the_deadman():
     found = USUAL | {"trigger": "a/click", "a": "joystick/click", "menu": "b/click"}
     found["b"] = "trigger/pull"

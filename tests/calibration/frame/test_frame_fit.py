@@ -180,9 +180,3 @@ def test_a_stroke_there_and_back_is_refused():
     one = made[2].positions
     made[2] = Stroke(2, np.concatenate((one, one[::-1][:40])))
     assert "The +z stroke went back" in refusal(made)
-
-
-def test_exact_strokes_leave_no_residual():
-    fit = fit_strokes(strokes(BEHIND, np.random.default_rng(0), rounds=2))
-    assert fit.residual_mm == pytest.approx(0.0, abs=1e-6)
-    assert all(one.angle_deg == pytest.approx(0.0, abs=1e-6) for one in fit.strokes)
