@@ -1,4 +1,12 @@
-"""A controller whose samples come over the link; missing ones are a status, as with any other."""
+"""A controller whose samples come over the link; missing ones are a status, as with any other.
+
+Each rule about what may move the arm is one part, here in the order in which a sample passes them:
+
+- `SampleGate`: may it count? By its age, its order and its form.
+- `HandTimes`: when was that pose new, on our clock? (`hand_times`)
+- `BreakWatch`: were too many missing before it?
+- `Presence`: is there an operator? Else there is a gap, a lost link, or they have left.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +15,13 @@ from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from hw.controller import Controller
+from hw.link.hand_times import HandTimes, Transit, TransitFilter
 from tams_app.config import LinkConfig
-from tams_app.link.age import LeastOffset, PeerClock
+from tams_app.link.age import PeerClock
 from tams_app.link.gaps import Breaks
 from tams_app.link.messages import HandMessage
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, Presses
-from tams_app.rotation import Rotation
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Presses
 from tams_app.units import NS_PER_MS
 
 _STATUSES = {status.value: status for status in ControllerStatus}
@@ -24,36 +30,144 @@ _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _GAP = replace(_LOST, status=ControllerStatus.LINK_GAP)
 _AWAY = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
-_WAY_WINDOW_NS = 300 * NS_PER_MS  # a way that has become longer stops the hand for so long
-_SHORTER_WAY_NS, _LARGEST_SHORTER_WAY_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
 _JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # a second's
-_ANEW_NS = 51 * NS_PER_MS  # beyond the gap of which `HandMotion` makes nothing up
+
+
+class SampleGate:
+    """Which samples may count: young, answered, newer than those before, well formed.
+
+    Young: certainly not older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`), which samples
+    queued during an outage are. Answered: with an echo of a stamp of ours that is at most
+    `longest_silence_ms` old, which those of an operator who receives nothing have not.
+    """
+
+    def __init__(self, config: LinkConfig) -> None:
+        self.clock = PeerClock()  # of the connected operator
+        self._longest_age_ms = config.longest_age_ms
+        self._longest_silence_ns = config.longest_silence_ms * NS_PER_MS
+        self._newest_sent_ns: int | None = None  # of those that counted
+
+    def refusal(self, message: HandMessage, received_ns: int) -> str:
+        """Why it does not count; "" if it does, and from then on only newer ones do."""
+        self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, received_ns)
+        refusal = self._too_old(message, received_ns)
+        if refusal:
+            return refusal
+        if self._newest_sent_ns is not None and message.sent_ns <= self._newest_sent_ns:
+            return "overtaken"
+        refusal = _malformed(message)
+        if not refusal:
+            self._newest_sent_ns = message.sent_ns
+        return refusal
+
+    def forget(self) -> None:
+        """The next sample is judged as the first."""
+        self._newest_sent_ns = None
+
+    def _too_old(self, message: HandMessage, received_ns: int) -> str:
+        age_ns = self.clock.age_ns(message.sent_ns, message.echo_ns, received_ns)
+        if age_ns is None:
+            return "without an echo"
+        round_trip_ns = self.clock.round_trip_ns
+        round_trip_ms = None if round_trip_ns is None else round_trip_ns / NS_PER_MS
+        if age_ns > self._longest_age_ms(round_trip_ms) * NS_PER_MS:
+            return "too old"
+        if received_ns - message.echo_ns > self._longest_silence_ns:
+            return "unanswered"
+        return ""
+
+
+def _malformed(message: HandMessage) -> str:
+    if max(message.pose_ns, message.buttons_ns) > message.sent_ns:
+        return "from the future"
+    if message.status not in _STATUSES:
+        return "of unknown status"
+    if message.pose is not None and not _is_rotation(message.pose[3:]):
+        return "without a rotation"
+    return ""
+
+
+def _is_rotation(quaternion: tuple[float, ...]) -> bool:
+    return abs(math.hypot(*quaternion) - 1.0) <= _UNIT_TOLERANCE  # never true of NaN
+
+
+class BreakWatch:
+    """Whether samples are missing too often: in three breaks within a second, until it is over.
+
+    Otherwise an attacker who chooses what is lost could steer the arm. A break is a time in which
+    the newest sample that counts is older than `LinkConfig.bridge_ms` because others were lost,
+    refused or late. Under jitter the median excess over the transit time in use is added, at most
+    25 ms: the hand slows down then, but no sample is missing.
+    """
+
+    def __init__(self, bridge_ms: float) -> None:
+        self._bridge_ns = bridge_ms * NS_PER_MS
+        self._breaks = Breaks()
+        self._in_break = False
+        self._newest_ns: int | None = None  # when the newest sample was sent, on our clock
+        self._transits_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)
+        self._used_ns = 0  # of them, for the newest
+
+    def step(self, sent_ns: int, received_ns: int, transit: Transit) -> bool:
+        """Take in a sample that counts; whether with the break that it ends there are too many."""
+        was_in_break, self._in_break = self._in_break, self._is_break(received_ns)
+        self._newest_ns = sent_ns + transit.used_ns
+        if not transit.is_early:
+            self._transits_ns.append(received_ns - sent_ns)
+            self._used_ns = transit.used_ns
+        return self._in_break and not was_in_break and self._breaks.add(received_ns)
+
+    def too_many(self, now_ns: int) -> bool:
+        """Whether there are too many now."""
+        return self._breaks.too_many(now_ns)
+
+    def _is_break(self, received_ns: int) -> bool:
+        """Whether the newest sample had become too old until the next was received."""
+        if self._newest_ns is None:
+            return False
+        beyond_ns = received_ns - self._newest_ns - self._bridge_ns
+        return beyond_ns > 0 and beyond_ns > self._jitter_ns()
+
+    def _jitter_ns(self) -> int:
+        median_ns = sorted(self._transits_ns)[len(self._transits_ns) // 2]
+        return min(max(0, median_ns - self._used_ns), _LARGEST_JITTER_NS)
+
+
+class Presence:
+    """Whether there is an operator.
+
+    Without a pose that counts for `lost_after_ms` the link has a gap, after `fault_after_ms` it is
+    lost. It is lost at once, and for one sample at least, when the operator changes.
+    """
+
+    def __init__(self, config: LinkConfig) -> None:
+        self.counted_ns: int | None = None  # when the newest pose that counts was received
+        self._lost_after_ns = config.lost_after_ms * NS_PER_MS
+        self._fault_after_ns = config.fault_after_ms * NS_PER_MS
+        self._lost_from_ns = 0
+        self._absent = _LOST
+        self._let_go = False
+
+    def let_go(self, left: bool) -> None:
+        """The operator is another one from now on, or has `left`."""
+        self._let_go, self._absent = True, _AWAY if left else _LOST
+        self.counted_ns, self._lost_from_ns = None, 0
+
+    def step(self, now_ns: int) -> ControllerSample | None:
+        """What stands for the operator's sample while there is none to count; None: there is."""
+        let_go, self._let_go = self._let_go, False
+        if let_go:  # the next one may have been received since, but first the arm stops
+            return self._absent
+        counted_ns = self.counted_ns
+        if counted_ns is not None and now_ns - counted_ns > self._lost_after_ns:
+            self.counted_ns, self._lost_from_ns = None, counted_ns + round(self._fault_after_ns)
+        if self.counted_ns is None:
+            return _GAP if now_ns < self._lost_from_ns else self._absent
+        return None
 
 
 class LinkController(Controller):
-    """The newest sample that may move the arm; `take` and `sample` are for the control thread.
-
-    A sample counts if it cannot be older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`) and
-    echoes a stamp of ours that is at most `longest_silence_ms` old. This drops samples queued
-    during an outage, and those of an operator who receives nothing; dropped ones are counted.
-    Their times are converted to our clock by the shortest one-way delay of the last 300 ms, so
-    that poses of a steady hand keep a steady rate and queueing makes them older. Times never
-    decrease, and unchanged values keep theirs. When the delay falls by more than 5 ms or
-    `LinkConfig.jitter_ms`, at most 50 (a queue drained, the route changed), poses are ignored for
-    50 ms, and the hand's motion restarts (`HandMotion`); otherwise motion of a longer time would
-    pass for a faster hand. If a sample with the longer delay arrives within 51 ms, the faster ones
-    were exceptions: their buttons and status count, their poses do not, and the longer delay stays
-    in use. A smaller decrease is applied gradually; until then times are too new by the rest.
-
-    A break is a time in which the newest sample that counts is older than `LinkConfig.bridge_ms`
-    because others were lost, refused or late. Under jitter the median excess over the shortest
-    delay is added, at most 25 ms: the hand slows down then, but no sample is missing. After three
-    breaks within a second, samples have the status of too many gaps until that second is over, as
-    an attacker who chooses what is lost could otherwise steer the arm.
-
-    Without a pose that counts for `lost_after_ms` the link has a gap, after `fault_after_ms` it is
-    lost. It is lost at once when another operator connects or the current one leaves.
-    """
+    """The newest sample that may move the arm; `take` and `sample` are for the control thread."""
 
     def __init__(
         self,
@@ -63,33 +177,22 @@ class LinkController(Controller):
     ) -> None:
         """`receive` is called at the start of each `sample`, to `take` new messages."""
         self.refused: Counter[str] = Counter()  # samples that did not count, by reason
-        self.clock = PeerClock()  # of the connected operator
-        self._longest_age_ms = config.longest_age_ms
-        self._longest_silence_ns = config.longest_silence_ms * NS_PER_MS
-        self._lost_after_ns = config.lost_after_ms * NS_PER_MS
-        self._fault_after_ns = config.fault_after_ms * NS_PER_MS
-        self._receive = receive
-        self._pulse = pulse
-        self._bridge_ns = config.bridge_ms * NS_PER_MS
-        self._breaks = Breaks()
         self.too_often = 0  # how many breaks made too many
-        self._in_break = False
-        self._ways_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)  # by the clocks as they are
-        self.counted_ns: int | None = None  # when the newest whose pose counts was received
-        self._gap_until_ns = 0  # then the link is lost
-        self._newest: HandMessage | None = None  # that counted
-        self._newest_ns = 0  # when it was sent, on our clock
-        self._posed: HandMessage | None = None  # the newest that did not come too early
-        self._early_from_ns: int | None = None  # since then each that counted came too early
-        self._offset = LeastOffset(_WAY_WINDOW_NS)
-        self._offset_ns = 0  # of `_posed`
-        jitter_ns = min(config.jitter_ms * NS_PER_MS, _LARGEST_SHORTER_WAY_NS)
-        self._shorter_way_ns = max(_SHORTER_WAY_NS, jitter_ns)
-        self._anew_ns = 0  # poses wait until then, 0: they do not
-        self._sample = _LOST
-        self._absent = _LOST  # while nothing is received
-        self._let_go = False
+        self._config, self._receive, self._pulse = config, receive, pulse
         self._started = False
+        self._sample = _LOST
+        self._gate, self._presence = SampleGate(config), Presence(config)
+        self._forget()
+
+    @property
+    def clock(self) -> PeerClock:
+        """The connected operator's clock."""
+        return self._gate.clock
+
+    @property
+    def counted_ns(self) -> int | None:
+        """When the newest message whose pose counts was received; None: none does."""
+        return self._presence.counted_ns
 
     def start(self) -> None:
         self._started = True
@@ -99,16 +202,11 @@ class LinkController(Controller):
         if not self._started:
             self._forget()
             return _NOT_STARTED
-        heard_ns, let_go = self.counted_ns, self._let_go
-        self._let_go = False
-        if let_go:  # the next operator may have been heard since, but first the arm stops
-            return self._absent
-        if heard_ns is not None and now_ns - heard_ns > self._lost_after_ns:
-            self._gap_until_ns = heard_ns + round(self._fault_after_ns)
-            heard_ns = None
-            self._forget()
-        if heard_ns is None:
-            return _GAP if now_ns < self._gap_until_ns else self._absent
+        absent = self._presence.step(now_ns)
+        if absent is not None:
+            if self.counted_ns is None:
+                self._forget()
+            return absent
         is_ok = self._sample.status is ControllerStatus.OK  # others stop the arm themselves
         if is_ok and self._breaks.too_many(now_ns):
             return replace(self._sample, status=ControllerStatus.LINK_GAPS)
@@ -121,26 +219,22 @@ class LinkController(Controller):
     def close(self) -> None:
         self._started = False
 
-    def take(self, message: HandMessage, heard_ns: int) -> str:
-        """Take a sample that was heard at `heard_ns`; "" if it counts, else why it does not."""
-        self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, heard_ns)
-        refusal = self._refusal(message, heard_ns)
+    def take(self, message: HandMessage, received_ns: int) -> str:
+        """Take a sample that was received at `received_ns`; "" if it counts, else why not."""
+        refusal = self._gate.refusal(message, received_ns)
         if refusal:
             self.refused[refusal] += 1
             return refusal
-        is_early = self._is_early(message, heard_ns)
-        self._count_break(heard_ns)
-        if is_early:
-            offset_ns = heard_ns - message.sent_ns
-        else:
-            offset_ns = self._offset_of(message, heard_ns)
-            self._ways_ns.append(heard_ns - message.sent_ns)
-        pose, pose_ns = self._pose(message, offset_ns, is_early)
+        transit, times = self._transits.step(message.sent_ns, received_ns), self._times
+        times.step(message, transit)
+        self.too_often += self._breaks.step(message.sent_ns, received_ns, transit)
+        if not transit.is_early:
+            self._presence.counted_ns = received_ns
         self._sample = ControllerSample(
             _STATUSES[message.status],
-            pose,
-            pose_ns,
-            self._buttons_ns(message, offset_ns),
+            times.pose,
+            times.pose_ns,
+            times.buttons_ns,
             trigger=message.trigger,
             grip=message.grip,
             a=message.a,
@@ -148,78 +242,12 @@ class LinkController(Controller):
             menu=message.menu,
             presses=Presses(*message.presses),
         )
-        self._newest, self._newest_ns = message, message.sent_ns + offset_ns
-        if not is_early:
-            self._posed, self._offset_ns, self._early_from_ns = message, offset_ns, None
-            self.counted_ns = heard_ns
-        elif self._early_from_ns is None:
-            self._early_from_ns = heard_ns
         return ""
 
-    def _is_early(self, message: HandMessage, heard_ns: int) -> bool:
-        """Whether it came by a shorter way, and not all that have counted for 51 ms did."""
-        shorter_ns = self._offset_ns - (heard_ns - message.sent_ns)
-        if self._posed is None or shorter_ns <= self._shorter_way_ns:
-            return False
-        return self._early_from_ns is None or heard_ns - self._early_from_ns < _ANEW_NS
-
-    def _buttons_ns(self, message: HandMessage, offset_ns: int) -> int:
-        """When the buttons were read, on our clock: as it was while they were not read again."""
-        before, last_ns = self._newest, self._sample.buttons_ns
-        if before is None:
-            return message.buttons_ns + offset_ns
-        if message.buttons_ns == before.buttons_ns:
-            return last_ns
-        return max(message.buttons_ns + offset_ns, last_ns)
-
-    def _count_break(self, heard_ns: int) -> None:
-        """See how old the newest sample has become until this one was heard."""
-        was_in_break, self._in_break = self._in_break, False
-        if self._newest is not None:
-            beyond_ns = heard_ns - self._newest_ns - self._bridge_ns
-            self._in_break = beyond_ns > 0 and beyond_ns > self._jitter_ns()
-        if self._in_break and not was_in_break:
-            self.too_often += self._breaks.add(heard_ns)
-
-    def _jitter_ns(self) -> int:
-        """What half of the samples have taken beyond the shortest way, at most 25 ms."""
-        median_ns = sorted(self._ways_ns)[len(self._ways_ns) // 2]
-        return min(max(0, median_ns - self._offset_ns), _LARGEST_JITTER_NS)
-
-    def _offset_of(self, message: HandMessage, heard_ns: int) -> int:
-        """What makes the operator's times ours; what has become little less is less by and by."""
-        least_ns = self._offset.step(heard_ns, heard_ns - message.sent_ns)
-        if self._posed is None or self._offset_ns - least_ns > self._shorter_way_ns:
-            return least_ns
-        return max(least_ns, self._offset_ns - (message.sent_ns - self._posed.sent_ns) // 4)
-
-    def _pose(
-        self, message: HandMessage, offset_ns: int, is_early: bool
-    ) -> tuple[Pose | None, int]:
-        """The pose and its time on our clock: the last one's while it has not changed or waits."""
-        before, last = self._posed, self._sample
-        pose, pose_ns = _pose(message), message.pose_ns + offset_ns
-        if before is None or pose is None or last.pose is None:
-            self._anew_ns = 0
-            return pose, max(pose_ns, 0 if before is None else last.pose_ns)
-        if self._offset_ns - offset_ns > self._shorter_way_ns and not is_early:
-            self._anew_ns = last.pose_ns + _ANEW_NS
-        if is_early or pose_ns < self._anew_ns:
-            return last.pose, last.pose_ns
-        self._anew_ns = 0
-        if message.pose_ns == before.pose_ns:
-            return (last.pose if message.pose == before.pose else pose), last.pose_ns
-        return pose, max(pose_ns, last.pose_ns)
-
     def let_go(self, left: bool = False) -> None:
-        """Forget the operator: the link is lost once, what comes then is judged as the first.
-
-        Args:
-            left: they have said so.
-        """
-        self._let_go, self._absent = True, _AWAY if left else _LOST
+        """Forget the operator, who may have `left`: the link is lost for one sample at least."""
+        self._presence.let_go(left)
         self.clock.forget()
-        self._gap_until_ns = 0
         self._forget()
 
     def wake(self, now_ns: int) -> None:
@@ -228,39 +256,9 @@ class LinkController(Controller):
         self.clock.wake(now_ns)
 
     def _forget(self) -> None:
-        self.counted_ns = self._newest = self._posed = self._early_from_ns = None
-        self._anew_ns = 0
-        self._in_break = False
-        self._breaks = Breaks()
-        self._ways_ns.clear()
-        self._offset = LeastOffset(_WAY_WINDOW_NS)
-
-    def _refusal(self, message: HandMessage, heard_ns: int) -> str:
-        age_ns = self.clock.age_ns(message.sent_ns, message.echo_ns, heard_ns)
-        if age_ns is None:
-            return "without an echo"
-        round_trip_ns = self.clock.round_trip_ns
-        round_trip_ms = None if round_trip_ns is None else round_trip_ns / NS_PER_MS
-        if age_ns > self._longest_age_ms(round_trip_ms) * NS_PER_MS:
-            return "too old"
-        if heard_ns - message.echo_ns > self._longest_silence_ns:
-            return "unanswered"
-        if self._newest is not None and message.sent_ns <= self._newest.sent_ns:
-            return "overtaken"
-        if max(message.pose_ns, message.buttons_ns) > message.sent_ns:
-            return "from the future"
-        if message.status not in _STATUSES:
-            return "of unknown status"
-        if message.pose is not None and not _is_rotation(message.pose[3:]):
-            return "without a rotation"
-        return ""
-
-
-def _is_rotation(quaternion: tuple[float, ...]) -> bool:
-    return abs(math.hypot(*quaternion) - 1.0) <= _UNIT_TOLERANCE  # never true of NaN
-
-
-def _pose(message: HandMessage) -> Pose | None:
-    if message.pose is None:
-        return None
-    return Pose(np.array(message.pose[:3]), Rotation(*message.pose[3:]))
+        """What comes next is judged as the first; the operator's clock stays the same."""
+        self._gate.forget()
+        self._presence.counted_ns = None
+        self._transits = TransitFilter(self._config.jitter_ms)
+        self._times = HandTimes()
+        self._breaks = BreakWatch(self._config.bridge_ms)
