@@ -15,7 +15,6 @@ import base64
 import os
 import selectors
 import socket
-import struct
 import sys
 import time
 from collections.abc import Callable, Mapping
@@ -29,6 +28,15 @@ from tams_app.errors import TamsError
 from tams_app.link.addresses import addresses_of, datagram_socket, named
 from tams_app.link.echoes import PREFIX, answer
 from tams_app.link.ends import GOODBYE, Heard, RobotEnd
+from tams_app.link.gateway_client import (
+    LARGEST_BYTES,
+    FromApplication,
+    FromGateway,
+    LinkEvent,
+    Outgoing,
+    Received,
+    Routes,
+)
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
 from tams_app.link.peer import Address
@@ -37,11 +45,7 @@ from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS
 
-# the first byte of what goes through the channel
-MESSAGE, EVENT, BYE, ROUTES = b"m", b"e", b"b", b"r"
-RECEIVED = struct.Struct("<qq")  # before a message: when it was received [ns], session
 LOOPBACK = "127.0.0.1"
-LARGEST_BYTES = 65_536
 _BUFFER_BYTES = 4_000_000
 _READS_IN_A_ROW = 32  # from one socket: a flood at one port must not hold the others up
 _STEP_S = 0.05
@@ -53,37 +57,6 @@ _KEYS_NS = 500 * NS_PER_MS
 _CLASS_OPTIONS = (socket.IPPROTO_IP, socket.IP_TOS), (socket.IPPROTO_IPV6, socket.IPV6_TCLASS)
 _MESSAGE_CLASS = 46 << 2  # EF
 _MEDIA_CLASS = 34 << 2  # AF41
-
-
-class Routes(msgspec.Struct, frozen=True):
-    """Loopback ports of the streams that arrive, by SSRC."""
-
-    rtp: dict[int, int]
-    rtcp: dict[int, int]
-
-
-class LinkEvent(msgspec.Struct, frozen=True):
-    """The state of the link, sent to the application twice a second and when it changes.
-
-    sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
-    key the connected operator has, or the last one had, "" on loopback without keys. revoked:
-    they were let go because their key is accepted no longer. counts: datagrams that changed
-    nothing, by reason. welcome: what the robot's side sends. introduction: what the operator's side
-    did. refusal: who called the robot's side in vain, and why.
-    """
-
-    connected: bool
-    sessions: int
-    left: bool
-    busy: bool
-    operator: str
-    revoked: bool
-    renewals: int
-    address: str
-    counts: dict[str, int]
-    welcome: bytes | None
-    introduction: bytes = b""
-    refusal: str = ""
 
 
 class Streams:
@@ -147,6 +120,7 @@ class Carrier:
         self._reported: LinkEvent | None = None
         self._reported_ns = self._looked_ns = self._keys_looked_ns = 0
         self._changed = False  # more than counts may have
+        self._decoder = msgspec.msgpack.Decoder(FromApplication)
         self._selector = selectors.DefaultSelector()
         self._selector.register(outer, selectors.EVENT_READ, self._from_outside)
         self._selector.register(channel, selectors.EVENT_READ, self._from_application)
@@ -196,7 +170,7 @@ class Carrier:
         if event == self._reported:
             return
         due = now_ns - self._reported_ns >= _EVENT_NS or _without_counts(event, self._reported)
-        if due and self._hand_over(EVENT + msgspec.msgpack.encode(event)):
+        if due and self._hand_over(event):
             self._reported, self._reported_ns = event, now_ns
 
     def _event(self) -> LinkEvent:
@@ -244,7 +218,7 @@ class Carrier:
             if (echo := answer(heard.message)) is not None:
                 self._send(self._end.message(echo, now_ns))
         elif heard.message is not None:
-            self._hand_over(MESSAGE + RECEIVED.pack(now_ns, self._sessions) + heard.message)
+            self._hand_over(Received(now_ns, self._sessions, heard.message))
         if heard.media is not None and not self._streams.hand_over(heard.media):
             self._end.counts["of no stream"] += 1
 
@@ -259,14 +233,13 @@ class Carrier:
             if not content:  # the application has gone, and this process ends in a moment
                 self._selector.unregister(channel)
                 return
-            kind, content = content[:1], content[1:]
-            if kind == ROUTES:
-                routes = msgspec.msgpack.decode(content, type=Routes)
-                self._streams.follow(routes)
+            said: FromApplication = self._decoder.decode(content)
+            if isinstance(said, Routes):
+                self._streams.follow(said)
                 if isinstance(self._end, OperatorEnd):
-                    self._end.follow(routes.rtp)
+                    self._end.follow(said.rtp)
             else:
-                message = GOODBYE if kind == BYE else content
+                message = said.content if isinstance(said, Outgoing) else GOODBYE
                 self._send(self._end.message(message, self._now_ns()))
 
     def _from_stream(self, entrance: socket.socket) -> None:
@@ -290,10 +263,10 @@ class Carrier:
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
                 self._outer.sendmsg([datagram], ancillary, 0, address)
 
-    def _hand_over(self, content: bytes) -> bool:
+    def _hand_over(self, said: FromGateway) -> bool:
         """Hand something to the application; whether it can be. Full: it stalls, newer follow."""
         try:
-            self._channel.send(content)
+            self._channel.send(msgspec.msgpack.encode(said))
         except (BlockingIOError, ConnectionResetError, BrokenPipeError):
             return False
         return True

@@ -1,4 +1,7 @@
-"""The application's side of the gateway: start, messages, events, end."""
+"""The application's side of the gateway, and what the two send each other through a socket pair.
+
+What they send are the structs of `FromGateway` and `FromApplication`, as MessagePack with a tag.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +9,13 @@ import base64
 import socket
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import msgspec
 
-from tams_app.link.gateway import (
-    BYE,
-    EVENT,
-    LARGEST_BYTES,
-    MESSAGE,
-    RECEIVED,
-    ROUTES,
-    LinkEvent,
-    Routes,
-)
 from tams_app.runtime.process import HelperProcess
 
+LARGEST_BYTES = 65_536
 _CHANNEL_BUFFER_BYTES = 1_000_000
 # A robot's side is silent to whom it does not know, so that these cannot be distinguished here:
 NO_ANSWER = (
@@ -44,8 +38,7 @@ class Endpoint:
     key: Path | None
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(msgspec.Struct, frozen=True, tag=True):
     """A message of the other side: when it was received [ns], and in which session of the link."""
 
     heard_ns: int
@@ -53,18 +46,49 @@ class Received:
     content: bytes
 
 
-NO_EVENT = LinkEvent(
-    connected=False,
-    sessions=0,
-    left=False,
-    busy=False,
-    operator="",
-    revoked=False,
-    renewals=0,
-    address="",
-    counts={},
-    welcome=None,
-)
+class LinkEvent(msgspec.Struct, frozen=True, tag=True):
+    """The state of the link, sent to the application twice a second and when it changes.
+
+    sessions: with an operator; renewals: how often a session's keys were replaced. operator: whose
+    key the connected operator has, or the last one had, "" on loopback without keys. revoked:
+    they were let go because their key is accepted no longer. counts: datagrams that changed
+    nothing, by reason. welcome: what the robot's side sends. introduction: what the operator's side
+    did. refusal: who called the robot's side in vain, and why.
+    """
+
+    connected: bool = False
+    sessions: int = 0
+    left: bool = False
+    busy: bool = False
+    operator: str = ""
+    revoked: bool = False
+    renewals: int = 0
+    address: str = ""
+    counts: dict[str, int] = {}
+    welcome: bytes | None = None
+    introduction: bytes = b""
+    refusal: str = ""
+
+
+class Outgoing(msgspec.Struct, frozen=True, tag=True):
+    """A message for the other side."""
+
+    content: bytes
+
+
+class Routes(msgspec.Struct, frozen=True, tag=True):
+    """Loopback ports of the streams that arrive, by SSRC."""
+
+    rtp: dict[int, int]
+    rtcp: dict[int, int]
+
+
+class Goodbye(msgspec.Struct, frozen=True, tag=True):
+    """This side leaves, which the other side is to know."""
+
+
+FromGateway: TypeAlias = Received | LinkEvent
+FromApplication: TypeAlias = Outgoing | Routes | Goodbye
 
 
 class Gateway:
@@ -81,7 +105,8 @@ class Gateway:
         log_directory: Path | None,
     ) -> None:
         """`welcome`: what the other side is told when the link begins; an operator's is short."""
-        self.event = NO_EVENT
+        self.event = LinkEvent()
+        self._decoder = msgspec.msgpack.Decoder(FromGateway)
         self.port = 0  # of this computer, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
         # messages whole, and the end of either side is a broken pipe or an empty read for the other
@@ -114,11 +139,11 @@ class Gateway:
 
     def follow(self, routes: Routes) -> None:
         """Hand the other side's streams over to these ports from now on."""
-        self._put(ROUTES + msgspec.msgpack.encode(routes))
+        self._put(routes)
 
     def send(self, message: bytes) -> None:
         """Send a message, if there is a session; never waits."""
-        self._put(MESSAGE + message)
+        self._put(Outgoing(message))
 
     def receive(self) -> list[Received]:
         """Messages since the last call; never waits."""
@@ -130,16 +155,16 @@ class Gateway:
                 break
             if not content:
                 break
-            if content[:1] == EVENT:
-                self.event = msgspec.msgpack.decode(content[1:], type=LinkEvent)
+            said: FromGateway = self._decoder.decode(content)
+            if isinstance(said, LinkEvent):
+                self.event = said
             else:
-                heard_ns, session = RECEIVED.unpack_from(content, 1)
-                messages.append(Received(heard_ns, session, content[1 + RECEIVED.size :]))
+                messages.append(said)
         return messages
 
     def send_goodbye(self) -> None:
         """Notify the other side that this one leaves."""
-        self._put(BYE)
+        self._put(Goodbye())
 
     def close(self) -> None:
         """End the process; may be called twice."""
@@ -147,8 +172,8 @@ class Gateway:
         self._theirs.close()
         self._channel.close()
 
-    def _put(self, content: bytes) -> None:
+    def _put(self, said: FromApplication) -> None:
         try:
-            self._channel.send(content)
+            self._channel.send(msgspec.msgpack.encode(said))
         except (BlockingIOError, BrokenPipeError, ConnectionResetError):
             return  # full, or gone: its owner notices its end, and the newest message counts

@@ -16,8 +16,7 @@ from tams_app.config import Config
 from tams_app.config.motion import WORKSPACE
 from tams_app.config.section import Section
 from tams_app.link.ends import WELCOME_BYTES
-from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import Gateway
+from tams_app.link.gateway_client import Gateway, LinkEvent, Routes
 from tams_app.link.messages import (
     OPERATOR_FOLDER_FACT,
     PROTOCOL,

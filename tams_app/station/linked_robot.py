@@ -14,8 +14,7 @@ import numpy as np
 from hw.controller import Controller
 from tams_app.config import VideoConfig
 from tams_app.link.age import ClockOffset, PeerClock
-from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import Gateway, Received
+from tams_app.link.gateway_client import Gateway, LinkEvent, Received, Routes
 from tams_app.link.messages import (
     HAND_RATE_HZ,
     HandMessage,

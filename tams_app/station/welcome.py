@@ -12,7 +12,7 @@ from tams_app.config import Config, LimitsConfig, VideoConfig
 from tams_app.config.motion import ArmConfig, FreshnessConfig, HandConfig
 from tams_app.config.section import Section
 from tams_app.errors import ConfigError, TamsError
-from tams_app.link.gateway import LinkEvent
+from tams_app.link.gateway_client import LinkEvent
 from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
 from tams_app.video.core.repair import RepairRule
 

@@ -5,10 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import msgspec
-
-from tams_app.link.gateway import LinkEvent, Routes
-from tams_app.link.gateway_client import NO_EVENT, Received
+from tams_app.link.gateway_client import LinkEvent, Received, Routes
 from tams_app.recording.journal import Journal
 from tams_app.recording.topics import Facts
 from tams_app.records import Note, PacketRecord, Record
@@ -19,7 +16,7 @@ class MemoryGateway:
     """What `Gateway` is to an application; `other` is the one at the other computer."""
 
     def __init__(self, clock: VirtualClock) -> None:
-        self.event: LinkEvent = msgspec.structs.replace(NO_EVENT, connected=True)
+        self.event = LinkEvent(connected=True)
         self.entrance_port = 4242
         self.other: MemoryGateway | None = None
         self.session = 1

@@ -19,8 +19,7 @@ from tams_app.errors import ConfigError, TamsError
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.silence import as_known, silence_of
 from tams_app.faces.terminal.line import status_words
-from tams_app.link.gateway import LinkEvent
-from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.gateway_client import Endpoint, Gateway, LinkEvent
 from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
 from tams_app.records import LatencyState, Outcome, SessionState, ShownFrame, SteeredBy
