@@ -17,8 +17,7 @@ from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
 from tams_app.link.addresses import addresses_of, called, datagram_socket
-from tams_app.link.echoes import number_of, ping
-from tams_app.link.ends import GOODBYE
+from tams_app.link.ends import GOODBYE, PING, PONG
 from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
@@ -176,11 +175,11 @@ class _Prober:
         echoes = []
         for number in range(_PINGS):
             sent_ns[number] = self._clock.now_ns()
-            self._send(ping(number))
+            self._send(PING + number.to_bytes(4))
             wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
             for now_ns, message in self._received(wait_ns):
-                echoed = number_of(message)
-                if echoed is not None and echoed in sent_ns:
+                echoed = int.from_bytes(message.removeprefix(PONG))
+                if message.startswith(PONG) and echoed in sent_ns:
                     echoes.append((sent_ns.pop(echoed), now_ns))
         return echoes
 
@@ -203,7 +202,7 @@ class _Prober:
             for reply in received.replies:
                 self._socket.sendto(*reply)
             if received.connected:
-                self._send(ping(_PINGS))  # the first message confirms the call
+                self._send(PING + _PINGS.to_bytes(4))  # the first message confirms the call
             if received.left:
                 raise HelperError("the robot's side ended meanwhile: start it and measure again")
             if received.message is not None:

@@ -40,14 +40,15 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import OVERHEAD_BYTES, NoiseError, Responder
-from tams_app.link.peer import MESSAGE, Address, LinkSession, Peer
+from tams_app.link.peer import MESSAGE, PREFIX, Address, LinkSession, Peer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 MEDIA = range(128, 192)
-# Beside messages of the applications, which begin otherwise:
-GOODBYE = b"\0goodbye"
-REKEY, REKEYED = b"\0rekey", b"\0keyed"  # and a message of Noise
-QUESTION, REPLY = b"\0where", b"\0here!"  # and a token: is the operator at this address?
+# Messages of the link itself:
+GOODBYE = PREFIX + b"goodbye"
+REKEY, REKEYED = PREFIX + b"rekey", PREFIX + b"keyed"  # and a message of Noise
+QUESTION, REPLY = PREFIX + b"where", PREFIX + b"here!"  # and a token: is the operator there?
+PING, PONG = PREFIX + b"ping", PREFIX + b"pong"  # and anything, which comes back
 
 LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
 ATTEMPT_NS = 5 * NS_PER_S  # a handshake that came to nothing is begun anew, with other keys

@@ -26,8 +26,7 @@ import msgspec
 
 from tams_app.errors import TamsError
 from tams_app.link.addresses import addresses_of, datagram_socket, named
-from tams_app.link.echoes import PREFIX, answer
-from tams_app.link.ends import GOODBYE, Heard, RobotEnd
+from tams_app.link.ends import GOODBYE, PING, PONG, Heard, RobotEnd
 from tams_app.link.gateway_client import (
     LARGEST_BYTES,
     FromApplication,
@@ -39,7 +38,7 @@ from tams_app.link.gateway_client import (
 )
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import Address
+from tams_app.link.peer import PREFIX, Address
 from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
@@ -215,7 +214,8 @@ class Carrier:
             self._revoked = False
             self._report(now_ns)  # before its first message
         if heard.message is not None and heard.message.startswith(PREFIX):
-            if (echo := answer(heard.message)) is not None:
+            if heard.message.startswith(PING):
+                echo = PONG + heard.message.removeprefix(PING)
                 self._send(self._end.message(echo, now_ns))
         elif heard.message is not None:
             self._hand_over(Received(now_ns, self._sessions, heard.message))
