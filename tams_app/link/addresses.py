@@ -5,8 +5,7 @@ from __future__ import annotations
 import ipaddress
 import socket
 
-from tams_app.link.peer import Address
-
+Address = tuple[str, int] | tuple[str, int, int, int]  # of IPv4, of IPv6
 _MAPPED = "::ffff:"  # an IPv4 address on a socket of both families (RFC 4291, 2.5.5.2)
 
 

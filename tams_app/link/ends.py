@@ -17,7 +17,7 @@ from collections import Counter, OrderedDict, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from tams_app.link.addresses import named
+from tams_app.link.addresses import Address, named
 from tams_app.link.handshake import (
     BUSY,
     COOKIE,
@@ -40,7 +40,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import OVERHEAD_BYTES, NoiseError, Responder
-from tams_app.link.peer import MESSAGE, PREFIX, Address, LinkSession, Peer
+from tams_app.link.peer import MESSAGE, PREFIX, LinkSession, Peer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 MEDIA = range(128, 192)

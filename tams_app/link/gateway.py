@@ -25,7 +25,7 @@ from typing import Any, Final
 import msgspec
 
 from tams_app.errors import TamsError
-from tams_app.link.addresses import addresses_of, datagram_socket, named
+from tams_app.link.addresses import Address, addresses_of, datagram_socket, named
 from tams_app.link.ends import GOODBYE, PING, PONG, Heard, RobotEnd
 from tams_app.link.gateway_client import (
     LARGEST_BYTES,
@@ -38,7 +38,7 @@ from tams_app.link.gateway_client import (
 )
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import PREFIX, Address
+from tams_app.link.peer import PREFIX
 from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo

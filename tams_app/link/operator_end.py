@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
+from tams_app.link.addresses import Address
 from tams_app.link.ends import (
     ATTEMPT_NS,
     MEDIA,
@@ -42,7 +43,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.noise import Initiator, NoiseError
-from tams_app.link.peer import MESSAGE, Address, LinkSession, Peer
+from tams_app.link.peer import MESSAGE, LinkSession, Peer
 from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 

@@ -8,6 +8,7 @@ that message. What was sealed before may still come for a while.
 
 from __future__ import annotations
 
+from tams_app.link.addresses import Address
 from tams_app.link.handshake import SessionKeys
 from tams_app.link.sealing import (
     HAND_BYTES,
@@ -22,8 +23,6 @@ from tams_app.units import NS_PER_S
 MESSAGE = 0xC9
 PREFIX = b"\0"  # of messages of the link itself; those of the applications begin otherwise
 OVERLAP_NS = 5 * NS_PER_S  # media that old keys sealed is taken for so long
-
-Address = tuple[str, int] | tuple[str, int, int, int]  # of IPv4, of IPv6
 
 
 class LinkSession:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from tams_app.link.addresses import Address
 from tams_app.link.ends import RobotEnd
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import Address
 from tams_app.units import NS_PER_MS
 from tests.link.rig import ROBOT, connected, rtcp, rtp
 

@@ -7,11 +7,12 @@ import struct
 from collections.abc import Callable, Sequence
 from itertools import count
 
+from tams_app.link.addresses import Address
 from tams_app.link.ends import LET_GO_NS, Heard, RobotEnd
 from tams_app.link.handshake import BUSY, COOKIE, INITIATION, RESPONSE
 from tams_app.link.keys import Key
 from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import MESSAGE, Address
+from tams_app.link.peer import MESSAGE
 from tams_app.units import NS_PER_MS
 
 KEY, OTHER_KEY = Key("kim", b"k" * 32), Key("kay", b"k" * 31 + b"l")

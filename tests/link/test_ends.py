@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tams_app.link.addresses import Address
 from tams_app.link.ends import GOODBYE, LET_GO_NS
 from tams_app.link.handshake import (
     BUSY,
@@ -23,7 +24,7 @@ from tams_app.link.handshake import (
 )
 from tams_app.link.keys import Key
 from tams_app.link.operator_end import LONGEST_INTRODUCTION_BYTES, REDIAL_NS
-from tams_app.link.peer import MESSAGE, Address
+from tams_app.link.peer import MESSAGE
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
     KEY,

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tams_app.link.addresses import Address
 from tams_app.link.handshake import INITIATION, INITIATION_BYTES, RESPONSE
-from tams_app.link.peer import Address
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
     DESK,

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from tams_app.link.addresses import Address
 from tams_app.link.ends import (
     ATTEMPT_NS,
     LET_GO_NS,
@@ -19,7 +20,7 @@ from tams_app.link.ends import (
     RobotEnd,
 )
 from tams_app.link.operator_end import REFUSED_NS, REKEY_NS
-from tams_app.link.peer import OVERLAP_NS, Address
+from tams_app.link.peer import OVERLAP_NS
 from tams_app.link.sealing import HAND_BYTES, LINK_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
