@@ -16,8 +16,8 @@ import os
 import selectors
 import socket
 import sys
-import time
-from collections.abc import Callable, Mapping
+import threading
+from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any, Final
@@ -40,6 +40,7 @@ from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
 from tams_app.link.operator_end import OperatorEnd
 from tams_app.link.peer import PREFIX
 from tams_app.link.sealing import is_rtcp, ssrc_of
+from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
 from tams_app.units import NS_PER_MS
@@ -106,13 +107,13 @@ class Carrier:
         channel: socket.socket,
         streams: Streams,
         keys: AcceptedKeys | None = None,
-        now_ns: Callable[[], int] = time.monotonic_ns,
+        clock: Clock | None = None,
     ) -> None:
         """`keys`: what the robot's side accepts; looked at again twice a second."""
         self._end: Final = end
         self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
-        self._now_ns = now_ns
+        self._clock = clock or MonotonicClock()
         self._sessions = 0
         self._left = self._revoked = False
         self._address: Address = ("", 0)
@@ -130,13 +131,11 @@ class Carrier:
         """The port that the application's streams must send to."""
         return int(self._streams.entrance.getsockname()[1])
 
-    def run(self, stopped: Callable[[], bool]) -> None:
-        """Carry datagrams until `stopped`."""
-        while not stopped():
-            for key, _ in self._selector.select(_STEP_S):
-                key.data(key.fileobj)
-            self._step()
-        self._send(self._end.message(GOODBYE, self._now_ns()))
+    def run(self, stop: threading.Event) -> None:
+        """Carry datagrams until `stop` is set."""
+        while not stop.is_set():
+            self.turn()
+        self._send(self._end.message(GOODBYE, self._clock.now_ns()))
 
     def close(self) -> None:
         """Close everything."""
@@ -145,8 +144,11 @@ class Carrier:
         self._channel.close()
         self._streams.close()
 
-    def _step(self) -> None:
-        now_ns = self._now_ns()
+    def turn(self) -> None:
+        """Wait a moment for what there is to read, carry it, and do what is due."""
+        for key, _ in self._selector.select(_STEP_S):
+            key.data(key.fileobj)
+        now_ns = self._clock.now_ns()
         if isinstance(self._end, OperatorEnd):
             for datagram in self._end.step(now_ns):
                 self._send(datagram)
@@ -198,7 +200,7 @@ class Carrier:
                 return
             except OSError:  # an ICMP message: nothing listens there (yet)
                 continue
-            now_ns = self._now_ns()
+            now_ns = self._clock.now_ns()
             heard = self._end.receive(datagram, address, now_ns)
             self._act(heard, now_ns)
 
@@ -240,7 +242,7 @@ class Carrier:
                     self._end.follow(said.rtp)
             else:
                 message = said.content if isinstance(said, Outgoing) else GOODBYE
-                self._send(self._end.message(message, self._now_ns()))
+                self._send(self._end.message(message, self._clock.now_ns()))
 
     def _from_stream(self, entrance: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
@@ -249,7 +251,7 @@ class Carrier:
             except BlockingIOError:
                 return
             if self._streams.is_ours(source):
-                self._send(self._end.media(packet, self._now_ns()), _MEDIA_CLASS)
+                self._send(self._end.media(packet, self._clock.now_ns()), _MEDIA_CLASS)
             else:
                 self._end.counts["of another program"] += 1
 
@@ -335,7 +337,7 @@ def main() -> None:
         stack.callback(carrier.close)
         use_fifo(RELAY_PRIORITY)
         side.ready(port=port, entrance=carrier.entrance_port)
-        carrier.run(side.stop_requested.is_set)
+        carrier.run(side.stop_requested)
 
 
 if __name__ == "__main__":

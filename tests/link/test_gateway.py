@@ -21,6 +21,7 @@ from tams_app.link.gateway_client import Endpoint, Gateway, LinkEvent, Received,
 from tams_app.link.handshake import COOKIE, INITIATION, RESPONSE
 from tams_app.link.keys import LOOPBACK_KEY, new_key, read_key, revoke_key
 from tams_app.link.peer import MESSAGE as SEALED
+from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
 from tests.link.gateways import LOOPBACK, Network, Pair, port_of, udp
 from tests.link.rig import hostile, rtcp, rtp
@@ -375,9 +376,9 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
         one.setblocking(False)
     outer = udp(stack)
     outer.setblocking(False)
-    times_ns = iter(range(NS_PER_S, 10**12, NS_PER_S))
+    clock = VirtualClock()
     end = RobotEnd({LOOPBACK_KEY.identity: LOOPBACK_KEY}, b"", os.urandom)
-    carrier = Carrier(end, outer, theirs, Streams(), None, lambda: next(times_ns))
+    carrier = Carrier(end, outer, theirs, Streams(), None, clock)
     stack.callback(carrier.close)
     filling = 0
     with suppress(BlockingIOError):
@@ -386,8 +387,8 @@ def test_an_application_without_room_hears_of_the_link_when_it_has(stack: ExitSt
             filling += 1
 
     def turn() -> None:
-        turns = iter((False, True))
-        carrier.run(lambda: next(turns))
+        clock.advance_ns(NS_PER_S)
+        carrier.turn()
 
     end.counts["late"] += 1
     turn()
