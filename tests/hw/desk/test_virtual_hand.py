@@ -15,7 +15,7 @@ from tams_app.records import ControllerSample, ControllerStatus
 from tams_app.rotation import Rotation
 from tams_app.teleop.motion import HandMotion
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.vectors import ZERO, Floats3, floats
+from tams_app.vectors import Floats3, floats
 
 pytestmark = pytest.mark.untimed
 
@@ -144,9 +144,3 @@ def test_an_axis_moves_the_arm_along_the_same_axis_of_its_base(axis: int) -> Non
     assert np.array(twist.angular) == pytest.approx(
         wanted * desk.turn_rad_s * config.rotation_scale, abs=1e-3
     )
-
-
-def test_two_axes_at_once_are_no_faster_than_one() -> None:
-    at = way(a_hand(), Deflection((1.0, 1.0, 1.0), ZERO, HELD), 100)
-    speed = np.linalg.norm(at[-1] - at[-2]) / (TICK_NS / NS_PER_S)
-    assert speed == pytest.approx(DeskConfig().speed_m_s)

@@ -82,10 +82,12 @@ def test_a_left_handed_operator_uses_the_left_controller(fake):
     rig.poller.connect()
     fake.press("trigger", 1.0, hand="left")
     fake.press("menu", hand="right")
-    sample = rig.step()
+    rig.poller.play(Haptic.ENGAGE, rig.now_ns)
+    sample = rig.run(0.2)
     assert sample.pose.position[0] < 0
     assert sample.trigger == 1.0
     assert not sample.menu
+    assert {hand for hand, *_ in fake.vibrations} == {"left"}
 
 
 def test_a_pose_that_does_not_change_keeps_its_time_while_buttons_go_on(rig):
@@ -97,18 +99,6 @@ def test_a_pose_that_does_not_change_keeps_its_time_while_buttons_go_on(rig):
     assert sample.buttons_ns == rig.now_ns
     rig.runtime.devices[RIGHT].matrix[0, 3] += 1e-7
     assert rig.step().pose_ns == rig.now_ns
-
-
-def test_buttons_that_are_not_active_keep_value_and_time_while_the_pose_goes_on(rig):
-    rig.runtime.press("trigger")
-    rig.runtime.devices[RIGHT].trembles = True
-    before = rig.step()
-    rig.runtime.bound.remove("menu")
-    sample = rig.run(0.1)
-    assert sample.status is ControllerStatus.OK
-    assert sample.buttons_ns == before.buttons_ns
-    assert sample.trigger == 1.0
-    assert sample.pose_ns == rig.now_ns
 
 
 def test_a_binding_that_is_missing_is_named_once(rig):
@@ -160,21 +150,6 @@ def test_a_pose_that_cannot_be_true_is_tracking_lost(rig, valid, place, value):
     sample = rig.step()
     assert sample.status is ControllerStatus.TRACKING_LOST
     assert sample.pose is None
-
-
-def test_an_open_dashboard_releases_everything_but_tracks(rig):
-    rig.runtime.press("trigger")
-    rig.runtime.devices[RIGHT].trembles = True
-    before = rig.step()
-    assert before.trigger == 1.0
-    rig.runtime.dashboard = True
-    sample = rig.step()
-    assert sample.status is ControllerStatus.DASHBOARD
-    assert sample.trigger == 0.0
-    assert sample.buttons_ns == before.buttons_ns
-    assert sample.pose_ns == rig.now_ns
-    rig.runtime.dashboard = False
-    assert rig.step().status is ControllerStatus.OK
 
 
 @pytest.mark.parametrize(
@@ -257,6 +232,8 @@ def test_another_device_or_frame_counts_after_the_trigger_was_up_for_a_second(ri
     change(rig.runtime)
     rig.runtime.press("trigger", 0.3)
     assert rig.run(2.0).status is status
+    told = "role swapped, now CTL_SPARE" if change is swap else "tracking frame changed"
+    assert rig.told(told) == 1
     rig.runtime.press("trigger", 0.0)
     assert rig.run(0.9).status is status
     rig.runtime.press("trigger", 0.3)
@@ -286,18 +263,6 @@ def test_the_menu_still_stops_the_arm_of_another_device_and_in_another_frame(rig
     sample = rig.step()
     assert (sample.status, sample.menu) == (status, True)
     assert sample.buttons_ns == rig.now_ns
-
-
-def test_another_device_in_the_hand_is_told_and_moves_nothing(rig):
-    rig.runtime.press("trigger")
-    before = rig.step()
-    swap(rig.runtime)
-    sample = rig.run(3.0)
-    assert sample.status is ControllerStatus.ROLE_SWAPPED
-    assert sample.pose is None
-    assert not any((sample.trigger, sample.grip, sample.a, sample.b))
-    assert sample.pose_ns == before.pose_ns
-    assert rig.told("role swapped, now CTL_SPARE") == 1
 
 
 def test_the_own_device_counts_again_at_once(rig):
@@ -358,7 +323,6 @@ def test_a_frame_that_turns_without_a_word_is_noticed_in_that_very_step(rig):
     rig.runtime.recentre()
     assert rig.step().status is ControllerStatus.TRACKING_FRAME_CHANGED
     assert rig.run(3.0).status is ControllerStatus.TRACKING_FRAME_CHANGED
-    assert rig.told("tracking frame changed") == 1
 
 
 def test_a_second_recentring_begins_the_second_anew(rig):
@@ -533,14 +497,6 @@ def test_a_pulse_without_a_runtime_is_forgotten(rig):
     rig.runtime.vibrations.clear()
     rig.run(2.0)
     assert rig.runtime.vibrations == []
-
-
-def test_a_pulse_with_the_left_controller_goes_to_the_left(fake):
-    rig = PollerRig(fake, hand="left")
-    rig.poller.connect()
-    rig.poller.play(Haptic.ENGAGE, rig.now_ns)
-    rig.run(0.2)
-    assert {hand for hand, *_ in fake.vibrations} == {"left"}
 
 
 def test_closing_twice_disconnects_once(rig):

@@ -11,23 +11,6 @@ from tams_app.errors import DeviceError, SetupError
 pytestmark = pytest.mark.untimed
 
 
-def test_joining_never_starts_a_runtime(fake):
-    fake.running = False
-    with pytest.raises(DeviceError, match="not running"):
-        OpenVrRuntime.join()
-    assert not fake.launched
-    assert fake.connections == 0
-
-
-def test_a_running_one_is_joined_as_an_overlay_which_gets_input(fake):
-    runtime = OpenVrRuntime.join()
-    assert fake.joined_as == [openvr.VRApplication_Background, openvr.VRApplication_Overlay]
-    assert fake.connections == 1
-    runtime.close()
-    runtime.close()
-    assert fake.connections == 0
-
-
 @pytest.mark.parametrize(
     ("code", "says"),
     [
@@ -83,10 +66,3 @@ def test_where_the_registry_is_elsewhere_the_library_is_asked(monkeypatch, tmp_p
     monkeypatch.setattr(platform, "system", lambda: "Windows")
     monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path / "none"))
     assert is_registered()
-
-
-def test_without_a_registry_the_library_is_not_even_asked(fake, monkeypatch, tmp_path):
-    monkeypatch.setenv("VR_PATHREG_OVERRIDE", str(tmp_path / "none"))
-    with pytest.raises(DeviceError, match=r"^SteamVR is not installed[^.]*\.$"):
-        OpenVrRuntime.join()
-    assert fake.joined_as == []
