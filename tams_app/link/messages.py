@@ -1,12 +1,13 @@
-"""What the two applications tell each other, each message whole in one datagram; newest counts.
+"""The messages of the two applications: one table of their fields, and one codec (MessagePack).
 
-Stamps are nanoseconds of the sender's own monotonic clock. What must arrive is counted, and the
-count is in every message: it is repeated until a later message of the other side acknowledges it.
+Each message is complete in one datagram, and the newest counts. Stamps are nanoseconds of the
+sender's own monotonic clock. What must arrive is counted, and the count is in every message: it is
+repeated until a later message of the other side acknowledges it.
 """
 
 from __future__ import annotations
 
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import msgspec
 
@@ -29,64 +30,48 @@ class MessageError(TamsError):
 
 
 class Welcome(msgspec.Struct, frozen=True):
-    """What the robot's side says of the session that it runs.
-
-    session: the same for as long as its senders run.
-    video: its `VideoConfig`, which receivers must follow.
-    repair: its `RepairRule`, as a mapping of its fields.
-    hand_rotation: its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame.
-    workspace: of its `LimitsConfig`, what bounds the space that the operator is shown.
-    driving: by section, what else of its configuration decides how the hand moves the arm and is
-        not as by default; None: that is too much to be told.
-    stopped_after_ms: `LinkConfig.stopped_after_ms` there.
-    """
+    """The session that the robot's side runs."""
 
     protocol: Whole
     version: str
-    session: str
+    session: Annotated[str, "the same for as long as its senders run"]
     name: str
     strategy: str
     network: str
     seed: int
     feedback: bool
     simulated: bool
-    video: dict[str, object]
-    repair: dict[str, object]
-    hand_rotation: tuple[Floats3, Floats3, Floats3]
-    workspace: dict[str, object]
-    driving: dict[str, dict[str, object]] | None
-    stopped_after_ms: float
+    video: Annotated[dict[str, object], "its `VideoConfig`, which receivers must follow"]
+    repair: Annotated[dict[str, object], "its `RepairRule`, as a mapping of its fields"]
+    hand_rotation: Annotated[
+        tuple[Floats3, Floats3, Floats3],
+        "its `HandConfig.rotation`: a device on a desk moves the hand in the arm's frame",
+    ]
+    workspace: Annotated[dict[str, object], "of its `LimitsConfig`: bounds of the space shown"]
+    driving: Annotated[
+        dict[str, dict[str, object]] | None,
+        "by section, what else decides how the hand moves the arm and is not as by default; None: "
+        "too much for a message",
+    ]
+    stopped_after_ms: Annotated[float, "`LinkConfig.stopped_after_ms` there"]
 
 
 class HandMessage(msgspec.Struct, frozen=True, array_like=True):
-    """A sample of the controller, and what the operator's side shows and asks for.
+    """A sample of the controller, the frames that are shown, and the operator's requests.
 
-    operator: a random number of the application that sends; its counts begin with it.
-    simulated: whether no person holds the controller: that moves no real arm.
-    sent_ns: when it was sent.
-    echo_ns: the newest `StateMessage.sent_ns` that was heard, 0 before the first; echo_heard_ns:
-        when that was.
-    pose: position [m] and rotation (quaternion), 7 numbers, in the tracking frame, or None.
-    shown: by view, the RTP timestamp of the newest frame shown that counts (it is whole, and
-        what shows it works); None before the first. damaged: by view, whether a newer one is shown
-        that is not whole.
-    confirms: how often the operator has confirmed; confirmed_ns: when they did last.
-    stops: how often they have asked for an emergency stop.
-    presses: how often grip, A, B and the menu button have gone down (`Presses`): a press may have
-        come and gone unheard.
-    noted: how many of the robot's sentences have been heard (`StateMessage.noted`).
-    hand: what the operator drives with, of `teleop.hands.HANDS`.
-    episodes: how often each `EpisodeRequest` was made, in their order.
-    pinned: place of the view that the operator has pinned, in the order of the views.
+    Times are of the operator's side unless they say otherwise. Requests are counted.
     """
 
-    operator: Whole
-    simulated: bool
+    operator: Annotated[Whole, "random number of the application, with which its counts begin"]
+    simulated: Annotated[bool, "no person holds the controller: that moves no real arm"]
     sent_ns: Whole
-    echo_ns: Whole
-    echo_heard_ns: Whole
-    status: str
-    pose: tuple[float, float, float, float, float, float, float] | None
+    echo_ns: Annotated[Whole, "the newest `StateMessage.sent_ns` received; 0: none yet"]
+    echo_heard_ns: Annotated[Whole, "when it was received"]
+    status: Annotated[str, "a `ControllerStatus`"]
+    pose: Annotated[
+        tuple[float, float, float, float, float, float, float] | None,
+        "position [m] and rotation (quaternion), in the tracking frame",
+    ]
     pose_ns: Whole
     buttons_ns: Whole
     trigger: float
@@ -94,44 +79,45 @@ class HandMessage(msgspec.Struct, frozen=True, array_like=True):
     a: bool
     b: bool
     menu: bool
-    shown: tuple[Whole | None, ...]
-    confirms: Whole = 0
-    confirmed_ns: Whole = 0
-    stops: Whole = 0
-    noted: Whole = 0
-    presses: tuple[Whole, Whole, Whole, Whole] = (0, 0, 0, 0)
-    hand: str = ""
-    damaged: tuple[bool, ...] = ()
-    episodes: tuple[Whole, Whole, Whole, Whole, Whole] = (0, 0, 0, 0, 0)
-    pinned: Whole | None = None
+    shown: Annotated[
+        tuple[Whole | None, ...],
+        "by view, the RTP timestamp of the newest frame shown that counts (complete, and on a "
+        "display that works); None before the first",
+    ]
+    confirms: Annotated[Whole, "confirmations"] = 0
+    confirmed_ns: Annotated[Whole, "when the last one was given"] = 0
+    stops: Annotated[Whole, "emergency stops"] = 0
+    noted: Annotated[Whole, "the robot's sentences received (`StateMessage.noted`)"] = 0
+    presses: Annotated[
+        tuple[Whole, Whole, Whole, Whole],
+        "how often grip, A, B and the menu button have gone down (`Presses`): a press may have "
+        "come and gone between two samples",
+    ] = (0, 0, 0, 0)
+    hand: Annotated[str, "what the operator drives with, of `teleop.hands.HANDS`"] = ""
+    damaged: Annotated[tuple[bool, ...], "by view, a newer frame is shown, not complete"] = ()
+    episodes: Annotated[
+        tuple[Whole, Whole, Whole, Whole, Whole], "how often each `EpisodeRequest`, in their order"
+    ] = (0, 0, 0, 0, 0)
+    pinned: Annotated[Whole | None, "place of the pinned view, in the order of the views"] = None
 
 
 class StateMessage(msgspec.Struct, frozen=True, array_like=True):
-    """What the robot's side does and knows.
-
-    sent_ns: when it was sent.
-    echo_ns, echo_heard_ns: the newest `HandMessage.sent_ns` that was heard, and when that was.
-    state: of the session there; its stamps are of the clock there, `heard_ns` of its last tick.
-    haptics: how many pulses there have been; haptic: the last of them.
-    first_capture_ns: by view, when the frame with RTP timestamp 0 was captured, None before.
-    confirms, stops: those of the last `HandMessage`.
-    noted: how many sentences there have been for people; notes: the last of them, until the
-        operator's side has heard of them.
-    ended: why the session has ended, "" while it runs.
-    """
+    """The state of the robot's side. Times are its own unless they say otherwise."""
 
     sent_ns: Whole
-    echo_ns: Whole
-    echo_heard_ns: Whole
-    state: SessionState
-    first_capture_ns: tuple[Whole | None, ...]
-    haptics: Whole
-    haptic: str
-    confirms: Whole
-    stops: Whole
-    noted: Whole
-    notes: tuple[str, ...]
-    ended: str
+    echo_ns: Annotated[Whole, "the newest `HandMessage.sent_ns` received, which echoes it"]
+    echo_heard_ns: Annotated[Whole, "when it was received"]
+    state: Annotated[SessionState, "of the session there; its `heard_ns` is of the last tick"]
+    first_capture_ns: Annotated[
+        tuple[Whole | None, ...], "by view, the capture of the frame with RTP timestamp 0, if any"
+    ]
+    haptics: Annotated[Whole, "how many pulses there have been"]
+    haptic: Annotated[str, "the last of them"]
+    confirms: Annotated[Whole, "of the last `HandMessage`, which acknowledges them"]
+    stops: Annotated[Whole, "of the last `HandMessage`, which acknowledges them"]
+    noted: Annotated[Whole, "how many sentences there have been for people"]
+    notes: Annotated[tuple[str, ...], "the last ones, until their receipt is acknowledged"]
+    ended: Annotated[str, 'why the session has ended, "" while it runs']
     failed: bool
 
 
@@ -139,7 +125,7 @@ Message = TypeVar("Message", Welcome, HandMessage, StateMessage)
 
 
 def encode(message: Welcome | HandMessage | StateMessage) -> bytes:
-    """The bytes of a message (MessagePack)."""
+    """The bytes of a message."""
     return msgspec.msgpack.encode(message)
 
 
