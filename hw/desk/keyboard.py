@@ -37,7 +37,7 @@ _LONGEST_GAP_NS = 50 * NS_PER_MS  # what was asked for in a longer one is not ma
 
 @dataclass(frozen=True, slots=True)
 class Deflection:
-    """How far each axis is deflected, -1 to 1, in the arm's base frame, and what is pressed.
+    """Deflection of each axis, -1 to 1, in the arm's base frame, and the buttons pressed.
 
     linear: forward, left, up. angular: turns about the same axes, right-handed. The buttons are
     those of `ControllerSample`.
@@ -101,7 +101,7 @@ class VirtualHand:
 
 @dataclass(frozen=True, slots=True)
 class HeldKeys:
-    """Which keys are down in the window, reported again and again while it runs.
+    """The keys that are down in the window, reported again and again while it runs.
 
     keys: by the names in `KEYS`. focused: whether the window gets what is typed. t_ns: when the
     window's process reported it. presses: how often each key has gone down.
@@ -114,7 +114,7 @@ class HeldKeys:
 
 
 class Taps:
-    """How far each key deflects its axis: a press by a step, a key that stays down in full; pure.
+    """Deflection by each key: a press makes a step, a key that stays down deflects in full; pure.
 
     When a key is read as up depends on what else the window draws, how often it went down does not.
     So for TAP_NS a press asks for the same whether the key is up again or not.
@@ -128,7 +128,7 @@ class Taps:
         self._step_ns: dict[str, int] = {}  # until when its presses move the hand
 
     def step(self, now_ns: int, held: HeldKeys) -> dict[str, float]:
-        """By key, 0 to 1; without the deadman nothing is begun, and nothing goes on."""
+        """The deflection by key, 0 to 1; without the deadman nothing begins or goes on."""
         before, self._presses = self._presses, held.presses
         if DEADMAN not in held.keys:
             self._down_ns.clear()
@@ -218,7 +218,7 @@ class KeyboardController(Controller):
 def deflection_of(
     keys: frozenset[str], presses: Mapping[str, int], amounts: Mapping[str, float]
 ) -> Deflection:
-    """What held keys ask for, the axes' by the `amounts` of `Taps`; opposite ones cancel out."""
+    """The deflection by held keys, of axes by the `amounts` of `Taps`; opposite ones cancel out."""
     axes = [0.0, 0.0, 0.0]
     for key, amount in amounts.items():
         axis, direction = _AXES[key]

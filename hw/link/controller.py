@@ -2,10 +2,10 @@
 
 Each rule about what may move the arm is one part, here in the order in which a sample passes them:
 
-- `SampleGate`: may it count? By its age, its order and its form.
-- `HandTimes`: when was that pose new, on our clock? (`hand_times`)
+- `SampleGate`: may it count, by its age, order and form?
+- `TransitFilter` and `HandTimes` (`hand_times`): when was its pose new, on our clock?
 - `BreakWatch`: were too many missing before it?
-- `Presence`: is there an operator? Else there is a gap, a lost link, or they have left.
+- `Presence`: is an operator present, or is there a gap, a lost link, or have they left?
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # a second's
 
 
 class SampleGate:
-    """Which samples may count: young, answered, newer than those before, well formed.
+    """Gate for samples: those count that are young, answered, in order and well formed.
 
     Young: certainly not older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`), which samples
     queued during an outage are. Answered: with an echo of a stamp of ours that is at most
@@ -48,7 +48,7 @@ class SampleGate:
         self._newest_sent_ns: int | None = None  # of those that counted
 
     def refusal(self, message: HandMessage, received_ns: int) -> str:
-        """Why it does not count; "" if it does, and from then on only newer ones do."""
+        """The reason not to count it; "" if it counts, and from then on only newer ones do."""
         self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, received_ns)
         refusal = self._too_old(message, received_ns)
         if refusal:
@@ -92,7 +92,7 @@ def _is_rotation(quaternion: tuple[float, ...]) -> bool:
 
 
 class BreakWatch:
-    """Whether samples are missing too often: in three breaks within a second, until it is over.
+    """Watch for samples missing too often: three breaks within a second, until it is over.
 
     Otherwise an attacker who chooses what is lost could steer the arm. A break is a time in which
     the newest sample that counts is older than `LinkConfig.bridge_ms` because others were lost,
@@ -109,7 +109,7 @@ class BreakWatch:
         self._used_ns = 0  # of them, for the newest
 
     def step(self, sent_ns: int, received_ns: int, transit: Transit) -> bool:
-        """Take in a sample that counts; whether with the break that it ends there are too many."""
+        """Take in a sample that counts; True if it ends a break that makes too many."""
         was_in_break, self._in_break = self._in_break, self._is_break(received_ns)
         self._newest_ns = sent_ns + transit.used_ns
         if not transit.is_early:
@@ -118,11 +118,11 @@ class BreakWatch:
         return self._in_break and not was_in_break and self._breaks.add(received_ns)
 
     def too_many(self, now_ns: int) -> bool:
-        """Whether there are too many now."""
+        """True while there are too many."""
         return self._breaks.too_many(now_ns)
 
     def _is_break(self, received_ns: int) -> bool:
-        """Whether the newest sample had become too old until the next was received."""
+        """True if the newest sample had become too old until the next was received."""
         if self._newest_ns is None:
             return False
         beyond_ns = received_ns - self._newest_ns - self._bridge_ns
@@ -134,7 +134,7 @@ class BreakWatch:
 
 
 class Presence:
-    """Whether there is an operator.
+    """Presence of an operator.
 
     Without a pose that counts for `lost_after_ms` the link has a gap, after `fault_after_ms` it is
     lost. It is lost at once, and for one sample at least, when the operator changes.
@@ -154,7 +154,7 @@ class Presence:
         self.counted_ns, self._lost_from_ns = None, 0
 
     def step(self, now_ns: int) -> ControllerSample | None:
-        """What stands for the operator's sample while there is none to count; None: there is."""
+        """The sample that stands for an absent operator's; None while one is present."""
         let_go, self._let_go = self._let_go, False
         if let_go:  # the next one may have been received since, but first the arm stops
             return self._absent
@@ -191,7 +191,7 @@ class LinkController(Controller):
 
     @property
     def counted_ns(self) -> int | None:
-        """When the newest message whose pose counts was received; None: none does."""
+        """The time when the newest message whose pose counts was received; None: none counts."""
         return self._presence.counted_ns
 
     def start(self) -> None:
@@ -256,7 +256,7 @@ class LinkController(Controller):
         self.clock.wake(now_ns)
 
     def _forget(self) -> None:
-        """What comes next is judged as the first; the operator's clock stays the same."""
+        """Judge the next sample as the first; the operator's clock stays the same."""
         self._gate.forget()
         self._presence.counted_ns = None
         self._transits = TransitFilter(self._config.jitter_ms)

@@ -24,7 +24,7 @@ _SLEW = 4  # one nanosecond less in each four
 
 @dataclass(frozen=True, slots=True)
 class Transit:
-    """What was decided about the transit time of one sample.
+    """The decision about the transit time of one sample.
 
     used_ns: what is added to the operator's times to have them on our clock [ns].
     is_early: it took less than all others, as an exception: its pose does not count.
@@ -78,7 +78,7 @@ class TransitFilter:
 
 
 class HandTimes:
-    """When pose and buttons were new, on our clock. Times never decrease.
+    """Pose and buttons with the times when they were new, on our clock; times never decrease.
 
     What has not changed keeps its time, so that a hand that is frozen grows old. Where the motion
     restarts, poses wait for 51 ms: `HandMotion` begins anew after such a gap. An early pose never

@@ -38,7 +38,7 @@ def datagram_socket(family: int) -> socket.socket:
 
 
 def _has_ipv6() -> bool:
-    """Whether this computer makes sockets of IPv6; a name may have such addresses all the same."""
+    """True if this computer makes sockets of IPv6; a name may have such addresses all the same."""
     try:
         socket.socket(socket.AF_INET6, socket.SOCK_DGRAM).close()
     except OSError:
@@ -60,7 +60,7 @@ def named(address: Address) -> str:
 
 
 def called(host: str, port: int) -> str:
-    """What is called, for the person who calls: a name with its addresses."""
+    """The name that is called, with its addresses, for the person who calls."""
     try:
         names = [named(address) for address in addresses_of(host, port)[1]]
     except (OSError, UnicodeError):  # who calls says so
@@ -70,6 +70,6 @@ def called(host: str, port: int) -> str:
 
 
 def is_loopback(address: Address) -> bool:
-    """Whether only programs of this computer are there."""
+    """True if only programs of this computer are there."""
     host = address[0].removeprefix(_MAPPED).partition("%")[0]
     return ipaddress.ip_address(host).is_loopback

@@ -126,7 +126,7 @@ class PeerClock:
 
     @property
     def round_trip_ns(self) -> int | None:
-        """What the fastest messages of both ways have taken together, at most; None: not known."""
+        """The time of the fastest messages of both ways together, at most; None: not known."""
         found = self._interval
         return None if found is None else found.most_ns - found.least_ns
 

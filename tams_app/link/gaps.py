@@ -27,12 +27,12 @@ class Breaks:
         self._ended_ns: deque[int] = deque(maxlen=_BREAKS)
 
     def add(self, now_ns: int) -> bool:
-        """One has ended; whether they are too many now."""
+        """One has ended; True if they are too many now."""
         self._ended_ns.append(now_ns)
         return self.too_many(now_ns)
 
     def too_many(self, now_ns: int) -> bool:
-        """Whether the arm holds."""
+        """True while the arm holds."""
         ended_ns = self._ended_ns
         return len(ended_ns) == _BREAKS and now_ns - ended_ns[0] <= _BREAKS_WITHIN_NS
 
@@ -74,7 +74,7 @@ def advice(gaps_ms: Sequence[float], seconds: float, link: LinkConfig, too_often
 
 
 class GapWatch:
-    """The gaps of a session in the last minute; says once what to do if too many hold the arm."""
+    """The gaps of a session's last minute; advises once what to do if too many hold the arm."""
 
     def __init__(self, link: LinkConfig) -> None:
         self._link = link

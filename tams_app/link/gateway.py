@@ -5,8 +5,8 @@ the other computer, and hands over what comes from there and is authentic. Messa
 socket pair, packets of the streams through loopback ports. Killing this process is a lost link.
 
 Specification: side (robot or operator), key (path, on the robot's side also of a folder, or null),
-host and port (to listen on, or to call), welcome (base64: what this side tells the other when the
-link begins), channel (descriptor).
+host and port (to listen on, or to call), welcome (base64: sent to the other side when the link
+begins), channel (descriptor).
 """
 
 from __future__ import annotations

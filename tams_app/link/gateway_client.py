@@ -104,7 +104,7 @@ class Gateway:
         welcome: bytes,
         log_directory: Path | None,
     ) -> None:
-        """`welcome`: what the other side is told when the link begins; an operator's is short."""
+        """`welcome`: sent to the other side when the link begins; an operator's is short."""
         self.event = LinkEvent()
         self._decoder = msgspec.msgpack.Decoder(FromGateway)
         self.port = 0  # of this computer, once it is ready

@@ -179,7 +179,7 @@ def _key_files(path: Path) -> list[Path]:
 
 
 def _is_folder(path: Path) -> bool:
-    """Whether it is known to be one; what cannot be looked at is told when it is read."""
+    """True if it is known to be one; what cannot be looked at is reported when it is read."""
     try:
         return path.is_dir()
     except OSError:
