@@ -182,11 +182,11 @@ def test_a_stranger_is_not_answered_and_the_robots_side_can_say_who_called() -> 
     assert rig.gets_through(desk)
 
 
-@pytest.mark.parametrize("first", [*range(256)])
-def test_who_scans_the_port_is_not_answered(first: int) -> None:
-    rig, draw = Rig(), random.Random(first)
-    for length in (0, 1, 8, 40, 90, 1199):
-        assert rig.at_robot(bytes((first,)) + draw.randbytes(length), THIEF).replies == []
+def test_who_scans_the_port_is_not_answered() -> None:
+    rig, draw = Rig(), random.Random(0)
+    for first in range(256):
+        for length in (0, 1, 8, 40, 90, 1199):
+            assert rig.at_robot(bytes((first,)) + draw.randbytes(length), THIEF).replies == []
     assert rig.at_robot(b"", THIEF).replies == []
 
 

@@ -38,6 +38,15 @@ def made(runtime, follow_head=False):
     return overlays
 
 
+@pytest.fixture
+def standing(fake, runtime):
+    """Overlays that stand in the room, around a head that looks straight on."""
+    overlays = made(runtime)
+    fake.devices[HEADSET].put((0.0, 1.6, 0.0))
+    assert overlays.look() == ""
+    return overlays
+
+
 def position(fake, key):
     return fake.overlays.of(key).transform[:, 3]
 
@@ -83,14 +92,11 @@ def test_they_stand_upright_on_the_side_that_a_nodding_or_tilted_head_faces(
     assert np.allclose(up, (0.0, 1.0, 0.0), atol=1e-6)
 
 
-def test_in_the_room_they_stay_when_the_head_moves(fake, runtime):
-    overlays = made(runtime)
-    fake.devices[HEADSET].put((0.0, 1.6, 0.0))
-    overlays.look()
+def test_in_the_room_they_stay_when_the_head_moves(fake, standing):
     before = position(fake, "tams.front").copy()
     fake.devices[HEADSET].put((0.5, 1.2, 0.3), Rotation.from_euler("y", 70, degrees=True))
     fake.overlays.done.clear()
-    overlays.look()
+    standing.look()
     assert np.array_equal(position(fake, "tams.front"), before)
     assert fake.overlays.done == []
 
@@ -107,49 +113,35 @@ def test_until_the_head_is_tracked_they_are_not_shown(fake, runtime):
     assert is_shown(fake) == [True, True]
 
 
-def test_a_headset_that_is_put_on_has_them_before_it(fake, runtime):
+@pytest.mark.parametrize(
+    ("rest", "moves"),
+    [
+        (openvr.k_EDeviceActivityLevel_Standby, True),
+        (openvr.k_EDeviceActivityLevel_Idle, False),
+    ],
+    ids=["taken off", "at rest for a moment"],
+)
+def test_a_headset_that_is_put_on_again_has_them_before_it(fake, standing, rest, moves):
     device = fake.devices[HEADSET]
-    device.put((0.0, 0.8, 0.0))  # on the table
-    overlays = made(runtime)
-    overlays.look()
-    device.activity = openvr.k_EDeviceActivityLevel_Standby
-    overlays.look()
-    device.put((0.0, 1.6, 0.0))
-    device.activity = openvr.k_EDeviceActivityLevel_UserInteraction
-    overlays.look()
-    assert position(fake, "tams.front")[1] == pytest.approx(1.6)
-
-
-def test_a_short_rest_of_the_head_moves_nothing(fake, runtime):
-    device = fake.devices[HEADSET]
-    device.put((0.0, 1.6, 0.0))
-    overlays = made(runtime)
-    overlays.look()
+    device.activity = rest
+    standing.look()
     device.put((0.3, 1.6, 0.0))
-    for level in (
-        openvr.k_EDeviceActivityLevel_Idle,
-        openvr.k_EDeviceActivityLevel_UserInteraction,
-    ):
-        device.activity = level
-        overlays.look()
-    assert position(fake, "tams.front")[0] == pytest.approx(0.0)
+    device.activity = openvr.k_EDeviceActivityLevel_UserInteraction
+    standing.look()
+    assert position(fake, "tams.front")[0] == pytest.approx(0.3 if moves else 0.0)
 
 
-def test_recentring_brings_them_before_the_head(fake, runtime):
-    overlays = made(runtime)
-    fake.devices[HEADSET].put((0.0, 1.6, 0.0))
-    overlays.look()
+def test_recentring_brings_them_before_the_head(fake, standing):
     fake.devices[HEADSET].put((0.0, 1.6, 0.0), Rotation.from_euler("y", -90, degrees=True))
     fake.events.append(RECENTRED)
-    overlays.look()
+    standing.look()
     assert np.allclose(position(fake, "tams.front"), (1.5, 1.6, 0.0), atol=1e-6)
     assert is_shown(fake) == [True, True]
 
 
-def test_a_runtime_that_quits_is_told_of_and_acknowledged(fake, runtime):
-    overlays = made(runtime)
+def test_a_runtime_that_quits_is_told_of_and_acknowledged(fake, standing):
     fake.quit()
-    assert overlays.look() == "SteamVR has quit"
+    assert standing.look() == "SteamVR has quit"
     assert fake.quits_acknowledged == 1
 
 
