@@ -130,10 +130,8 @@ class ComponentReader:
         """
         runtime = self._runtime
         try:
-            for event in runtime.events():
-                if event == runtime.vr.VREvent_Quit:
-                    runtime.system.acknowledgeQuit_Exiting()
-                    raise DeviceError("SteamVR has quit: start it, then try again.")
+            if runtime.events().quits:
+                raise DeviceError("SteamVR has quit: start it, then try again.")
             return self._read(runtime)
         except binding_errors(runtime.vr) as error:
             raise DeviceError(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.openvr.runtime import OpenVrRuntime, binding_errors
-from hw.openvr.tracking import frame_events, pose_matrix, tracking_problem
+from hw.openvr.tracking import pose_matrix, tracking_problem
 from tams_app.errors import DeviceError
 
 Matrix = NDArray[np.float64]
@@ -72,12 +72,11 @@ class Overlays:
         Why nothing is shown any more, "" if all is well.
         """
         runtime = self._runtime
-        for event in runtime.events():
-            if event == runtime.vr.VREvent_Quit:
-                runtime.system.acknowledgeQuit_Exiting()
-                return "SteamVR has quit"
-            if event in frame_events(runtime.vr):
-                self._placed = False
+        events = runtime.events()
+        if events.quits:
+            return "SteamVR has quit"
+        if events.frame_moved:
+            self._placed = False
         if self._follow_head:
             if not self._placed:
                 self._put_at_head()

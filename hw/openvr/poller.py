@@ -33,7 +33,6 @@ from hw.openvr.tracking import (
     FrameKeeper,
     HandKeeper,
     PoseKeeper,
-    frame_events,
     tracking_problem,
 )
 from tams_app.config import ControllerConfig
@@ -177,12 +176,11 @@ class OpenVrPoller:
         if runtime is None or source is None:
             return self._gone
         try:
-            for event in runtime.events():
-                if event == runtime.vr.VREvent_Quit:
-                    runtime.system.acknowledgeQuit_Exiting()
-                    return self._lose("SteamVR has quit", now_ns)
-                if event in frame_events(runtime.vr):
-                    self._frame.note_event()
+            events = runtime.events()
+            if events.frame_moved:
+                self._frame.note_event()
+            if events.quits:
+                return self._lose("SteamVR has quit", now_ns)
             self._frame.look(runtime.system.getRawZeroPoseToStandingAbsoluteTrackingPose())
             poses = runtime.poses()
             if self._is_alone(poses, now_ns):

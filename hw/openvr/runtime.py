@@ -9,7 +9,7 @@ from __future__ import annotations
 import importlib
 import os
 import platform
-from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +66,14 @@ def binding_errors(vr: Any) -> tuple[type[Exception], ...]:
     return (vr.OpenVRError, KeyError)
 
 
+@dataclass(frozen=True, slots=True)
+class RuntimeEvents:
+    """The events that matter: the runtime quits; the standing frame was moved."""
+
+    quits: bool
+    frame_moved: bool
+
+
 class OpenVrRuntime:
     """An open connection; nothing but `close` may be called after `close`."""
 
@@ -80,6 +88,13 @@ class OpenVrRuntime:
             raise DeviceError(_sentence(error)) from error
         self._poses = (self.vr.TrackedDevicePose_t * self.vr.k_unMaxTrackedDeviceCount)()
         self._event = self.vr.VREvent_t()
+        self._frame_events = (  # recentred, or another room
+            self.vr.VREvent_ChaperoneDataHasChanged,
+            self.vr.VREvent_ChaperoneUniverseHasChanged,
+            self.vr.VREvent_ChaperoneRoomSetupCommitted,
+            self.vr.VREvent_SeatedZeroPoseReset,
+            self.vr.VREvent_StandingZeroPoseReset,
+        )
         self._open = True
 
     @classmethod
@@ -93,12 +108,18 @@ class OpenVrRuntime:
         cls(vr.VRApplication_Background).close()
         return cls(vr.VRApplication_Overlay)
 
-    def events(self) -> Iterator[int]:
-        """The types of the events since the last call."""
+    def events(self) -> RuntimeEvents:
+        """The events since the last call; that it quits is acknowledged."""
+        moved = False
         for _ in range(MAX_EVENTS_PER_LOOK):
             if not self.system.pollNextEvent(self._event):
-                return
-            yield int(self._event.eventType)
+                break
+            kind = int(self._event.eventType)
+            if kind == self.vr.VREvent_Quit:
+                self.system.acknowledgeQuit_Exiting()
+                return RuntimeEvents(True, moved)
+            moved = moved or kind in self._frame_events
+        return RuntimeEvents(False, moved)
 
     def poses(self) -> Any:
         """TrackedDevicePose_t of every device, now, in the standing universe.

@@ -141,19 +141,6 @@ class FrameKeeper:
         return self._changed
 
 
-def frame_events(vr: Any) -> frozenset[int]:
-    """The events of a frame that was moved: recentred, or another room."""
-    return frozenset(
-        {
-            vr.VREvent_ChaperoneDataHasChanged,
-            vr.VREvent_ChaperoneUniverseHasChanged,
-            vr.VREvent_ChaperoneRoomSetupCommitted,
-            vr.VREvent_SeatedZeroPoseReset,
-            vr.VREvent_StandingZeroPoseReset,
-        }
-    )
-
-
 def _matrix(raw: bytes) -> NDArray[np.float64]:
     """HmdMatrix34_t as it lies in memory: rotation and position [m], shape (3, 4)."""
     return np.frombuffer(raw, dtype=np.float32).reshape(3, 4).astype(np.float64)
