@@ -39,20 +39,13 @@ def write(path: Path, content: bytes, mode: int = 0o600) -> None:
     path.chmod(mode)
 
 
-def test_a_new_key_can_be_read_back(path: Path) -> None:
-    new_key(path)
-    key = read_key(path)
-    assert (len(key.secret), key.name) == (KEY_BYTES, "arm")
-    assert key == read_key(path)
-    assert key.secret != LOOPBACK_KEY.secret
-
-
-def test_two_new_keys_differ(tmp_path: Path) -> None:
-    new_key(tmp_path / "a")
-    new_key(tmp_path / "b")
-    keys = [read_key(tmp_path / name) for name in "ab"]
+def test_new_keys_can_be_read_back_and_differ(tmp_path: Path) -> None:
+    paths = [new_key(tmp_path / f"{name}.key") for name in "ab"]
+    keys = [read_key(path) for path in paths]
+    assert keys == [read_key(path) for path in paths]
+    assert [(len(key.secret), key.name) for key in keys] == [(KEY_BYTES, "a"), (KEY_BYTES, "b")]
     for part in ("secret", "identity", "mac_key"):
-        assert len({getattr(key, part) for key in keys}) == 2
+        assert len({getattr(key, part) for key in (*keys, LOOPBACK_KEY)}) == 3
 
 
 def test_all_computers_make_the_same_of_a_secret() -> None:

@@ -14,6 +14,7 @@ pytestmark = pytest.mark.untimed
 @pytest.mark.parametrize(
     ("code", "says"),
     [
+        (openvr.VRInitError_Init_PathRegistryNotFound, "not installed"),
         (openvr.VRInitError_Init_HmdNotFound, "no headset"),
         (openvr.VRInitError_Init_ShuttingDown, "not running"),
         (openvr.VRInitError_IPC_ConnectFailed, "IPC_ConnectFailed"),
