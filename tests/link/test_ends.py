@@ -522,12 +522,6 @@ def test_after_the_robots_goodbye_the_operator_calls_again() -> None:
 # --- silence --------------------------------------------------------------------------------------
 
 
-def test_a_robot_that_is_heard_is_not_called_again() -> None:
-    rig, desk = connected()
-    rig.run_ms(60_000, desk)
-    assert desk.calls == 1
-
-
 def test_video_alone_is_a_sign_of_life() -> None:
     rig, desk = connected()
     for number in range(600):
