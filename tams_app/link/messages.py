@@ -29,7 +29,7 @@ class MessageError(TamsError):
     """Bytes that are no message of the kind that was expected."""
 
 
-class Welcome(msgspec.Struct, frozen=True):
+class SessionDescription(msgspec.Struct, frozen=True):
     """The session that the robot's side runs."""
 
     protocol: Whole
@@ -121,10 +121,10 @@ class StateMessage(msgspec.Struct, frozen=True, array_like=True):
     failed: bool
 
 
-Message = TypeVar("Message", Welcome, HandMessage, StateMessage)
+Message = TypeVar("Message", SessionDescription, HandMessage, StateMessage)
 
 
-def encode(message: Welcome | HandMessage | StateMessage) -> bytes:
+def encode(message: SessionDescription | HandMessage | StateMessage) -> bytes:
     """The bytes of a message."""
     return msgspec.msgpack.encode(message)
 

@@ -21,7 +21,7 @@ from tams_app.link.messages import (
     OPERATOR_FOLDER_FACT,
     PROTOCOL,
     SESSION_FACT,
-    Welcome,
+    SessionDescription,
     encode,
 )
 from tams_app.recording.journal import Journal
@@ -93,7 +93,7 @@ class LinkedOperator(StreamedOperator):
         config = self._config
         self._sent = sent
         self._hand.follow(sent)
-        welcome = Welcome(
+        welcome = SessionDescription(
             protocol=PROTOCOL,
             version=__version__,
             session=secrets.token_hex(8),
@@ -246,7 +246,7 @@ class LinkedOperator(StreamedOperator):
 
 
 def driving_of(config: Config) -> dict[str, dict[str, object]]:
-    """`Welcome.driving`."""
+    """`SessionDescription.driving`."""
 
     def told(
         section: Section, include: set[str] | None = None, exclude: set[str] | None = None

@@ -10,7 +10,12 @@ from tams_app.config import Config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.addresses import called
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint, Gateway
-from tams_app.link.messages import OPERATOR_FACT, ROBOT_FOLDER_FACT, SESSION_FACT, Welcome
+from tams_app.link.messages import (
+    OPERATOR_FACT,
+    ROBOT_FOLDER_FACT,
+    SESSION_FACT,
+    SessionDescription,
+)
 from tams_app.recording.journal import Journal
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.ending import Ending
@@ -37,7 +42,7 @@ class RobotCall:
     """
 
     gateway: Gateway
-    welcome: Welcome
+    welcome: SessionDescription
     config: Config
     moves_by: Config | None
     hand: str
@@ -91,7 +96,7 @@ def _answer(
     parts: Parts,
     ending: Ending,
     notify: Callable[[str], None],
-) -> Welcome:
+) -> SessionDescription:
     reported_ns, busy = clock.now_ns(), False
     where = called(endpoint.host, endpoint.port)
     while (welcome := welcome_of(gateway.event)) is None:

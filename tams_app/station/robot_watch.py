@@ -7,7 +7,7 @@ from collections.abc import Callable
 from msgspec.structs import replace
 
 from tams_app.config import Config
-from tams_app.link.messages import Welcome
+from tams_app.link.messages import SessionDescription
 from tams_app.records import LINK_LOST, Outcome, SessionState, TakeNote
 from tams_app.runtime.clock import Clock
 from tams_app.station.linked_robot import LinkedRobot
@@ -25,7 +25,7 @@ class RobotWatch:
         config: Config,
         clock: Clock,
         link: LinkedRobot,
-        welcome: Welcome,
+        welcome: SessionDescription,
         note: TakeNote,
         end: Callable[[str], None],
     ) -> None:

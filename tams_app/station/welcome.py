@@ -13,7 +13,7 @@ from tams_app.config.motion import ArmConfig, FreshnessConfig, HandConfig
 from tams_app.config.section import Section
 from tams_app.errors import ConfigError, TamsError
 from tams_app.link.gateway_client import LinkEvent
-from tams_app.link.messages import PROTOCOL, MessageError, Welcome, decode
+from tams_app.link.messages import PROTOCOL, MessageError, SessionDescription, decode
 from tams_app.video.core.repair import RepairRule
 
 Part = TypeVar("Part", bound=Section)
@@ -29,7 +29,7 @@ _NOT_KNOWN = (
 )
 
 
-def welcome_of(event: LinkEvent) -> Welcome | None:
+def welcome_of(event: LinkEvent) -> SessionDescription | None:
     """The robot side's description of its session; None until it has answered.
 
     TamsError if it speaks another version of the protocol.
@@ -37,7 +37,7 @@ def welcome_of(event: LinkEvent) -> Welcome | None:
     if event.welcome is None:
         return None
     try:
-        welcome = decode(event.welcome, Welcome)
+        welcome = decode(event.welcome, SessionDescription)
     except MessageError as error:
         raise TamsError(
             "the robot's side runs a version of TAMS that this one does not understand: "
@@ -51,7 +51,7 @@ def welcome_of(event: LinkEvent) -> Welcome | None:
     return welcome
 
 
-def follow(welcome: Welcome, ours: Config) -> Config:
+def follow(welcome: SessionDescription, ours: Config) -> Config:
     """Our configuration for the session that the robot's side runs.
 
     With its video, its workspace, which the operator is shown, and its rotation of the hand, since
@@ -77,7 +77,7 @@ def follow(welcome: Welcome, ours: Config) -> Config:
     return ours.model_copy(update=update)
 
 
-def driven(welcome: Welcome, ours: Config) -> Config | None:
+def driven(welcome: SessionDescription, ours: Config) -> Config | None:
     """Our configuration with the arm, hand and limits of the robot's side, which it moves by.
 
     None: not known. TamsError if a section of it is none here.
@@ -92,7 +92,7 @@ def driven(welcome: Welcome, ours: Config) -> Config | None:
     return ours.model_copy(update={**sections, "rig": rig})
 
 
-def repair_of(welcome: Welcome) -> RepairRule:
+def repair_of(welcome: SessionDescription) -> RepairRule:
     """The repair of the robot side's video; TamsError if that is no rule here."""
     try:
         rule = RepairRule(**welcome.repair)  # type: ignore[arg-type]

@@ -18,8 +18,8 @@ from tams_app.errors import ConfigError, UnreadableLogError
 from tams_app.link.messages import (
     HandMessage,
     MessageError,
+    SessionDescription,
     StateMessage,
-    Welcome,
     decode,
     encode,
 )
@@ -27,7 +27,7 @@ from tams_app.recording.reader import read_log, read_records
 from tams_app.recording.topics import TOPICS
 from tests.fuzzing import link
 
-MESSAGES = (Welcome, HandMessage, StateMessage)
+MESSAGES = (SessionDescription, HandMessage, StateMessage)
 RECORDS = tuple(TOPICS.values())
 MEMORY_BYTES = 1 << 30  # more than this for a short input is a finding
 

@@ -16,15 +16,15 @@ from tams_app.link.messages import (
     PROTOCOL,
     HandMessage,
     MessageError,
+    SessionDescription,
     StateMessage,
-    Welcome,
     decode,
     encode,
 )
 
 pytestmark = pytest.mark.untimed
 
-KINDS = (Welcome, HandMessage, StateMessage)
+KINDS = (SessionDescription, HandMessage, StateMessage)
 NS = st.integers(0, 2**62 - 1)
 COUNT = st.integers(0, 2**31)
 NUMBER = st.floats(allow_nan=False)
@@ -81,7 +81,7 @@ HAND = HandMessage(
     stops=0,
 )
 
-WELCOME = Welcome(
+WELCOME = SessionDescription(
     protocol=PROTOCOL,
     version="2",
     session="a",
@@ -117,14 +117,14 @@ def with_field(name: str, value: object) -> bytes:
 
 @given(welcomes | hands | states)
 def test_messages_come_back_as_they_were(
-    message: Welcome | HandMessage | StateMessage,
+    message: SessionDescription | HandMessage | StateMessage,
 ) -> None:
     assert decode(encode(message), type(message)) == message
 
 
 @given(welcomes | hands | states, st.data())
 def test_a_truncated_message_is_refused(
-    message: Welcome | HandMessage | StateMessage, data: st.DataObject
+    message: SessionDescription | HandMessage | StateMessage, data: st.DataObject
 ) -> None:
     whole = encode(message)
     length = data.draw(st.integers(0, len(whole) - 1))
@@ -203,7 +203,7 @@ def test_fields_that_a_later_version_adds_are_left_out() -> None:
     later = msgspec.msgpack.encode([*fields(HAND), "new", {"newer": 1}])
     assert decode(later, HandMessage) == HAND
     named = {**msgspec.msgpack.decode(encode(WELCOME)), "camera": "eih"}
-    assert decode(msgspec.msgpack.encode(named), Welcome) == WELCOME
+    assert decode(msgspec.msgpack.encode(named), SessionDescription) == WELCOME
 
 
 def test_a_message_without_what_is_asked_for_asks_for_nothing() -> None:
@@ -222,4 +222,4 @@ def test_deeply_nested_nonsense_is_refused(depth: int) -> None:
             decode(b"\x91" * depth, kind)
     named = {**msgspec.msgpack.decode(encode(WELCOME)), "x": msgspec.Raw(b"\x91" * depth)}
     with pytest.raises(MessageError):
-        decode(msgspec.msgpack.encode(named), Welcome)
+        decode(msgspec.msgpack.encode(named), SessionDescription)

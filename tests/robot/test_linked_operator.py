@@ -9,7 +9,7 @@ import msgspec
 import pytest
 
 from tams_app.config import load_config
-from tams_app.link.messages import Welcome, decode
+from tams_app.link.messages import SessionDescription, decode
 from tams_app.records import Allocation, Phase
 from tams_app.robot import linked_operator
 from tams_app.robot.control import Signals
@@ -62,6 +62,6 @@ def test_what_is_too_much_to_be_told_of_driving_is_left_out_with_a_word(
 
     operator = LinkedOperator(config, VirtualClock(NS_PER_S), Signals(), log, gateway, "robot")
     operator.open(RepairRule(True, 60, 300.0), True, {})
-    driving = decode(told[0], Welcome).driving
+    driving = decode(told[0], SessionDescription).driving
     assert driving == ({"limits": {"max_speed_mm_s": 150.0}} if fits else None)
     assert ("as received" in " ".join(log.notes)) is not fits

@@ -11,8 +11,8 @@ from tams_app.config import Config, load_config
 from tams_app.link.messages import (
     OPERATOR_FOLDER_FACT,
     HandMessage,
+    SessionDescription,
     StateMessage,
-    Welcome,
     decode,
 )
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
@@ -508,12 +508,12 @@ def test_both_sides_know_the_clocks_difference_to_within_what_they_say(there_ms:
 
 
 def test_the_welcome_says_what_receivers_must_know():
-    welcome = decode(Sides().welcome, Welcome)
+    welcome = decode(Sides().welcome, SessionDescription)
     assert welcome.video["views"] == list(VIEWS)
     assert welcome.repair["latency_ms"] == 60
     assert welcome.feedback
     robot = load_config(overrides={"limits.radius_max_mm": 400.0, "limits.floor_mm": 9.0})
-    told = decode(Sides(config=robot).welcome, Welcome)
+    told = decode(Sides(config=robot).welcome, SessionDescription)
     followed = follow(told, CONFIG).limits
     assert (followed.radius_max_mm, followed.floor_mm) == (400.0, 9.0)
     assert followed.max_speed_mm_s == CONFIG.limits.max_speed_mm_s

@@ -21,7 +21,7 @@ from tams_app.faces.silence import as_known, silence_of
 from tams_app.faces.terminal.line import status_words
 from tams_app.link.gateway_client import Endpoint, Gateway, LinkEvent
 from tams_app.link.keys import new_key
-from tams_app.link.messages import PROTOCOL, StateMessage, Welcome, decode, encode
+from tams_app.link.messages import PROTOCOL, SessionDescription, StateMessage, decode, encode
 from tams_app.records import LatencyState, Outcome, SessionState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.operate import operate
@@ -77,7 +77,7 @@ def welcome(**changes: object) -> bytes:
         "driving": {},
         "stopped_after_ms": 350.0,
     }
-    return encode(Welcome(**{**fields, **changes}))
+    return encode(SessionDescription(**{**fields, **changes}))
 
 
 @pytest.fixture
@@ -164,7 +164,7 @@ class Watched:
             config,
             self.clock,
             self.link,
-            decode(welcome(stopped_after_ms=stopped_after_ms), Welcome),
+            decode(welcome(stopped_after_ms=stopped_after_ms), SessionDescription),
             lambda _level, text: self.told.append(text),
             self.ended.append,
         )
@@ -179,7 +179,7 @@ def test_at_the_end_it_is_known_of_a_rig_whether_the_block_was_placed(
 ) -> None:
     state = SimpleNamespace(state=SimpleNamespace(placed=placed))
     watched = Watched(simulated(), 350.0, state=state)
-    watched.watch._welcome = decode(welcome(simulated=simulated_robot), Welcome)
+    watched.watch._welcome = decode(welcome(simulated=simulated_robot), SessionDescription)
     outcome = watched.watch.outcome("over")
     assert outcome == Outcome(completed, None, None, None, "over")
 

@@ -12,7 +12,7 @@ from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.config.motion import WORKSPACE
 from tams_app.errors import TamsError
 from tams_app.link.ends import WELCOME_BYTES
-from tams_app.link.messages import Welcome, decode, encode
+from tams_app.link.messages import SessionDescription, decode, encode
 from tams_app.robot.linked_operator import driving_of
 from tams_app.session.robot import for_robot
 from tams_app.station.welcome import driven, follow, repair_of
@@ -24,9 +24,9 @@ pytestmark = pytest.mark.untimed
 RULE = RepairRule(True, 60, 300.0)
 
 
-def heard(repair: dict[str, Any]) -> Welcome:
+def heard(repair: dict[str, Any]) -> SessionDescription:
     """What arrives of a robot's side with this rule of repair."""
-    return decode(encode(msgspec.structs.replace(WELCOME, repair=repair)), Welcome)
+    return decode(encode(msgspec.structs.replace(WELCOME, repair=repair)), SessionDescription)
 
 
 def test_the_robots_rule_of_repair_is_followed() -> None:
@@ -48,7 +48,7 @@ def test_a_rule_of_repair_of_another_version_is_refused_in_a_sentence(
 TURNED = ((0.0, 1.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 0.0, 1.0))
 
 
-def robots(**changes: Any) -> Welcome:
+def robots(**changes: Any) -> SessionDescription:
     """What arrives of a robot's side whose configuration has these `changes`."""
     config = load_config(None, {key.replace("__", "."): value for key, value in changes.items()})
     told = msgspec.structs.replace(
@@ -58,7 +58,7 @@ def robots(**changes: Any) -> Welcome:
         workspace=config.limits.model_dump(mode="json", include=WORKSPACE),
         driving=driving_of(config),
     )
-    return decode(encode(told), Welcome)
+    return decode(encode(told), SessionDescription)
 
 
 def test_the_arm_moves_as_the_robots_side_has_it() -> None:
