@@ -11,9 +11,8 @@ A lens that distorts stands in K's place: x₁ is undistorted to its ray, and th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import product
-from typing import TypeAlias
 
 import cv2
 import numpy as np
@@ -32,9 +31,6 @@ _CELL_PX = 8  # of the mesh on which the map is computed; between its points it 
 _FAR_PX = 1e4
 _LEAST_DEPTH = 1e-6
 _ONE_MAP = np.empty(0, np.float32)  # the second map, where the first has both coordinates
-
-Resample: TypeAlias = Callable[[Image, int], Image]
-"""The picture now, of a picture then and one of OpenCV's ways to interpolate."""
 
 
 def mounted(pose: Pose, mount: Pose) -> Pose:
@@ -174,17 +170,11 @@ class RayMap:
         self._rays = np.insert(slopes, 2, 1.0, axis=1)
         self._shape = len(down), len(across)
 
-    def __call__(self, change: NDArray[np.float64]) -> Resample:
-        """What makes a picture now of one then; `change`: from rays now to those then, (3, 3)."""
-        places = self.places(change)
-
-        def resample(image: Image, how: int) -> Image:
-            return np.asarray(cv2.remap(image, places, _ONE_MAP, how), np.uint8)
-
-        return resample
-
     def places(self, change: NDArray[np.float64]) -> NDArray[np.float32]:
-        """Where each pixel now was then [px], shape (height, width, 2)."""
+        """Where each pixel now was then [px], shape (height, width, 2).
+
+        `change`: from rays now to those then, shape (3, 3).
+        """
         then = self._rays @ change.T
         depth = np.maximum(then[:, 2:], _LEAST_DEPTH)
         pixels = np.clip(self._lens.pixels(then[:, :2] / depth), -_FAR_PX, _FAR_PX)
@@ -211,7 +201,7 @@ class WristWarp:
 
         `grip`: what does so besides while the gripper is closed.
         """
-        self._lens, self._border, self._resampling = lens, border_rays(lens), RayMap(lens)
+        self._lens, self._border, self._map = lens, border_rays(lens), RayMap(lens)
         fixed, held = (covered_by(each, lens) * np.uint8(255) for each in (tool, grip))
         self._still = {False: fixed, True: fixed | held}
 
@@ -226,9 +216,9 @@ class WristWarp:
         change = plane_change(self._border, *place)
         if change is None:
             return None
-        resample = self._resampling(change)
-        warped = resample(image, cv2.INTER_LINEAR)
-        seen = resample(~still, cv2.INTER_NEAREST)
+        places = self._map.places(change)
+        warped = np.asarray(cv2.remap(image, places, _ONE_MAP, cv2.INTER_LINEAR), np.uint8)
+        seen = np.asarray(cv2.remap(~still, places, _ONE_MAP, cv2.INTER_NEAREST), np.uint8)
         unseen = ~(seen | still)  # masks of 0 and 255, by which OpenCV copies at once
         cv2.copyTo(np.full_like(image, _UNSEEN), unseen, warped)
         cv2.copyTo(image, still, warped)
