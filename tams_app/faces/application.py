@@ -12,7 +12,7 @@ import msgspec
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.messages import LONGEST, CommandRequest, Event, Opening
-from tams_app.prediction.cameras import array_of
+from tams_app.prediction.present import array_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
 from tams_app.station.mount_memory import PresentViews

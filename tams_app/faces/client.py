@@ -26,7 +26,7 @@ from tams_app.faces.messages import (
     Outline,
     ShownWorkspace,
 )
-from tams_app.prediction.cameras import numbers_of
+from tams_app.prediction.present import numbers_of
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.station.mount_memory import MountMemory

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import msgspec
 
 from tams_app.faces.commands import Command
-from tams_app.prediction.cameras import PredictedCamera
+from tams_app.prediction.present import PredictedCamera
 from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face reports at least so often

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
+import msgspec
 import numpy as np
 
-from tams_app.prediction.forward_model import ArmHeard, ForwardModel
-from tams_app.prediction.outline import ArmOutline, PlacedArm
+from tams_app.prediction.forward_model import ArmHeard, ForwardModel, Trail
+from tams_app.prediction.outline import ArmLink, ArmOutline, PlacedArm
 from tams_app.prediction.plane_warp import WristWarp
-from tams_app.prediction.trail import Trail
-from tams_app.records import ControllerSample, Image, MountPrediction, Pose, Vector
+from tams_app.records import (
+    ControllerSample,
+    Image,
+    Lens,
+    MountPrediction,
+    Pose,
+    Solid,
+    Vector,
+)
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.vectors import ZERO, Floats3
 
 PREDICTED_FACT = "predicted_views"  # names of those that are corrected, joined by commas
 OLDEST_NS = 500 * NS_PER_MS  # a frame that is older is shown as received
@@ -209,11 +218,15 @@ class Present:
             self.on_failure(error)
 
 
-class CorrectedView(ABC):
-    """A view whose late frames are shown with what is believed of the present."""
+class CorrectedView:
+    """A view whose late frames are shown with what is believed of the present.
 
-    def __init__(self, trail: MountTrail) -> None:
-        self._trail = trail
+    That of a camera on the arm as it would look now; that of one that stands still with the outline
+    of the arm as it is now, and where it is led.
+    """
+
+    def __init__(self, drawing: WristWarp | ArmOutline, trail: MountTrail) -> None:
+        self._drawing, self._trail = drawing, trail
 
     def show(self, image: Image, capture_ns: int, now_ns: int) -> Shown:
         """`image`, grey or BGR, as it is shown now; as received where that is not known.
@@ -225,27 +238,31 @@ class CorrectedView(ABC):
         """
         if now_ns + self._trail.offset_ns - capture_ns > OLDEST_NS:
             return Shown(image, as_received=AsReceived.OLD)
-        then, believed = self._trail.then(capture_ns), self._trail.now(now_ns)
-        if then is None or believed is None:
+        then, now = self._trail.then(capture_ns), self._trail.now(now_ns)
+        if then is None or now is None:
             return Shown(image, as_received=AsReceived.UNKNOWN)
-        if not believed.trusted:
+        if not now.trusted:
             return Shown(image, as_received=AsReceived.UNSURE)
-        return self._correct(image, then, believed)
+        if isinstance(self._drawing, ArmOutline):
+            drawn = self._drawing.over(image, then, now.arm, now.commanded)
+            return Shown(image) if drawn is None else Shown(drawn, Correction.OUTLINE)
+        if not now.camera_fits:
+            return Shown(image, as_received=AsReceived.MISFIT)
+        warped = self._drawing.to_now(image, then.mount, now.arm.mount, now.closed)
+        if warped is None:
+            return Shown(image, as_received=AsReceived.HORIZON)
+        return Shown(warped, Correction.PREDICTED)
 
     def luma(self, luma: Image, capture_ns: int, now_ns: int) -> Image:
         """The luma of what is shown of a frame."""
         return self.show(luma, capture_ns, now_ns).image
 
-    @abstractmethod
-    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
-        """`image`, with the arm at `then` when it was captured."""
-
 
 class WristView(CorrectedView):
-    """The view of a camera on the arm: as it would look now."""
+    """The view of a camera on the arm, which can also be drawn from where the arm has been."""
 
     def __init__(self, warp: WristWarp, trail: MountTrail) -> None:
-        super().__init__(trail)
+        super().__init__(warp, trail)
         self._warp = warp
 
     def measured(self, t_ns: int) -> Pose | None:
@@ -263,22 +280,38 @@ class WristView(CorrectedView):
         """
         return self._warp.to_now(image, then, now, self._trail.closed)
 
-    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
-        if not now.camera_fits:
-            return Shown(image, as_received=AsReceived.MISFIT)
-        warped = self._warp.to_now(image, then.mount, now.arm.mount, now.closed)
-        if warped is None:
-            return Shown(image, as_received=AsReceived.HORIZON)
-        return Shown(warped, Correction.PREDICTED)
+
+class PredictedCamera(msgspec.Struct, frozen=True):
+    """A camera, and the arm that it sees; msgspec needs the hooks `numbers_of` and `array_of`.
+
+    lens: in the frame of the arm's mount if `on_arm`, with which it moves then; else of the base.
+    tool, grip: in the frame of the mount; the latter is what closed fingers cover besides. tip: the
+    TCP [m], in that frame. links: those before the mount, of a camera that stands still.
+    """
+
+    lens: Lens
+    tool: tuple[Solid, ...]
+    grip: tuple[Solid, ...] = ()
+    on_arm: bool = True
+    tip: Floats3 = ZERO
+    links: tuple[ArmLink, ...] = ()
+
+    def view(self, trail: MountTrail) -> CorrectedView:
+        """What corrects its frames; `trail`: of the mount."""
+        if self.on_arm:
+            return WristView(WristWarp(self.lens, self.tool, self.grip), trail)
+        return CorrectedView(ArmOutline(self.lens, self.tool, self.tip, self.links), trail)
 
 
-class FixedView(CorrectedView):
-    """The view of a camera that stands still, with what is now: the arm and where it is led."""
+def numbers_of(array: Vector) -> list[float]:
+    """A pose's position as msgspec encodes it."""
+    numbers: list[float] = array.tolist()
+    return numbers
 
-    def __init__(self, outline: ArmOutline, trail: MountTrail) -> None:
-        super().__init__(trail)
-        self._outline = outline
 
-    def _correct(self, image: Image, then: PlacedArm, now: Believed) -> Shown:
-        drawn = self._outline.over(image, then, now.arm, now.commanded)
-        return Shown(image) if drawn is None else Shown(drawn, Correction.OUTLINE)
+def array_of(_type: type, numbers: Any) -> Vector:
+    """The position again."""
+    position = np.array(numbers, float)
+    if position.shape != (3,):
+        raise ValueError(f"a position has three numbers, not {numbers}")
+    return position

@@ -7,13 +7,13 @@ from collections.abc import Callable
 from hw.arms import arm_kind
 from tams_app.config import Config
 from tams_app.prediction.camera_check import CameraCheck
-from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.forward_model import ForwardModel
 from tams_app.prediction.outline import links_of
 from tams_app.prediction.present import (
     PREDICTED_FACT,
     CorrectedView,
     MountTrail,
+    PredictedCamera,
     Present,
     WristView,
 )

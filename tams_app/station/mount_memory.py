@@ -15,8 +15,15 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tams_app.prediction.cameras import PredictedCamera, array_of, numbers_of
-from tams_app.prediction.present import UNKNOWN_JOINTS, MountTrail, Shown, WristView
+from tams_app.prediction.present import (
+    UNKNOWN_JOINTS,
+    MountTrail,
+    PredictedCamera,
+    Shown,
+    WristView,
+    array_of,
+    numbers_of,
+)
 from tams_app.records import Image, MountPrediction, Pose
 from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import (

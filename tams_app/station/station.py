@@ -11,7 +11,7 @@ from hw.controller import Controller
 from hw.desk.keyboard import KeyboardController
 from hw.make_controller import make_controller
 from tams_app.config import Config
-from tams_app.prediction.cameras import PredictedCamera
+from tams_app.prediction.present import PredictedCamera
 from tams_app.recording.journal import Journal
 from tams_app.records import ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock

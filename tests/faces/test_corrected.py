@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from tams_app.faces.corrected import Corrected
-from tams_app.prediction.cameras import PredictedCamera
+from tams_app.prediction.present import PredictedCamera
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.shared_ring import open_block

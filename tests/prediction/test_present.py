@@ -6,15 +6,17 @@ import msgspec
 import numpy as np
 import pytest
 
-from tams_app.prediction.cameras import PredictedCamera, array_of, numbers_of
 from tams_app.prediction.forward_model import ArmHeard
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.prediction.present import (
     OLDEST_NS,
     AsReceived,
     MountTrail,
+    PredictedCamera,
     Present,
     WristView,
+    array_of,
+    numbers_of,
 )
 from tams_app.records import MountPrediction, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.prediction.trail import Trail
+from tams_app.prediction.forward_model import Trail
 
 pytestmark = pytest.mark.untimed
 

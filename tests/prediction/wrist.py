@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from tams_app.prediction.cameras import PredictedCamera
 from tams_app.prediction.plane_warp import mounted
+from tams_app.prediction.present import PredictedCamera
 from tams_app.records import Image, Lens, MountPrediction, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.prediction.cameras import PredictedCamera
-from tams_app.prediction.present import AsReceived, Correction
+from tams_app.prediction.present import AsReceived, Correction, PredictedCamera
 from tams_app.records import Lens, Pose, ShownFrame, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
