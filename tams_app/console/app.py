@@ -14,10 +14,17 @@ from tams_app.config import Config
 from tams_app.console.end_screen import ask_at_end
 from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
-from tams_app.faces.commands import Command, actions_of, carry_out
+from tams_app.faces.commands import Command
 from tams_app.faces.display import has_display
-from tams_app.faces.registry import FACES, SessionDisplay, ShowsEnd, check_faces
-from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
+from tams_app.faces.registry import (
+    FACES,
+    FacedSession,
+    SessionDisplay,
+    ShownReplay,
+    ShownTrial,
+    check_faces,
+)
+from tams_app.faces.session_face import carry_out
 from tams_app.faces.terminal.keys import KeyPresses, TerminalKeys, handled_signals
 from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.faces.terminal.output import unblocked_output
@@ -199,7 +206,7 @@ def _watch(
     with ExitStack() as stack:
         has_keys = _read_keys(session, stack, trial)
         for face in faces:  # to be closed before the keys: what it shows at the end gets old
-            stack.callback(face.end if shows_end and isinstance(face, ShowsEnd) else face.close)
+            stack.callback(face.end if shows_end else face.close)
             face.open()
         if not session.config.operator_is_simulated:
             _show_how_to_begin(session, has_keys, bool(session.displays))
@@ -285,13 +292,12 @@ def _show_how_to_begin(session: ShownSession, has_keys: bool, has_window: bool) 
 
 def _read_keys(session: ShownSession, stack: ExitStack, trial: ShownTrial | None) -> bool:
     """Act on the terminal's keys from now on; False if there is no terminal to read."""
-    actions = actions_of(session, trial.actions) if trial else actions_of(session)
     presses, clock = defaultdict[Command, KeyPresses](KeyPresses), MonotonicClock()
 
     def act(command: Command, asked_ns: int) -> None:
         now_ns = clock.now_ns()
         if presses[command].counts(now_ns) or command is Command.EMERGENCY_STOP:
-            carry_out(session, actions, command, asked_ns)
+            carry_out(session, trial, command, asked_ns)
 
     keys = TerminalKeys()
     stack.callback(keys.close)

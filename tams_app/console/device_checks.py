@@ -65,7 +65,7 @@ def _start_controller(config: Config) -> None:
 def headset(config: Config) -> Iterator[Finding]:
     """OpenGL for the views in the headset, where they are wanted."""
     from tams_app.faces.display import has_display
-    from tams_app.faces.headset.session_headset import headset_is_wanted
+    from tams_app.faces.session_face import headset_is_wanted
 
     if config.headless or not has_display() or not headset_is_wanted(config):
         return

@@ -14,7 +14,7 @@ from tams_app.console.report import PAGE_NAME
 from tams_app.console.summary_tables import stop_texts, task_verdict
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended
-from tams_app.faces.registry import SessionDisplay, ShowsEnd
+from tams_app.faces.registry import SessionDisplay
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 
@@ -38,7 +38,7 @@ def ask_at_end(
     None, where it has failed so that there is none. `signals`: those that have come, any of which
     ends it. `may_repeat`: whether it can be started anew from here, unless it has failed.
     """
-    screens = [face for face in faces if isinstance(face, ShowsEnd) and face.is_there]
+    screens = [face for face in faces if face.is_there]
     if not screens:
         return False
     may_repeat = may_repeat and not failure
@@ -86,7 +86,7 @@ def _stop_lines(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _answer(
-    screens: Sequence[ShowsEnd], signals: Sequence[str], limit_s: float | None
+    screens: Sequence[SessionDisplay], signals: Sequence[str], limit_s: float | None
 ) -> Command | None:
     """The first answer; None where there is none, for a signal, the time, or lack of a window."""
     end_s = None if limit_s is None else time.monotonic() + limit_s

@@ -5,7 +5,7 @@ from __future__ import annotations
 import select
 import socket
 import threading
-from collections.abc import Callable
+from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,6 +47,11 @@ class Face:
 
 WINDOW = Face(
     "window", "tams_app.faces.window.process", "run with --headless to go without a window"
+)
+HEADSET = Face(
+    "headset",
+    "tams_app.faces.headset.process",
+    "set headset.show to never to go without the views in the headset",
 )
 
 
@@ -126,15 +131,18 @@ class FaceClient:
         if self._facts is not None:
             self._facts.put(msgspec.structs.replace(facts, reported_ns=self._clock.now_ns()))
 
-    def body(self, on_event: Callable[[Event], None]) -> Callable[[threading.Event], None]:
-        """A worker's body that hands on every event, until stop is requested or none can come."""
-
-        def run(stop: threading.Event) -> None:
-            while not stop.is_set() and (content := self._read()) != b"":
-                if content is not None:
-                    self._receive(msgspec.msgpack.decode(content, type=Event), on_event)
-
-        return run
+    def events(self, stop: threading.Event) -> Iterator[Event]:
+        """Every event as it comes, until `stop` is set or none can come; for a worker's thread."""
+        while not stop.is_set() and (content := self._read()) != b"":
+            if content is None:
+                continue
+            event = msgspec.msgpack.decode(content, type=Event)
+            self.heard_ns = self._clock.now_ns()
+            if isinstance(event, Keys):
+                self.keys = event
+            if isinstance(event, Keys | Beat):
+                self.seen_ns = event.seen_ns
+            yield event
 
     @property
     def ended(self) -> bool:
@@ -154,14 +162,6 @@ class FaceClient:
             return self._socket.recv(LONGEST) if ready else None
         except ConnectionError:
             return b""
-
-    def _receive(self, event: Event, on_event: Callable[[Event], None]) -> None:
-        self.heard_ns = self._clock.now_ns()
-        if isinstance(event, Keys):
-            self.keys = event
-        if isinstance(event, Keys | Beat):
-            self.seen_ns = event.seen_ns
-        on_event(event)
 
 
 def _opening(config: Config, blind: bool, replay: Outline | None) -> Opening:

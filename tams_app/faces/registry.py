@@ -3,19 +3,154 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol, TypeAlias, runtime_checkable
+from pathlib import Path
+from typing import Protocol, TypeAlias
 
+from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import Ended
-from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
+from tams_app.faces.messages import Ended, Keys, Outline, ReplayFacts, TrialFacts
+from tams_app.records import EpisodeRequest, SessionState
 from tams_app.registry import Registry
+from tams_app.station.fresh_video import Displays
+from tams_app.station.mount_memory import MountMemory
+from tams_app.video.live.frame_ring import FrameBlock
 
 
-class SessionDisplay(Protocol):
-    """A face: launched before the session has the processor, opened once it has started."""
+class OperatorSignals(Protocol):
+    """The operator's signals to arm and log."""
+
+    pinned: str
+    """The view that they have pinned; "": none."""
+
+    def confirm(self, asked_ns: int) -> None: ...
+
+    def estop(self) -> None: ...
+
+    def episode(self, request: EpisodeRequest) -> None: ...
+
+
+class FacedSession(Protocol):
+    """The session as a face sees it."""
+
+    config: Config
+    """Its whole configuration."""
+    folder: Path
+    """Its folder in the logs, which exists."""
+
+    @property
+    def signals(self) -> OperatorSignals:
+        """The operator's signals; from any thread."""
+
+    @property
+    def displays(self) -> Displays:
+        """The displays that the operator steers by; a face adds itself when it opens."""
+
+    @property
+    def recorded_mb(self) -> float | None:
+        """Size of its log so far; None where it has none."""
+
+    @property
+    def screen(self) -> FrameBlock:
+        """Shared memory with the newest decoded frame of each view."""
+
+    @property
+    def mount(self) -> MountMemory | None:
+        """Shared memory with the place of the camera on the arm; None: no frames are corrected."""
+
+    @property
+    def keyboard(self) -> KeyboardController | None:
+        """The controller that a window's keys drive; None: another controller is in use."""
+
+    def end(self, reason: str) -> None:
+        """End the session.
+
+        Args:
+            reason: a clause for the log.
+        """
+
+    def fail(self, sentence: str) -> None:
+        """End the session as failed.
+
+        Args:
+            sentence: the cause.
+        """
+
+    def note(self, level: str, text: str) -> None:
+        """Write a sentence into the log and show it.
+
+        Args:
+            level: info, warning or error.
+            text: the sentence.
+        """
+
+    def elapsed_s(self) -> float:
+        """Time since the session's start [s]; of a replay the time in its log."""
+
+    def state(self) -> SessionState:
+        """The session as it stands."""
+
+
+class ShownTrial(Protocol):
+    """A trial of a study: all that a face may show of its session."""
+
+    def mark(self, command: Command) -> None:
+        """Carry out a command that exists in a trial only; from any thread.
+
+        Args:
+            command: `DROP`, `NO_DROP` or `PLACED`.
+        """
+
+    def facts_of(self, state: SessionState) -> TrialFacts:
+        """The trial as it stands.
+
+        Args:
+            state: of its session, now.
+
+        Returns:
+            Who does which trial, its time and what was marked.
+        """
+
+
+class ShownReplay(Protocol):
+    """A session that is a replay, as a face shows and steers it."""
+
+    @property
+    def outline(self) -> Outline:
+        """Its log in outline, as the timeline shows it."""
+
+    def facts(self) -> ReplayFacts:
+        """Its speed, and whether it is paused."""
+
+    @property
+    def blind(self) -> bool:
+        """Whether nothing may be shown that infers the phases of its log."""
+
+    def on_keys(self, keys: Keys) -> None:
+        """Take in the keys pressed; called in a thread of the window.
+
+        Args:
+            keys: all that are down, and how often each was pressed.
+        """
+
+    def seek(self, t_s: float) -> None:
+        """Go to a moment of the log; called in the same thread.
+
+        Args:
+            t_s: time since the start of the log [s].
+        """
+
+
+class SessionDisplay:
+    """A face: launched before the session has the processor, opened once it has started.
+
+    It has no need to show what came of a session; one that does overrides the last three as well.
+    """
+
+    answer: Command | None = None
+    """The operator's answer to what was shown of the end last; None: none yet."""
 
     def launch(self) -> None:
         """Start what takes long, such as a process.
@@ -43,16 +178,9 @@ class SessionDisplay(Protocol):
     def close(self) -> None:
         """Show nothing more; may be called twice."""
 
-
-@runtime_checkable
-class ShowsEnd(Protocol):
-    """A face that also shows what came of a session, and takes an answer; no face has to."""
-
-    answer: Command | None
-    """The operator's answer to what was shown last; None: none yet."""
-
     def end(self) -> None:
-        """Show that the session is over; in place of `SessionDisplay.close`, which comes later."""
+        """Show that the session is over; one that shows no end closes, others do so later."""
+        self.close()
 
     def show_end(self, end: Ended) -> None:
         """Show what came of it.
@@ -63,7 +191,8 @@ class ShowsEnd(Protocol):
 
     @property
     def is_there(self) -> bool:
-        """Whether it can show anything still."""
+        """Whether it can still show what came of the session."""
+        return False
 
 
 MakeFace: TypeAlias = Callable[
@@ -79,8 +208,8 @@ FACES: Registry[MakeFace] = Registry(
     "faces",
     "tams.faces",
     {
-        "window": "tams_app.faces.window.session_window:SessionWindow",
-        "headset": "tams_app.faces.headset.session_headset:headset_if_wanted",
+        "window": "tams_app.faces.session_face:SessionWindow",
+        "headset": "tams_app.faces.session_face:headset_if_wanted",
     },
 )
 """Makers of a face by their word for `faces`; entry points of `tams.faces`."""

@@ -1,143 +1,71 @@
-"""The session as a face sees it, and a face of a session that is a process of its own."""
+"""Window and headset of a session: each a process of its own, and what its operator asks for."""
 
 from __future__ import annotations
 
+import threading
 from collections import deque
-from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from msgspec.structs import replace
 
-from hw.desk.keyboard import KeyboardController
+from hw.desk.keyboard import DEADMAN, KEYS, HeldKeys
 from tams_app.config import Config
-from tams_app.faces.client import Face, FaceClient
-from tams_app.faces.commands import Action, Command, CommandedSession
+from tams_app.faces.client import HEADSET, WINDOW, Face, FaceClient
+from tams_app.faces.commands import OF_EPISODES, Command
 from tams_app.faces.messages import (
+    CommandRequest,
+    Ended,
     Event,
     FaceClosed,
     FaceFacts,
     Keys,
     Notice,
-    Outline,
+    Pin,
     ReplayFacts,
+    Seek,
     TrialFacts,
 )
+from tams_app.faces.registry import FacedSession, SessionDisplay, ShownReplay, ShownTrial
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.station.fresh_video import Displays
-from tams_app.station.mount_memory import MountMemory
 from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
 from tams_app.units import NS_PER_S
-from tams_app.video.live.frame_ring import FrameBlock
 
 EVERY_NS = NS_PER_S // 10  # facts for the face
 SILENT_NS = 2 * NS_PER_S  # of a face that reports 50 times a second
 OPENING_NS = 10 * NS_PER_S  # until it reports the first time
 _NOTICES, _LONGEST_SENTENCE = 3, 500
+_ENDING = Ended("The session is over", ("What was recorded is being written …",))
+_NOT_BEFORE_NS = NS_PER_S  # a key that was meant for the session ends nothing
+_HAND_KEYS = {"Shift_L": DEADMAN, "Shift_R": DEADMAN}
 
 
-class FacedSession(CommandedSession, Protocol):
-    """The session as a face sees it."""
+def carry_out(
+    session: FacedSession, trial: ShownTrial | None, command: Command, asked_ns: int
+) -> None:
+    """Carry out a command, in any thread; one of a trial changes nothing elsewhere.
 
-    config: Config
-    """Its whole configuration."""
-    folder: Path
-    """Its folder in the logs, which exists."""
-
-    @property
-    def displays(self) -> Displays:
-        """The displays that the operator steers by; a face adds itself when it opens."""
-
-    @property
-    def recorded_mb(self) -> float | None:
-        """Size of its log so far; None where it has none."""
-
-    @property
-    def screen(self) -> FrameBlock:
-        """Shared memory with the newest decoded frame of each view."""
-
-    @property
-    def mount(self) -> MountMemory | None:
-        """Shared memory with the place of the camera on the arm; None: no frames are corrected."""
-
-    @property
-    def keyboard(self) -> KeyboardController | None:
-        """The controller that a window's keys drive; None: another controller is in use."""
-
-    def fail(self, sentence: str) -> None:
-        """End the session as failed.
-
-        Args:
-            sentence: the cause.
-        """
-
-    def note(self, level: str, text: str) -> None:
-        """Write a sentence into the log and show it.
-
-        Args:
-            level: info, warning or error.
-            text: the sentence.
-        """
-
-    def elapsed_s(self) -> float:
-        """Time since the session's start [s]; of a replay the time in its log."""
-
-    def state(self) -> SessionState:
-        """The session as it stands."""
+    `asked_ns` is when the operator gave it at the earliest, however long it waited for an
+    application that stood still.
+    """
+    if command is Command.CONFIRM:
+        session.signals.confirm(asked_ns)
+    elif command is Command.EMERGENCY_STOP:
+        session.signals.estop()
+    elif command is Command.QUIT:
+        session.end("ended by the operator")
+    elif command is Command.CLOSE:
+        session.end("the operator closed the window")
+    elif command in OF_EPISODES:
+        session.signals.episode(OF_EPISODES[command])
+    elif trial is not None:
+        trial.mark(command)
 
 
-class ShownTrial(Protocol):
-    """A trial of a study: all that a face may show of its session."""
-
-    @property
-    def actions(self) -> Mapping[Command, Action]:
-        """The actions of the commands that exist in a trial only."""
-
-    def facts_of(self, state: SessionState) -> TrialFacts:
-        """The trial as it stands.
-
-        Args:
-            state: of its session, now.
-
-        Returns:
-            Who does which trial, its time and what was marked.
-        """
-
-
-class ShownReplay(Protocol):
-    """A session that is a replay, as a face shows and steers it."""
-
-    @property
-    def outline(self) -> Outline:
-        """Its log in outline, as the timeline shows it."""
-
-    def facts(self) -> ReplayFacts:
-        """Its speed, and whether it is paused."""
-
-    @property
-    def blind(self) -> bool:
-        """Whether nothing may be shown that infers the phases of its log."""
-
-    def on_keys(self, keys: Keys) -> None:
-        """Take in the keys pressed; called in a thread of the window.
-
-        Args:
-            keys: all that are down, and how often each was pressed.
-        """
-
-    def seek(self, t_s: float) -> None:
-        """Go to a moment of the log; called in the same thread.
-
-        Args:
-            t_s: time since the start of the log [s].
-        """
-
-
-class SessionFace:
+class SessionFace(SessionDisplay):
     """Launched and opened, it follows the session until it is closed; `refresh` it often.
 
     What the operator steers by must be alive: where its process ends, or shows nothing any more,
@@ -187,12 +115,12 @@ class SessionFace:
         self._client.open(session.config, session.screen, blind, outline, session.mount)
         self._opened_ns = self._clock.now_ns()
         if not session.config.operator_is_simulated:
-            session.displays.add(lambda view: self._client.seen_ns.get(view, self._opened_ns))
-        self._listen(self._on_event)
+            session.displays.add(self._seen_ns)
+        self._listen()
 
-    def notify(self, text: str) -> None:
+    def notify(self, note: str) -> None:
         """A sentence for the operator."""
-        self._notices.append(Notice(self._session.elapsed_s(), text[:_LONGEST_SENTENCE]))
+        self._notices.append(Notice(self._session.elapsed_s(), note[:_LONGEST_SENTENCE]))
 
     def refresh(self) -> None:
         """Send it the newest facts, if it is time to, and watch its process."""
@@ -211,13 +139,20 @@ class SessionFace:
         """Close it; may be called twice."""
         self._stack.close()
 
-    def _listen(self, on_event: Callable[[Event], None]) -> None:
-        """Hand what the face tells to `on_event` from now on, in a thread of its own."""
+    def _seen_ns(self, view: str) -> int:
+        return self._client.seen_ns.get(view, self._opened_ns)
+
+    def _listen(self) -> None:
+        """Take in what the face reports from now on, in a thread of its own."""
         if self._worker is not None:
             self._worker.stop()
-        self._worker = worker = Worker(self._name, self._client.body(on_event), self._on_failure)
+        self._worker = worker = Worker(self._name, self._take_in, self._on_failure)
         self._stack.callback(worker.stop)
         worker.start()
+
+    def _take_in(self, stop: threading.Event) -> None:
+        for event in self._client.events(stop):
+            self._on_event(event)
 
     def _watch_silence(self) -> None:
         """A face that stands still shows old frames, by which the operator must not steer."""
@@ -268,3 +203,86 @@ def facts_of(
         replay=replay,
         notices=notices,
     )
+
+
+class SessionWindow(SessionFace):
+    """The operator's window: a face with keys, which also shows what came of the session."""
+
+    def __init__(
+        self,
+        session: FacedSession,
+        trial: ShownTrial | None = None,
+        replay: ShownReplay | None = None,
+    ) -> None:
+        super().__init__(session, WINDOW, trial, replay)
+        self._last: SessionState | None = None  # of a session that is over
+        self._counts_ns = 0
+        self._is_closed = False
+
+    def end(self) -> None:
+        """The session is over: nothing that is asked counts for it any more.
+
+        The window stays, with its last pictures, and shows that all is written; but for one that
+        the operator has closed.
+        """
+        if self._is_closed:
+            self.close()
+            return
+        state = self._session.state()
+        self._last = replace(state, arming="", reason="", deadman=None, pressed=(), placed=False)
+        self._listen()  # what was asked before is done by then
+        self.show_end(_ENDING)
+
+    def show_end(self, end: Ended) -> None:
+        """What came of the session; what is answered counts from a moment after."""
+        assert self._last is not None, "it is over"
+        self.answer = None
+        self._counts_ns = self._clock.now_ns() + _NOT_BEFORE_NS
+        self._client.show(replace(self._facts(self._last), end=end))
+
+    @property
+    def is_there(self) -> bool:
+        """True while its process lives, and the operator has not closed it."""
+        return not (self._client.ended or self._is_closed)
+
+    def _on_event(self, event: Event) -> None:
+        if self._last is not None:
+            if isinstance(event, CommandRequest) and event.t_ns >= self._counts_ns:
+                self.answer = event.command
+        elif isinstance(event, CommandRequest):
+            self._is_closed |= event.command is Command.CLOSE
+            carry_out(self._session, self._trial, event.command, event.t_ns)
+        elif isinstance(event, Seek):
+            if self._replay is not None:
+                self._replay.seek(event.t_s)
+        elif isinstance(event, Pin):
+            if self._trial is None:  # what a study compares is decided by the strategy alone
+                self._session.signals.pinned = event.view
+        elif isinstance(event, Keys):
+            if self._replay is not None:
+                self._replay.on_keys(event)
+            if self._session.keyboard is not None:
+                self._session.keyboard.feed(_held_keys(event))
+        else:
+            super()._on_event(event)
+
+
+def _held_keys(event: Keys) -> HeldKeys:
+    """The keys that are down, for a hand that they move."""
+    names = {_HAND_KEYS.get(name, name) for name in event.held}
+    return HeldKeys(KEYS & names, event.focused, event.t_ns, event.presses)
+
+
+def headset_is_wanted(config: Config) -> bool:
+    """True if a headset is to show the views too, where there is a window."""
+    show = config.headset.show
+    return show == "always" or (show == "auto" and config.hand_is_tracked)
+
+
+def headset_if_wanted(
+    session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
+) -> SessionFace | None:
+    """The headset, unless none is wanted, or for a replay, which may be of another computer."""
+    if replay is not None or not headset_is_wanted(session.config):
+        return None
+    return SessionFace(session, HEADSET, trial, headset=session.config.headset.model_dump())

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Mapping
-from functools import partial
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.console.app import check_session, show_session
 from tams_app.console.report import write_summary
 from tams_app.errors import TamsError
-from tams_app.faces.commands import Action, Command
+from tams_app.faces.commands import Command
 from tams_app.faces.messages import TrialFacts
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.faces.terminal.line import (
@@ -98,14 +96,12 @@ class LiveTrial:
         self._drops = 0
         self._lock = threading.Lock()  # window and terminal have threads of their own
 
-    @property
-    def actions(self) -> Mapping[Command, Action]:
-        """The actions of commands that are for a trial only."""
-        return {
-            Command.DROP: partial(self._count, 1),
-            Command.NO_DROP: partial(self._count, -1),
-            Command.PLACED: self._place,
-        }
+    def mark(self, command: Command) -> None:
+        """Carry out a command that is for a trial only."""
+        if command is Command.PLACED:
+            self._place()
+        else:
+            self._count(1 if command is Command.DROP else -1)
 
     def words(self, state: SessionState) -> Words:
         """The trial for the terminal."""

@@ -14,6 +14,7 @@ from tams_app.console import end_screen
 from tams_app.console.end_screen import ask_at_end, end_of
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended
+from tams_app.faces.registry import SessionDisplay
 from tams_app.printing import Console
 
 pytestmark = pytest.mark.untimed
@@ -79,11 +80,12 @@ def test_a_session_that_has_failed_says_so_and_where_its_log_is() -> None:
     assert end.lines[:2] == ("It failed: the arm is gone", f"Log: {FOLDER}")
 
 
-class Screen:
+class Screen(SessionDisplay):
     """A face that is answered at once."""
 
+    is_there = True
+
     def __init__(self, answer: Command | None, is_there: bool = True) -> None:
-        self.answer: Command | None = None
         self.is_there = is_there
         self.shown: list[Ended] = []
         self._answer = answer
@@ -91,10 +93,6 @@ class Screen:
     def show_end(self, end: Ended) -> None:
         self.shown.append(end)
         self.answer = self._answer
-
-    def launch(self, *_: object) -> None: ...
-
-    end = open = notify = refresh = close = launch
 
 
 def asked(

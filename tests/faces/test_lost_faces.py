@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from tams_app.console import app
-from tams_app.faces.headset import session_headset
+from tams_app.faces import session_face
 from tams_app.faces.session_face import SILENT_NS
 from tams_app.printing import Console
 from tests.faces.headset.steamvr import FAKED, steamvr
@@ -29,7 +29,7 @@ def face(
     request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[str]:
     """The one that is lost; the session has a window in any case."""
-    monkeypatch.setattr(session_headset, "HEADSET", FAKED)
+    monkeypatch.setattr(session_face, "HEADSET", FAKED)
     with virtual_screen(tmp_path, monkeypatch), steamvr(tmp_path, monkeypatch):
         yield request.param
 

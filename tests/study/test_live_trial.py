@@ -161,18 +161,17 @@ class Marked:
 def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_placed() -> None:
     session = Marked()
     trial = LiveTrial(TRIAL, 120.0, session)
-    actions = trial.actions
-    actions[Command.NO_DROP]()
+    trial.mark(Command.NO_DROP)
     assert session.facts == {}, "fewer than none"
     for command in (Command.DROP, Command.DROP, Command.NO_DROP):
-        actions[command]()
+        trial.mark(command)
     assert session.facts == {DROPS_FACT: "1"}
     assert session.notes == ["drops: 1", "drops: 2", "drops: 1"]
     assert trial.facts_of(replace(STATE, arming="ready")).drops == 1
-    actions[Command.PLACED]()
+    trial.mark(Command.PLACED)
     assert session.reason == "", "before it has begun"
     trial.facts_of(replace(STATE, arming="engaged"))
-    actions[Command.PLACED]()
+    trial.mark(Command.PLACED)
     assert session.facts == {DROPS_FACT: "1", PLACED_FACT: "yes"}
     assert session.reason == "the block is placed, says the experimenter"
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
+from typing import TypeAlias
 
 import cv2
 import msgspec
@@ -17,7 +18,7 @@ from tams_app.config import Config
 from tams_app.console.replay.log_index import LogIndex, outline_of, phases_row
 from tams_app.console.replay.marks import Marking
 from tams_app.errors import UnreadableLogError
-from tams_app.faces.commands import PHASE_KEYS, Action
+from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
@@ -30,6 +31,7 @@ from tams_app.station.mount_memory import MountMemory
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
+Action: TypeAlias = Callable[[], None]
 SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 _STEP_NS = 5 * NS_PER_S
 _FINE_NS = NS_PER_S // 10

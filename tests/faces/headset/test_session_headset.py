@@ -13,9 +13,9 @@ import pytest
 from tams_app.config import CONFIG_DIRECTORY, HeadsetConfig, load_config
 from tams_app.console import app
 from tams_app.errors import SetupError
+from tams_app.faces import session_face
 from tams_app.faces.client import FaceClient
-from tams_app.faces.headset import session_headset
-from tams_app.faces.headset.session_headset import headset_is_wanted
+from tams_app.faces.session_face import headset_is_wanted
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
 from tests.faces.headset.faked_process import ADDRESS
@@ -31,7 +31,7 @@ NO_OPENGL = r"^the headset needs OpenGL on an X display \((X11|GLX): [^;]*\); se
 @pytest.fixture
 def found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SteamVr]:
     """A faked SteamVR for the headset of the session that is shown next."""
-    monkeypatch.setattr(session_headset, "HEADSET", FAKED)
+    monkeypatch.setattr(session_face, "HEADSET", FAKED)
     with virtual_screen(tmp_path, monkeypatch), steamvr(tmp_path, monkeypatch) as fake:
         yield fake
 

@@ -60,7 +60,7 @@ class FedFace:
         self.client.launch(folder, **specification)
         config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
         self.client.open(config, self._block, blind=False, mount=self._mount)
-        with in_threads(self._feed, self.client.body(self.hear)):
+        with in_threads(self._feed, self._listen):
             yield
         self.client.close()
         self._block.close()
@@ -85,6 +85,10 @@ class FedFace:
         """Nothing, until others are shown."""
         with self._lock:
             self._facts = None
+
+    def _listen(self, stop: threading.Event) -> None:
+        for event in self.client.events(stop):
+            self.hear(event)
 
     def _feed(self, stop: threading.Event) -> None:
         while not stop.wait(EVERY_S):

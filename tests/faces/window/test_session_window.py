@@ -14,9 +14,8 @@ from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended, Pin, TrialFacts
-from tams_app.faces.registry import SessionDisplay, ShowsEnd
-from tams_app.faces.session_face import facts_of
-from tams_app.faces.window.session_window import SessionWindow
+from tams_app.faces.registry import SessionDisplay
+from tams_app.faces.session_face import SessionWindow, facts_of
 from tams_app.printing import Console
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
 from tams_app.robot.control import CONFIRMED_AGO_NS, TOO_LONG_AGO
@@ -85,7 +84,6 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
 
     def conclude(faces: Sequence[SessionDisplay]) -> None:
         (face,) = faces
-        assert isinstance(face, ShowsEnd)
         assert face.is_there
         face.show_end(Ended("Completed", ("Report: here",), "Q: close"))
         screen.focus("TAMS")
@@ -113,7 +111,6 @@ def test_closing_the_window_ends_the_session_whose_end_it_does_not_show(
 
     def conclude(faces: Sequence[SessionDisplay]) -> None:
         (face,) = faces
-        assert isinstance(face, ShowsEnd)
         found.append((face.is_there, window_processes()))
 
     app.show_session(session, Console(quiet=True), conclude=conclude)
@@ -127,11 +124,10 @@ class CountedTrial:
     """A trial that notes what is asked of it."""
 
     def __init__(self, session: PlayedSession) -> None:
-        done = session.done
-        self.actions = {
-            command: lambda command=command: done.append(str(command))
-            for command in (Command.DROP, Command.NO_DROP, Command.PLACED)
-        }
+        self._done = session.done
+
+    def mark(self, command: Command) -> None:
+        self._done.append(str(command))
 
     def facts_of(self, _state: object) -> TrialFacts:
         return TrialFacts("P01", "trial 2 of 9", 3.0, 120.0)

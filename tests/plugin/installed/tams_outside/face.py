@@ -1,23 +1,14 @@
 """A display: a file with the states of arming that the session went through."""
 
-from tams_app.faces.session_face import FacedSession, ShownReplay, ShownTrial
+from tams_app.faces.registry import FacedSession, SessionDisplay, ShownReplay, ShownTrial
 
 
-class Lamp:
+class Lamp(SessionDisplay):
     def __init__(
         self, session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
     ) -> None:
         self._session = session
         self._seen: list[str] = []
-
-    def launch(self) -> None:
-        """It needs no process."""
-
-    def open(self) -> None:
-        """It is lit."""
-
-    def notify(self, note: str) -> None:
-        """It cannot speak."""
 
     def refresh(self) -> None:
         arming = self._session.state().arming
