@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from tams_app.faces.corrected import Corrected
+from tams_app.faces.views import Corrected
 from tams_app.prediction.present import PredictedCamera
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock

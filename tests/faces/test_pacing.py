@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tams_app.faces.pacing import EARLY_NS, FOLLOWS_NS, LEAST_NS, MOST_NS, SHARE, DrawPacer
+from tams_app.faces.views import EARLY_NS, FOLLOWS_NS, LEAST_NS, MOST_NS, SHARE, DrawPacer
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed

@@ -8,16 +8,14 @@ from hw.openvr.overlays import Overlays
 from tams_app import palette
 from tams_app.config import HeadsetConfig
 from tams_app.faces.application import Opened
-from tams_app.faces.corrected import Corrected
 from tams_app.faces.figures import is_old, view_title
 from tams_app.faces.headset.layout import Atlas, Crop, panel_place, view_places
 from tams_app.faces.headset.painting import ViewCell, paint_panel
 from tams_app.faces.headset.texture import AtlasTexture
 from tams_app.faces.headset.wording import PanelWords, panel_words
 from tams_app.faces.messages import FaceFacts
-from tams_app.faces.pacing import DrawPacer
-from tams_app.faces.places import Places
 from tams_app.faces.silence import LiveFacts
+from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.runtime.clock import Clock
 
 PANEL = "panel"

@@ -11,13 +11,11 @@ from msgspec.structs import replace
 from tams_app.faces.application import Opened
 from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
-from tams_app.faces.corrected import Corrected
 from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
 from tams_app.faces.history import History
 from tams_app.faces.messages import BEAT_S, CommandRequest, Event, FaceFacts, Keys, Pin, Seek
-from tams_app.faces.pacing import DrawPacer
-from tams_app.faces.places import Places
 from tams_app.faces.silence import LiveFacts
+from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
     BannerPanel,

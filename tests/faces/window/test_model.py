@@ -42,9 +42,9 @@ from tams_app.faces.messages import (
     Stretch,
     TrialFacts,
 )
-from tams_app.faces.places import STAYS_NS, Places
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
+from tams_app.faces.views import STAYS_NS, Places
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.style import state_class, style_sheet
 from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
