@@ -6,14 +6,13 @@ Each takes a cairo context and the size of its place; sizes within are in units 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from tams_app import palette
 from tams_app.faces.banner import look_of
-from tams_app.faces.figures import HEADINGS, hand_rows, slowest_text, uplink_texts, view_row
-from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import ShownWorkspace
+from tams_app.faces.messages import SPAN_S, ShownWorkspace
+from tams_app.faces.shown import HEADINGS, Shown
 from tams_app.records import SessionState
 
 GROUND, PANEL = "#101418", "#1B2127"
@@ -56,7 +55,7 @@ def width_of(cr: Context, text: str, size: float = _TEXT_PX, bold: bool = False)
 
 
 def draw_rates(
-    cr: Context, width: float, height: float, history: History, views: Sequence[str]
+    cr: Context, width: float, height: float, states: Sequence[SessionState], views: Sequence[str]
 ) -> None:
     """Measured rate of each view as a line, its target dashed, the capacity estimate grey."""
     fill(cr, PANEL, 0, 0, width, height)
@@ -64,19 +63,19 @@ def draw_rates(
     left, right, top, bottom = 44 * scale, 44 * scale, 25 * scale, 6 * scale
     legend = "kbit/s, last minute: sent ——  target - -  capacity, estimated — —"
     write(cr, legend, 6, 15 * scale, FAINT, 12 * scale)
-    if not history.states:
+    if not states:
         return
-    now_s = history.states[-1].t_s
+    now_s = states[-1].t_s
     lines = [
         (
             palette.view_colour(place),
             view.upper(),
-            history.curve(lambda state, view=view: state.views[view].sent_kbps),  # type: ignore[misc]
-            history.curve(lambda state, view=view: state.views[view].target_kbps),  # type: ignore[misc]
+            _known((state.t_s, state.views[view].sent_kbps) for state in states),
+            _known((state.t_s, state.views[view].target_kbps) for state in states),
         )
         for place, view in enumerate(views)
     ]
-    capacity = history.curve(lambda state: state.estimate_kbps)
+    capacity = _known((state.t_s, state.estimate_kbps) for state in states)
     most = max((kbps for _, _, sent, target in lines for _, kbps in (*sent, *target)), default=0.0)
     ceiling = _ceiling(max(most * 1.1, 500.0))
     width_px, height_px = width - left - right, height - top - bottom
@@ -107,6 +106,11 @@ def draw_rates(
     for y, (_, name, colour) in zip(apart([y for y, *_ in names], 13 * scale), names, strict=True):
         fill(cr, colour, width - right + 4, y - 9 * scale, 4 * scale, 10 * scale)
         write(cr, name, width - right + 11 * scale, y, INK, 12 * scale, bold=True)
+
+
+def _known(curve: Iterable[tuple[float, float | None]]) -> list[tuple[float, float]]:
+    """A value over time [s], where it is known."""
+    return [(t_s, value) for t_s, value in curve if value is not None]
 
 
 def _curve(
@@ -145,7 +149,7 @@ def _ceiling(kbps: float) -> float:
 
 
 def draw_table(
-    cr: Context, width: float, height: float, state: SessionState, views: Sequence[str]
+    cr: Context, width: float, height: float, shown: Shown, views: Sequence[str]
 ) -> None:
     """The numbers of each view, and below them the uplink's, and what delays the primary view."""
     fill(cr, PANEL, 0, 0, width, height)
@@ -154,29 +158,27 @@ def draw_table(
     size = min(step * 0.72, width / 38)
     for heading, column in zip(HEADINGS, _COLUMNS, strict=True):
         write(cr, heading, 8 + column * (width - 12), step * 0.85, FAINT, size * 0.88)
-    for number, view in enumerate(views):
+    for number, (view, row) in enumerate(zip(views, shown.rows, strict=True)):
         y = step * (number + 1.9)
-        is_primary = view == state.primary_view
+        is_primary = view == shown.state.primary_view
         if is_primary:
             fill(cr, "#2F3A43", 0, y - step * 0.76, width, step)
         fill(cr, palette.view_colour(number), 0, y - step * 0.76, 5, step)
-        row = view_row(view, state.views[view], state.asked_fps)
         for cell, column in zip(row, _COLUMNS, strict=True):
             write(cr, cell, 8 + column * (width - 12), y, INK, size, bold=is_primary)
-    for number, text in enumerate((*uplink_texts(state), slowest_text(state))):
+    for number, text in enumerate(shown.uplink):
         y = step * (len(views) + 2.0 + 0.95 * number)
         write(cr, text, 8, y, INK if number else FAINT, size)
 
 
-def draw_hand(cr: Context, width: float, height: float, state: SessionState) -> None:
+def draw_hand(cr: Context, width: float, height: float, shown: Shown) -> None:
     """Deadman, mode, gripper, buttons and where the TCP is."""
     fill(cr, PANEL, 0, 0, width, height)
-    rows = hand_rows(state)
-    step = height / (len(rows) + 0.2)
+    step = height / (len(shown.hand) + 0.2)
     size = min(step * 0.68, width / 17)
-    for number, (name, word) in enumerate(rows):
+    for number, (name, word) in enumerate(shown.hand):
         y = step * (number + 0.75)
-        held = number == 0 and state.deadman is True
+        held = number == 0 and shown.state.deadman is True
         if held:
             fill(
                 cr, look_of("engaged").colour, width * 0.36 - 6, y - size, width * 0.6, size * 1.35

@@ -16,6 +16,7 @@ from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face reports at least so often
 LONGEST = 64 * 1024  # bytes of an `Opening` or an `Event`
+SPAN_S = 60.0  # of the past that a window draws
 
 
 class ShownWorkspace(msgspec.Struct, frozen=True):

@@ -11,11 +11,10 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from tams_app.faces.banner import banner_of
-from tams_app.faces.figures import hand_rows, view_row, view_title
 from tams_app.faces.headset.layout import PANEL_WIDTH_PX
 from tams_app.faces.headset.painting import SENTENCE_LINES, wrapped
-from tams_app.faces.headset.wording import panel_words
 from tams_app.faces.messages import FaceFacts, ReplayFacts
+from tams_app.faces.shown import hand_rows, shown_of, view_row, view_title
 from tams_app.faces.silence import LIVE_NS, NOT_LIVE, as_known, silent_s
 from tams_app.faces.terminal.line import StatusLine
 from tams_app.printing import Console
@@ -67,7 +66,7 @@ def test_ages_grow_while_nothing_comes() -> None:
 
 @pytest.mark.parametrize("hand", HANDS)
 def test_the_headset_says_the_same(hand: str) -> None:
-    words = panel_words(after(PUT, 0.8), hand)
+    words = shown_of(after(PUT, 0.8), replace(OPENING, hand=hand)).panel
     assert words.look.word == "NOT LIVE"
     assert "for 0.8 s" in words.sentence
     assert "control box" in words.key
@@ -108,10 +107,10 @@ def test_what_was_never_heard_is_not_silent() -> None:
 
 def test_what_still_stops_the_arm_has_room_in_the_headset() -> None:
     context = cairo.Context(cairo.ImageSurface(cairo.FORMAT_ARGB32, 8, 8))
-    key = panel_words(after(PUT, 123.4), "openvr").key
+    key = shown_of(after(PUT, 123.4), OPENING).panel.key
     assert wrapped(context, key, PANEL_WIDTH_PX - 48.0, 1, bold=True) == [key]
     lost = changed(PUT, arming="link lost", reported_ns=124 * NS_PER_S)
-    words = panel_words(as_known(lost, 124 * NS_PER_S), "openvr")
+    words = shown_of(as_known(lost, 124 * NS_PER_S), OPENING).panel
     assert "control box still stops it" in words.sentence
     assert " ".join(wrapped(context, words.sentence, PANEL_WIDTH_PX - 48.0, SENTENCE_LINES)) == (
         words.sentence

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from tams_app.config import Config, load_config
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.faces.commands import Command
-from tams_app.faces.figures import trial_texts
+from tams_app.faces.shown import trial_texts
 from tams_app.faces.terminal.line import COLUMNS
 from tams_app.printing import Console
 from tams_app.recording import read_log

@@ -9,8 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.faces.history import SPAN_S
-from tams_app.faces.messages import Outline, Stretch
+from tams_app.faces.messages import SPAN_S, Outline, Stretch
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameShown

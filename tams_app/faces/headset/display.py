@@ -8,12 +8,11 @@ from hw.openvr.overlays import Overlays
 from tams_app import palette
 from tams_app.config import HeadsetConfig
 from tams_app.faces.application import Opened
-from tams_app.faces.figures import is_old, view_title
 from tams_app.faces.headset.layout import Atlas, Crop, panel_place, view_places
 from tams_app.faces.headset.painting import ViewCell, paint_panel
 from tams_app.faces.headset.texture import AtlasTexture
-from tams_app.faces.headset.wording import PanelWords, panel_words
 from tams_app.faces.messages import FaceFacts
+from tams_app.faces.shown import PanelWords, is_old, shown_of, view_title
 from tams_app.faces.silence import LiveFacts
 from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.runtime.clock import Clock
@@ -100,7 +99,7 @@ class HeadsetDisplay:
             old = is_old(facts.state.views.get(view), opening.old_ms)
             if cell.set_title(title, silent or old, silent):
                 self._dirty.add(view)
-        words = panel_words(facts, opening.hand)
+        words = shown_of(facts, opening).panel
         if words != self._words:
             self._words = words
             self._texture.put(

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tams_app import palette
 from tams_app.faces.canvas import FAINT, GROUND, INK, PANEL, Context, fill, width_of, write
 from tams_app.faces.headset.layout import Atlas, Crop
-from tams_app.faces.headset.wording import PanelWords
+from tams_app.faces.shown import PanelWords
 from tams_app.records import Image
 
 Pixels: TypeAlias = NDArray[np.uint8]

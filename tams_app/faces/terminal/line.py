@@ -11,7 +11,7 @@ from rich.live import Live
 from rich.text import Text
 
 from tams_app.faces import episodes
-from tams_app.faces.figures import hand_rows, slowest_text
+from tams_app.faces.shown import hand_rows, slowest_text
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState

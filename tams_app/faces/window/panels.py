@@ -7,15 +7,14 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from tams_app.faces import canvas, episodes
+from tams_app.faces import canvas
 from tams_app.faces.banner import Banner
-from tams_app.faces.figures import marking_texts, replay_texts, trial_texts
-from tams_app.faces.history import History
-from tams_app.faces.messages import Ended, FaceFacts, Outline, ShownWorkspace
+from tams_app.faces.messages import Ended, Outline, ShownWorkspace
+from tams_app.faces.shown import Shown
 from tams_app.faces.window import strips
+from tams_app.faces.window.strips import History
 from tams_app.faces.window.style import EDGES
 from tams_app.faces.window.toolkit import load
-from tams_app.records import SessionState
 
 
 def framed(inside: Any) -> Any:
@@ -39,7 +38,7 @@ def framed(inside: Any) -> Any:
 class BannerPanel:
     """State, reason, what helps, and the button that stops the arm or, of a replay, the time."""
 
-    def __init__(self, click: Callable[[], None]) -> None:
+    def __init__(self) -> None:
         Gtk = load().Gtk
         self.widget = Gtk.Box(spacing=8)
         self.widget.add_css_class("banner")
@@ -50,10 +49,9 @@ class BannerPanel:
         texts.append(self._sentence)
         texts.append(self._key)
         # never the focus: Space and Enter mean what they mean wherever one clicked before
-        self._button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
-        self._button.add_css_class("act")
-        self._button.connect("clicked", lambda _button: click())
-        for part in (self._sign, self._word, texts, self._button):
+        self.button = Gtk.Button(label="STOP", focusable=False, focus_on_click=False)
+        self.button.add_css_class("act")
+        for part in (self._sign, self._word, texts, self.button):
             self.widget.append(part)
 
     def show(self, banner: Banner) -> None:
@@ -61,11 +59,11 @@ class BannerPanel:
         self._word.set_text(banner.look.word)
         self._sentence.set_text(banner.sentence)
         self._key.set_text(banner.key)
-        self._button.set_label(banner.button)
+        self.button.set_label(banner.button)
         if banner.button == "STOP":
-            self._button.add_css_class("stop")
+            self.button.add_css_class("stop")
         else:  # nothing that stops an arm
-            self._button.remove_css_class("stop")
+            self.button.remove_css_class("stop")
 
 
 class NumbersPanel:
@@ -73,20 +71,10 @@ class NumbersPanel:
 
     def __init__(self, views: tuple[str, ...], workspace: ShownWorkspace, history: History) -> None:
         Gtk = load().Gtk
-        self._state: SessionState | None = None
-        rates = _area(
-            lambda cr, width, height: canvas.draw_rates(cr, width, height, history, views)
-        )
-        table = self._of_state(
-            lambda cr, width, height, facts: canvas.draw_table(cr, width, height, facts, views)
-        )
-        above = self._of_state(
-            lambda cr, width, height, facts: canvas.draw_workspace(
-                cr, width, height, workspace, facts
-            )
-        )
-        hand = self._of_state(canvas.draw_hand)
-        self._areas = (rates, table, above, hand)
+        self._views, self._workspace, self._history = views, workspace, history
+        self._shown: Shown | None = None
+        draws = (self._draw_rates, self._draw_table, self._draw_workspace, self._draw_hand)
+        self._areas = rates, table, above, hand = [_area(draw) for draw in draws]
         self.widget = Gtk.Grid(
             row_homogeneous=True,
             column_homogeneous=True,
@@ -100,17 +88,25 @@ class NumbersPanel:
         self.widget.attach(above, 0, 13, 1, 7)
         self.widget.attach(hand, 1, 13, 1, 7)
 
-    def show(self, facts: FaceFacts) -> None:
-        self._state = facts.state
+    def show(self, shown: Shown) -> None:
+        self._shown = shown
         for area in self._areas:
             area.queue_draw()
 
-    def _of_state(self, draw: Callable[[Any, float, float, SessionState], None]) -> Any:
-        def draw_newest(cr: Any, width: float, height: float) -> None:
-            if self._state is not None:
-                draw(cr, width, height, self._state)
+    def _draw_rates(self, cr: Any, width: float, height: float) -> None:
+        canvas.draw_rates(cr, width, height, self._history.states, self._views)
 
-        return _area(draw_newest)
+    def _draw_table(self, cr: Any, width: float, height: float) -> None:
+        if self._shown is not None:
+            canvas.draw_table(cr, width, height, self._shown, self._views)
+
+    def _draw_workspace(self, cr: Any, width: float, height: float) -> None:
+        if self._shown is not None:
+            canvas.draw_workspace(cr, width, height, self._workspace, self._shown.state)
+
+    def _draw_hand(self, cr: Any, width: float, height: float) -> None:
+        if self._shown is not None:
+            canvas.draw_hand(cr, width, height, self._shown)
 
 
 class TrialPanel:
@@ -118,7 +114,8 @@ class TrialPanel:
 
     def __init__(self, workspace: ShownWorkspace) -> None:
         Gtk = load().Gtk
-        self._state: SessionState | None = None
+        self._workspace = workspace
+        self._shown: Shown | None = None
         self.widget = Gtk.Box(
             orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
         )
@@ -128,43 +125,36 @@ class TrialPanel:
         for label in self._labels:
             card.append(label)
         self.widget.append(card)
-
-        def draw(cr: Any, width: float, height: float) -> None:
-            if (state := self._state) is not None:
-                canvas.draw_workspace(cr, width / 2 - 2, height, workspace, state)
-                cr.translate(width / 2 + 2, 0)
-                canvas.draw_hand(cr, width / 2 - 2, height, state)
-
-        self._area = _area(draw)
+        self._area = _area(self._draw)
         self.widget.append(self._area)
 
-    def show(self, facts: FaceFacts) -> None:
-        self._state = facts.state
-        if facts.trial is not None:
-            self._write(trial_texts(facts.trial))
-        elif facts.replay is not None:
-            self._write(marking_texts(facts.state.phase))
+    def show(self, shown: Shown) -> None:
+        self._shown = shown
+        _write(self._labels, shown.card)
         self._area.queue_draw()
 
-    def _write(self, texts: tuple[str, ...]) -> None:
-        for label, text in zip(self._labels, texts, strict=True):
-            label.set_text(text)
+    def _draw(self, cr: Any, width: float, height: float) -> None:
+        if (shown := self._shown) is not None:
+            canvas.draw_workspace(cr, width / 2 - 2, height, self._workspace, shown.state)
+            cr.translate(width / 2 + 2, 0)
+            canvas.draw_hand(cr, width / 2 - 2, height, shown)
 
 
 class Timeline:
     """Phases and states of the last minute, over the whole width."""
 
     def __init__(self, history: History) -> None:
-        self.widget = _area(
-            lambda cr, width, height: strips.draw_timeline(cr, width, height, history),
-            expands=False,
-        )
+        self._history = history
+        self.widget = _area(self._draw, expands=False)
 
     def set_height(self, height_px: int) -> None:
         self.widget.set_content_height(height_px)
 
-    def show(self, _facts: FaceFacts) -> None:
+    def show(self, _shown: Shown) -> None:
         self.widget.queue_draw()
+
+    def _draw(self, cr: Any, width: float, height: float) -> None:
+        strips.draw_timeline(cr, width, height, self._history.states)
 
 
 class LogBar:
@@ -173,22 +163,17 @@ class LogBar:
     def __init__(self, outline: Outline, seek: Callable[[float], None]) -> None:
         """`seek` is called with the moment of the log [s] that was clicked or dragged to."""
         Gtk = load().Gtk
-        self._outline, self._t_s = outline, 0.0
+        self._outline, self._t_s, self._seek = outline, 0.0, seek
         self._texts = [_label("position"), _label("")]
         words = Gtk.Box(orientation=Gtk.Orientation.VERTICAL, valign=Gtk.Align.CENTER)
         words.add_css_class("replay")
         for label in self._texts:
             words.append(label)
-        self._area = _area(
-            lambda cr, width, height: strips.draw_log(cr, width, height, self._outline, self._t_s),
-            expands=False,
-        )
+        self._area = _area(self._draw, expands=False)
         self._area.set_cursor_from_name("pointer")
         drag = Gtk.GestureDrag()
-        drag.connect("drag-begin", lambda _drag, x, _y: seek(self._at(x)))
-        drag.connect(
-            "drag-update", lambda drag, x, _y: seek(self._at(drag.get_start_point().x + x))
-        )
+        drag.connect("drag-begin", self._clicked)
+        drag.connect("drag-update", self._dragged)
         self._area.add_controller(drag)
         self.widget = Gtk.Box(spacing=4)
         self.widget.append(words)
@@ -197,15 +182,21 @@ class LogBar:
     def set_height(self, height_px: int) -> None:
         self._area.set_content_height(height_px)
 
-    def show(self, facts: FaceFacts) -> None:
-        self._t_s = facts.state.t_s
-        if facts.replay is not None:
-            if (marks := facts.replay.marks) is not None:
-                self._outline = replace(self._outline, phases=marks)
-            texts = replay_texts(facts.state.t_s, self._outline.end_s, facts.replay)
-            for label, text in zip(self._texts, texts, strict=True):
-                label.set_text(text)
+    def show(self, shown: Shown) -> None:
+        self._t_s = shown.state.t_s
+        if shown.marks is not None:
+            self._outline = replace(self._outline, phases=shown.marks)
+        _write(self._texts, shown.position)
         self._area.queue_draw()
+
+    def _draw(self, cr: Any, width: float, height: float) -> None:
+        strips.draw_log(cr, width, height, self._outline, self._t_s)
+
+    def _clicked(self, _drag: Any, x: float, _y: float) -> None:
+        self._seek(self._at(x))
+
+    def _dragged(self, drag: Any, x: float, _y: float) -> None:
+        self._seek(self._at(drag.get_start_point().x + x))
 
     def _at(self, x: float) -> float:
         """The moment [s] at a place in the bar."""
@@ -227,14 +218,10 @@ class EpisodeStrip:
         for label in self._labels:
             self.widget.append(label)
 
-    def show(self, facts: FaceFacts) -> None:
-        state = facts.state.episodes
-        self.widget.set_visible(state is not None)
-        if state is None:
-            return
-        texts = episodes.strip_texts(state, facts.replay is not None, facts.end is not None)
-        for label, text in zip(self._labels, texts, strict=True):
-            label.set_text(text)
+    def show(self, shown: Shown) -> None:
+        self.widget.set_visible(bool(shown.episodes))
+        _write(self._labels, shown.episodes)
+        for label, text in zip(self._labels, shown.episodes, strict=False):
             label.set_visible(bool(text) or label.get_hexpand())
 
 
@@ -287,6 +274,12 @@ def _label(css_class: str, text: str = "", wrap: bool = False, lines: int = 1) -
     if css_class:
         label.add_css_class(css_class)
     return label
+
+
+def _write(labels: Sequence[Any], texts: Sequence[str]) -> None:
+    """Write each into its label; none where there are none."""
+    for label, text in zip(labels, texts, strict=bool(texts)):
+        label.set_text(text)
 
 
 def _area(draw: Callable[[Any, float, float], None], expands: bool = True) -> Any:

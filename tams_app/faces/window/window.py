@@ -9,11 +9,9 @@ from typing import Any
 from msgspec.structs import replace
 
 from tams_app.faces.application import Opened
-from tams_app.faces.banner import banner_of
 from tams_app.faces.commands import Command
-from tams_app.faces.figures import notice_text, placed_text, status_text, view_title
-from tams_app.faces.history import History
 from tams_app.faces.messages import BEAT_S, CommandRequest, Event, FaceFacts, Keys, Pin, Seek
+from tams_app.faces.shown import shown_of, view_title
 from tams_app.faces.silence import LiveFacts
 from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
@@ -31,6 +29,7 @@ from tams_app.faces.window.panels import (
 from tams_app.faces.window.picture import Arrivals, PicturePlace, texture_of
 from tams_app.faces.window.sight import Sight
 from tams_app.faces.window.size_memory import Size
+from tams_app.faces.window.strips import History
 from tams_app.faces.window.style import (
     DESIGN_HEIGHT,
     LIVE_CLASS,
@@ -115,7 +114,8 @@ class OperatorWindow:
         Gtk.StyleContext.add_provider_for_display(
             Gdk.Display.get_default(), self._css, Gtk.STYLE_PROVIDER_PRIORITY_APPLICATION
         )
-        self._banner = BannerPanel(self._clicked)
+        self._banner = BannerPanel()
+        self._banner.button.connect("clicked", self._clicked)
         self._pictures = [PicturePlace() for _ in self._opening.views]
         workspace, views = self._opening.workspace, self._opening.views
         self._panel: NumbersPanel | TrialPanel = (
@@ -194,8 +194,8 @@ class OperatorWindow:
         self.window.add_controller(keys)
         self._seat = self._modules.Gdk.Display.get_default().get_default_seat()
         if (keyboard := self._seat.get_keyboard()) is not None:
-            keyboard.connect("notify::modifier-state", lambda *_: self._beat())
-        self.window.connect("notify::is-active", lambda *_: self._beat())
+            keyboard.connect("notify::modifier-state", self._beat)
+        self.window.connect("notify::is-active", self._beat)
         self.window.connect("close-request", self._closed)
 
     def _pressed(self, keys: Any, value: int, code: int, _modifiers: Any) -> bool:
@@ -240,7 +240,7 @@ class OperatorWindow:
         self._show_textures(self._places.views)
         self._show_places()
 
-    def _clicked(self) -> None:
+    def _clicked(self, _button: Any) -> None:
         """The banner's button does what is written on it."""
         if self._shown is not None and self._shown.end is not None:
             self._ask(Command.QUIT)
@@ -284,7 +284,7 @@ class OperatorWindow:
         self._report(Seek(self._clock.now_ns(), t_s))
         self._figures_ns = 0  # what is sought is shown as soon as it is found
 
-    def _beat(self) -> bool:
+    def _beat(self, *_: Any) -> bool:
         self._look_at_modifiers()
         self._pixel.queue_draw()  # whether or not there is anything new: paints are a sign of life
         keyboard, sight = self._keyboard, self._sight
@@ -310,17 +310,20 @@ class OperatorWindow:
     def _on_arrival(self) -> None:
         """In a thread of its own: the large picture's view has a new frame."""
         GLib = self._modules.GLib
-        GLib.idle_add(lambda: not self._look(), priority=self._after_paints)
+        GLib.idle_add(self._look_once, priority=self._after_paints)
 
     def _realized(self, window: Any) -> None:
         self._sight = Sight(window, self._clock)
-        window.get_frame_clock().connect("after-paint", lambda _clock: self._painted())
+        window.get_frame_clock().connect("after-paint", self._painted)
 
-    def _painted(self) -> None:
+    def _painted(self, _clock: Any) -> None:
         put_ns, self._put_ns = self._put_ns, 0
         now_ns = self._clock.now_ns()
         self._sight.painted(now_ns, dict(self._corrected.put_ns))
         self._display.step(DISPLAY, put_ns, now_ns)
+
+    def _look_once(self) -> bool:
+        return not self._look()
 
     def _look(self) -> bool:
         now_ns = self._clock.now_ns()
@@ -340,8 +343,9 @@ class OperatorWindow:
             self._frame.remove_css_class(SILENT_CLASS)
         else:
             self._frame.add_css_class(SILENT_CLASS)
-        dead = self._keyboard.shift_is_dead
-        self._banner.show(banner_of(facts, self._opening.hand, dead))
+        with_display = self._with_display(facts)
+        shown = shown_of(with_display, self._opening, self._keyboard.shift_is_dead)
+        self._banner.show(shown.banner)
         if facts.state.arming != self._state:
             if self._state:
                 self._frame.remove_css_class(state_class(self._state))
@@ -351,17 +355,16 @@ class OperatorWindow:
         if self._places.step(facts.state.primary_view, now_ns):
             self._show_textures(self._places.views)
         self._show_places()
-        is_placed = facts.state.placed and facts.end is None
-        self._pictures[0].notice(placed_text(self._opening) if is_placed else "")
+        self._pictures[0].notice(shown.placed)
         self._end.show(facts.end)
         if now_ns - self._figures_ns >= _FIGURES_NS:
             self._figures_ns = now_ns
             self._adapt()
-            self._panel.show(self._with_display(facts))
-            self._timeline.show(facts)
-            self._episodes.show(facts)
-            self._notice.set_text(notice_text(facts))
-            self._status.set_text(status_text(facts, self._opening))
+            self._panel.show(shown)
+            self._timeline.show(shown)
+            self._episodes.show(shown)
+            self._notice.set_text(shown.notice)
+            self._status.set_text(shown.status)
 
     def _with_display(self, facts: FaceFacts) -> FaceFacts:
         """The facts with the time that drawing takes in the primary view's latency."""

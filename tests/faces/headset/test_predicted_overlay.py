@@ -11,9 +11,9 @@ import pytest
 
 from tams_app import palette
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.faces.figures import is_old, view_title
 from tams_app.faces.headset.layout import BORDER_PX, HEADER_PX, Atlas
 from tams_app.faces.headset.painting import ViewCell
+from tams_app.faces.shown import is_old, view_title
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.records import Image, Pose
 from tests.faces.headset.conftest import WornHeadset, worn_headset

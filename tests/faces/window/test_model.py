@@ -17,7 +17,19 @@ from tams_app.faces.banner import LOOKS, banner_of, look_of
 from tams_app.faces.canvas import apart
 from tams_app.faces.commands import PHASE_KEYS, Command
 from tams_app.faces.episodes import BUTTONS, KEYS, keys_text, last_text, strip_texts
-from tams_app.faces.figures import (
+from tams_app.faces.messages import (
+    SPAN_S,
+    Ended,
+    FaceFacts,
+    Notice,
+    Opening,
+    Outline,
+    ReplayFacts,
+    Stretch,
+    TrialFacts,
+)
+from tams_app.faces.session_face import facts_of
+from tams_app.faces.shown import (
     NOTABLE_MS,
     hand_rows,
     marking_texts,
@@ -31,21 +43,10 @@ from tams_app.faces.figures import (
     view_row,
     view_title,
 )
-from tams_app.faces.history import SPAN_S, History
-from tams_app.faces.messages import (
-    Ended,
-    FaceFacts,
-    Notice,
-    Opening,
-    Outline,
-    ReplayFacts,
-    Stretch,
-    TrialFacts,
-)
-from tams_app.faces.session_face import facts_of
 from tams_app.faces.terminal.keys import REPEAT_NS
 from tams_app.faces.views import STAYS_NS, Places
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
+from tams_app.faces.window.strips import History, stretches
 from tams_app.faces.window.style import state_class, style_sheet
 from tams_app.records import EpisodesState, EpisodeState, LatencyState, SessionState, ViewState
 from tams_app.teleop.hands import HANDS, SIMULATED
@@ -649,15 +650,13 @@ def at(t_s: float, phase: str = "REACH", arming: str = "ready") -> FaceFacts:
 
 
 def test_phases_are_stretches_one_after_the_other_without_a_gap() -> None:
-    history = History()
-    for t_s, phase in enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP")):
-        history.add(at(t_s, phase))
-    assert history.stretches(lambda state: state.phase) == [
+    phases = enumerate(("REACH", "REACH", "ALIGN", "GRASP", "GRASP"))
+    assert stretches((float(t_s), phase) for t_s, phase in phases) == [
         Stretch(0, 2, "REACH"),
         Stretch(2, 3, "ALIGN"),
         Stretch(3, 4, "GRASP"),
     ]
-    assert history.stretches(lambda state: state.arming) == [Stretch(0, 4, "ready")]
+    assert stretches((float(t_s), "ready") for t_s in range(5)) == [Stretch(0, 4, "ready")]
 
 
 def test_what_is_older_than_a_minute_is_forgotten() -> None:
@@ -665,8 +664,6 @@ def test_what_is_older_than_a_minute_is_forgotten() -> None:
     for t_s in range(200):
         history.add(at(float(t_s)))
     assert history.states[0].t_s == 199 - SPAN_S
-    first = history.curve(lambda state: state.link_kbps)[0]
-    assert first == (199 - SPAN_S, FACTS.state.link_kbps)
 
 
 def test_one_moment_counts_once_and_an_earlier_one_makes_what_came_later_forgotten() -> None:

@@ -1,16 +1,115 @@
-"""The numbers beside the views, as they are written; pure."""
+"""What is shown of a session at one moment, in words, for every face; pure.
+
+`shown_of` is all of it as one record, of which a face draws what it has room for.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
+from tams_app.faces import episodes
+from tams_app.faces.banner import Banner, Look, banner_of
 from tams_app.faces.commands import PHASE_KEYS
-from tams_app.faces.messages import FaceFacts, Opening, ReplayFacts, TrialFacts
+from tams_app.faces.messages import FaceFacts, Opening, ReplayFacts, Stretch, TrialFacts
 from tams_app.printing import known
 from tams_app.records import Phase, SessionState, ViewState
+from tams_app.teleop.hands import words_of_hand
 from tams_app.video.core.stages import REMEDIES, stage_words
 
 MEANINGS = {"eih": "eye-in-hand", "gt": "global top", "gs": "global side"}
 NOTABLE_MS = 25  # outside the network: below it there is little to gain
+# A headset hides the keyboard, so the button that confirms comes first.
+_KEYS_OF_BUTTONS = {
+    "disarmed": "{release}, hold {confirm} 1 s (or press Enter) to arm",
+    "ready": "Press and hold {deadman} to move it",
+    "engaged": "{release} to stop · click {confirm}: emergency stop",
+    "holding": "{release} · click {confirm}: emergency stop",
+    "fault": "{release}, hold {confirm} 1 s to clear, again to arm",
+    "link lost": "{release} and wait for the link",
+}
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
+
+
+@dataclass(frozen=True, slots=True)
+class PanelWords:
+    """What is below the primary view in a headset: state, phase, why, what helps, and a note."""
+
+    look: Look
+    phase: str
+    sentence: str
+    key: str
+    note: str  # a trial's time, the episodes, or the notices last
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A session at one moment, as it is written; but for the titles of views (`view_title`).
+
+    rows: by view, the cells below HEADINGS. uplink: its lines, and what makes the primary view
+    late. hand: name and word of each row. card: of a trial, or for who marks phases. position: of a
+    replay, and how it goes. marks: see `ReplayFacts`. episodes: the parts of their row, () where
+    there are none.
+    """
+
+    state: SessionState
+    banner: Banner
+    panel: PanelWords
+    notice: str
+    status: str
+    placed: str
+    rows: tuple[tuple[str, ...], ...]
+    uplink: tuple[str, ...]
+    hand: tuple[tuple[str, str], ...]
+    card: tuple[str, ...]
+    position: tuple[str, ...]
+    marks: tuple[Stretch, ...] | None
+    episodes: tuple[str, ...]
+
+
+def shown_of(facts: FaceFacts, opening: Opening, shift_is_dead: bool = False) -> Shown:
+    """All that is shown of these facts. shift_is_dead: `Keyboard.shift_is_dead`."""
+    state, replay, is_over = facts.state, facts.replay, facts.end is not None
+    banner = banner_of(facts, opening.hand, shift_is_dead)
+    card: tuple[str, ...] = ()
+    if facts.trial is not None:
+        card = trial_texts(facts.trial)
+    elif replay is not None and opening.blind:
+        card = marking_texts(state.phase)
+    position: tuple[str, ...] = ()
+    if opening.replay is not None and replay is not None:
+        position = replay_texts(state.t_s, opening.replay.end_s, replay)
+    row: tuple[str, ...] = ()
+    if state.episodes is not None:
+        row = episodes.strip_texts(state.episodes, replay is not None, is_over)
+    views = [(view, state.views.get(view, ViewState())) for view in opening.views]
+    return Shown(
+        state=state,
+        banner=banner,
+        panel=_panel_words(facts, banner, opening.hand),
+        notice=notice_text(facts),
+        status=status_text(facts, opening),
+        placed=placed_text(opening) if state.placed and not is_over else "",
+        rows=tuple(view_row(view, one, state.asked_fps) for view, one in views),
+        uplink=(*uplink_texts(state), slowest_text(state)),
+        hand=hand_rows(state),
+        card=card,
+        position=position,
+        marks=None if replay is None else replay.marks,
+        episodes=row,
+    )
+
+
+def _panel_words(facts: FaceFacts, banner: Banner, hand: str) -> PanelWords:
+    words, state = words_of_hand(hand), facts.state
+    confirms = words.confirm and state.arming in _KEYS_OF_BUTTONS
+    key = words.fill(_KEYS_OF_BUTTONS[state.arming]) if confirms else banner.key
+    if facts.trial is not None:
+        note = " · ".join(trial_texts(facts.trial)[:3])
+    elif state.episodes is not None:
+        note = episodes.line(state.episodes)
+    else:
+        note = facts.notices[-1].text if facts.notices else ""
+    return PanelWords(banner.look, state.phase, banner.sentence, key, note)
 
 
 def status_text(facts: FaceFacts, opening: Opening) -> str:
