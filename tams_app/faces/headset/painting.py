@@ -5,7 +5,8 @@ Pixels are RGBA, shape (height, width, 4), opaque: what OpenGL keeps without reo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TypeAlias
 
 import cairo
@@ -64,8 +65,10 @@ class ViewCell:
             self._grey()
         if self._shown is None or old != self._shown[1]:
             for edge in self._edges:
-                _draw(edge, _stripes if old else self._ground)
-        _draw(self._header, lambda cr, width, height: self._head(cr, width, height, title, old))
+                with _drawn(edge) as (cr, width, height):
+                    self._ground(cr, width, height, old)
+        with _drawn(self._header) as (cr, width, height):
+            self._head(cr, width, height, title, old)
         self._shown = title, old, silent
         return True
 
@@ -73,11 +76,14 @@ class ViewCell:
         grey = cv2.cvtColor(self._frame, cv2.COLOR_RGBA2GRAY) // 2
         self._frame[..., :3] = grey[..., np.newaxis]
 
-    def _ground(self, cr: Context, width: float, height: float) -> None:
-        fill(cr, self._colour, 0, 0, width, height)
+    def _ground(self, cr: Context, width: float, height: float, old: bool) -> None:
+        if old:
+            _stripes(cr, width, height)
+        else:
+            fill(cr, self._colour, 0, 0, width, height)
 
     def _head(self, cr: Context, width: float, height: float, title: str, old: bool) -> None:
-        (_stripes if old else self._ground)(cr, width, height)
+        self._ground(cr, width, height, old)
         inset = 5 * self._scale
         ground, ink = (palette.YELLOW, GROUND) if old else (GROUND, INK)
         fill(cr, ground, 3 * inset, inset, width - 6 * inset, height - 2 * inset)
@@ -87,7 +93,8 @@ class ViewCell:
 def paint_panel(panel: Crop, words: PanelWords) -> Pixels:
     """State and phase in a band of the state's colour, below it why, what helps, and a note."""
     pixels: Pixels = np.zeros((panel.height, panel.width, 4), np.uint8)
-    _draw(pixels, lambda cr, width, height: _panel(cr, width, height, words))
+    with _drawn(pixels) as (cr, width, height):
+        _panel(cr, width, height, words)
     return pixels
 
 
@@ -141,11 +148,12 @@ def _stripes(cr: Context, width: float, height: float) -> None:
     cr.fill()
 
 
-def _draw(pixels: Pixels, draw: Callable[[Context, float, float], None]) -> None:
-    """Let `draw` fill all of these pixels."""
+@contextmanager
+def _drawn(pixels: Pixels) -> Iterator[tuple[Context, float, float]]:
+    """What draws all of these pixels, and their width and height."""
     height, width, _ = pixels.shape
     drawn = np.empty((height, width, 4), np.uint8)
     surface = cairo.ImageSurface.create_for_data(drawn.data, cairo.FORMAT_ARGB32, width, height)
-    draw(cairo.Context(surface), width, height)
+    yield cairo.Context(surface), width, height
     surface.finish()
     cv2.cvtColor(drawn, cv2.COLOR_BGRA2RGBA, dst=pixels)  # cairo's order on little-endian machines

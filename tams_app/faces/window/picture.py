@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from tams_app.faces.window.toolkit import load
@@ -65,15 +65,14 @@ def texture_of(image: Image) -> Any:
 
 
 class Arrivals:
-    """Waits for frames of `view`, which may be set to another at any time; the body of a Worker."""
+    """Waits for frames of `view`, which may be set to another at any time by another thread."""
 
-    def __init__(self, frames: Mapping[str, FrameReader], view: str, wake: Callable[[], None]):
-        """`wake` is called in the worker's thread: it must only hand over."""
+    def __init__(self, frames: Mapping[str, FrameReader], view: str) -> None:
         self.view = view
         self._frames = frames
-        self._wake = wake
 
-    def run(self, stop: threading.Event) -> None:
+    def until(self, stop: threading.Event) -> Iterator[str]:
+        """The view of each new frame as it comes, until `stop` is set; in one thread."""
         seen: dict[str, int] = {}
         while not stop.is_set():
             view = self.view
@@ -83,4 +82,4 @@ class Arrivals:
                 reader.await_more(written, _LOOK_NS)
                 continue
             seen[view] = written
-            self._wake()
+            yield view

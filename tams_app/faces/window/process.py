@@ -42,12 +42,12 @@ def _show(side: HelperSide, application: Application, opened: Opened) -> None:
     path = size_file()
     window = OperatorWindow(
         opened,
-        application.report,
+        application,
         MonotonicClock(),
         read_size(path, first_size(*screen_size())),
     )
     window.present()
-    arrivals = Worker("arrivals", window.arrivals.run)
+    arrivals = Worker("arrivals", window.await_frames)
     arrivals.start()
     loop = GLib.MainLoop()
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable
 from typing import Any
 
 from msgspec.structs import replace
 
-from tams_app.faces.application import Opened
+from tams_app.faces.application import Application, Opened
 from tams_app.faces.commands import Command
-from tams_app.faces.messages import BEAT_S, CommandRequest, Event, FaceFacts, Keys, Pin, Seek
+from tams_app.faces.messages import BEAT_S, CommandRequest, FaceFacts, Keys, Pin, Seek
 from tams_app.faces.shown import shown_of, view_title
 from tams_app.faces.silence import LiveFacts
 from tams_app.faces.views import Corrected, DrawPacer, Places
@@ -56,23 +56,21 @@ class OperatorWindow:
     def __init__(
         self,
         opened: Opened,
-        report: Callable[[Event], None],
+        application: Application,
         clock: Clock,
         size: Size,
     ) -> None:
-        """`report` sends an event to the application; it must not wait."""
         self._modules = load()
         self._opening = opening = opened.opening
         self._textures: dict[str, Any] = {}
         self._corrected = Corrected(opened.present, opened.frames, clock)
         self._facts = LiveFacts(opened.facts)
         self._shown: FaceFacts | None = None  # as they may be shown
-        self._report = report
-        self._clock = clock
+        self._application, self._clock = application, clock
         self._keyboard = Keyboard()
         self._is_replay = opening.replay is not None
         self._places = Places(opening.views)
-        self.arrivals = Arrivals(opened.frames, self._places.large, self._on_arrival)
+        self._arrivals = Arrivals(opened.frames, self._places.large)
         self._pacer = DrawPacer(clock.now_ns(), time.process_time_ns())
         self._display = StageMeans()  # of the large picture
         self._put_ns = 0  # when the frame was put that it shows, and that is not drawn yet
@@ -236,7 +234,7 @@ class OperatorWindow:
             self._places.pin(views[int(name) - 1])
         else:
             return
-        self._report(Pin(self._clock.now_ns(), self._places.pinned))
+        self._application.report(Pin(self._clock.now_ns(), self._places.pinned))
         self._show_textures(self._places.views)
         self._show_places()
 
@@ -278,10 +276,10 @@ class OperatorWindow:
         return True
 
     def _ask(self, command: Command) -> None:
-        self._report(CommandRequest(self._clock.now_ns(), command))
+        self._application.report(CommandRequest(self._clock.now_ns(), command))
 
     def _seek(self, t_s: float) -> None:
-        self._report(Seek(self._clock.now_ns(), t_s))
+        self._application.report(Seek(self._clock.now_ns(), t_s))
         self._figures_ns = 0  # what is sought is shown as soon as it is found
 
     def _beat(self, *_: Any) -> bool:
@@ -294,7 +292,7 @@ class OperatorWindow:
             keyboard.focus(has_keys, now_ns)
         if now_ns - self._looked_ns > _NOT_LOOKING_NS:
             return True  # old pictures stay: to the session that is no sign of life
-        self._report(
+        self._application.report(
             Keys(now_ns, has_keys, keyboard.held, self._drawings, keyboard.presses, sight.seen_ns)
         )
         return True
@@ -307,10 +305,10 @@ class OperatorWindow:
 
     # --- what is shown --------------------------------------------------------------------------
 
-    def _on_arrival(self) -> None:
-        """In a thread of its own: the large picture's view has a new frame."""
-        GLib = self._modules.GLib
-        GLib.idle_add(self._look_once, priority=self._after_paints)
+    def await_frames(self, stop: threading.Event) -> None:
+        """Look at once when the large picture's view has a new frame; a worker's body."""
+        for _ in self._arrivals.until(stop):
+            self._modules.GLib.idle_add(self._look_once, priority=self._after_paints)
 
     def _realized(self, window: Any) -> None:
         self._sight = Sight(window, self._clock)
@@ -376,7 +374,7 @@ class OperatorWindow:
         return replace(facts, state=replace(facts.state, views=views))
 
     def _show_places(self) -> None:
-        self.arrivals.view = self._places.large
+        self._arrivals.view = self._places.large
         state = None if self._shown is None else self._shown.state
         for view, picture in zip(self._places.views, self._pictures, strict=True):
             title = view_title(view, state, self._opening, view == self._places.pinned)

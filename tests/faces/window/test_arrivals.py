@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 from collections.abc import Iterator
 
 import numpy as np
@@ -27,7 +28,11 @@ class Woken:
         memory = open_block(block.name)
         readers = {view: FrameReader(memory, LAYOUT, view) for view in LAYOUT.views}
         self.calls: queue.SimpleQueue[None] = queue.SimpleQueue()
-        self.arrivals = Arrivals(readers, "eih", lambda: self.calls.put(None))
+        self.arrivals = Arrivals(readers, "eih")
+
+    def run(self, stop: threading.Event) -> None:
+        for _ in self.arrivals.until(stop):
+            self.calls.put(None)
 
     def is_woken(self, within_s: float = PATIENCE_S) -> bool:
         try:
@@ -48,7 +53,7 @@ def block() -> Iterator[FrameBlock]:
 @pytest.fixture
 def woken(block: FrameBlock) -> Iterator[Woken]:
     woken = Woken(block)
-    worker = Worker("arrivals", woken.arrivals.run)
+    worker = Worker("arrivals", woken.run)
     worker.start()
     yield woken
     worker.stop()
