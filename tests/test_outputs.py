@@ -195,7 +195,7 @@ def test_results_are_written_in_one_place_only() -> None:
     """What writes otherwise does so into folders that TAMS has just made, or that are its own."""
     own = {
         "hw/openvr/bindings.py",  # of the running session
-        "tams_app/faces/window/size_memory.py",  # the user's own settings
+        "tams_app/faces/window/toolkit.py",  # the user's own settings
     }
     writes = re.compile(
         r"\.(write_text|write_bytes|to_csv|savefig|to_parquet)\((?!file\b|buffer\b)"

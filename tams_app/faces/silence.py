@@ -1,15 +1,13 @@
-"""Detection of a display that is not live any more, and its words; one rule for all displays."""
+"""Detection of a display that is not live any more, and its words; one rule for all; pure."""
 
 from __future__ import annotations
 
 import msgspec
 
-from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.messages import FaceFacts
 from tams_app.records import LINK_LOST, SessionState, ViewState
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-_AGAIN_NS = 100 * NS_PER_MS  # between two times of a silence that are shown
 NOT_LIVE = "not live"  # in the place of a state of the arming table
 LIVE_NS = 3 * NS_PER_S // 10
 STILL_STOPS = "The emergency stop button on the arm's control box"
@@ -54,27 +52,6 @@ def as_known(facts: FaceFacts, now_ns: int) -> FaceFacts:
         views={name: _aged(view, passed_ms) for name, view in state.views.items()},
     )
     return msgspec.structs.replace(facts, state=old, advice="", silent_s=silence_s)
-
-
-class LiveFacts:
-    """The facts that a face shows: each as it is put, and while nothing comes for how long."""
-
-    def __init__(self, reader: FactsReader) -> None:
-        self._reader = reader
-        self._newest: FaceFacts | None = None
-        self._again_ns = 0  # when to show the duration of a silence anew
-
-    def newer(self, now_ns: int) -> FaceFacts | None:
-        """What is to be shown from now on; None: what is shown already."""
-        newer = self._reader.newer()
-        self._newest = newer or self._newest
-        if self._newest is None:
-            return None
-        known = as_known(self._newest, now_ns)
-        if newer is None and (known is self._newest or now_ns < self._again_ns):
-            return None
-        self._again_ns = now_ns + _AGAIN_NS
-        return known
 
 
 def not_received(silence_s: float) -> str:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tams_app.faces.window.size_memory import Size, keep_size, size_file
+from tams_app.faces.window.toolkit import Size, keep_size, size_file
 from tams_app.teleop.safety import ArmingState
 from tests.faces.window.xvfb import Screen, compositor, virtual_screen
 from tests.faults.applications import Application, until

@@ -13,7 +13,6 @@ from tams_app.faces.headset.painting import ViewCell, paint_panel
 from tams_app.faces.headset.texture import AtlasTexture
 from tams_app.faces.messages import FaceFacts
 from tams_app.faces.shown import PanelWords, is_old, shown_of, view_title
-from tams_app.faces.silence import LiveFacts
 from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.runtime.clock import Clock
 
@@ -42,7 +41,7 @@ class HeadsetDisplay:
         clock: Clock,
     ) -> None:
         """`overlays`: of `overlay_names`. SetupError if there is no texture for all of it."""
-        self._opening, self._facts = opened.opening, LiveFacts(opened.facts)
+        self._opening, self._facts = opened.opening, opened.facts
         self._overlays, self._texture = overlays, texture
         views = self._opening.views
         self._atlas = Atlas(views, self._opening.width, self._opening.height)

@@ -13,8 +13,14 @@ from contextlib import closing
 from tams_app.errors import TamsError
 from tams_app.faces.application import Application, Opened
 from tams_app.faces.window.sight import x_server
-from tams_app.faces.window.size_memory import first_size, keep_size, read_size, size_file
-from tams_app.faces.window.toolkit import load, screen_size
+from tams_app.faces.window.toolkit import (
+    first_size,
+    keep_size,
+    load,
+    read_size,
+    screen_size,
+    size_file,
+)
 from tams_app.faces.window.window import OperatorWindow
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.process import HelperSide

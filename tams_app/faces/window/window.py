@@ -12,7 +12,6 @@ from tams_app.faces.application import Application, Opened
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import BEAT_S, CommandRequest, FaceFacts, Keys, Pin, Seek
 from tams_app.faces.shown import shown_of, view_title
-from tams_app.faces.silence import LiveFacts
 from tams_app.faces.views import Corrected, DrawPacer, Places
 from tams_app.faces.window.keyboard import Keyboard, Symbol, command_of, key_help, key_name
 from tams_app.faces.window.panels import (
@@ -28,7 +27,6 @@ from tams_app.faces.window.panels import (
 )
 from tams_app.faces.window.picture import Arrivals, PicturePlace, texture_of
 from tams_app.faces.window.sight import Sight
-from tams_app.faces.window.size_memory import Size
 from tams_app.faces.window.strips import History
 from tams_app.faces.window.style import (
     DESIGN_HEIGHT,
@@ -38,7 +36,7 @@ from tams_app.faces.window.style import (
     style_sheet,
     view_class,
 )
-from tams_app.faces.window.toolkit import load
+from tams_app.faces.window.toolkit import Size, load
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.stages import DISPLAY, StageMeans, together
@@ -64,7 +62,7 @@ class OperatorWindow:
         self._opening = opening = opened.opening
         self._textures: dict[str, Any] = {}
         self._corrected = Corrected(opened.present, opened.frames, clock)
-        self._facts = LiveFacts(opened.facts)
+        self._facts = opened.facts
         self._shown: FaceFacts | None = None  # as they may be shown
         self._application, self._clock = application, clock
         self._keyboard = Keyboard()

@@ -42,7 +42,7 @@ class Shown:
     def __init__(self) -> None:
         self.clock, self.refuses = VirtualClock(), False
         self.frames = {view: Frames() for view in OPENING.views}
-        nothing = SimpleNamespace(newer=lambda: None)
+        nothing = SimpleNamespace(newer=lambda _now_ns: None)
         opened: Any = Opened(OPENING, self.frames, nothing)  # type: ignore[arg-type]
         nop = lambda *_: None  # noqa: E731
         texture: Any = SimpleNamespace(create=nop, put=nop, flush=nop, handle=1)

@@ -10,7 +10,7 @@ import pytest
 from tams_app.errors import TamsError
 from tams_app.faces.facts_memory import FactsReader, FactsWriter
 from tams_app.faces.messages import Notice
-from tams_app.faces.window.size_memory import Size, first_size, keep_size, read_size, size_file
+from tams_app.faces.window.toolkit import Size, first_size, keep_size, read_size, size_file
 from tests.faces.window.facts import FACTS, changed
 
 pytestmark = pytest.mark.untimed
@@ -19,11 +19,11 @@ pytestmark = pytest.mark.untimed
 def test_the_reader_gets_the_newest_facts_once() -> None:
     writer = FactsWriter()
     reader = FactsReader(os.dup(writer.descriptor))
-    assert reader.newer() is None
+    assert reader.newer(0) is None
     for number in range(9):
         writer.put(changed(FACTS, t_s=float(number)))
-    assert reader.newer() == changed(FACTS, t_s=8.0)
-    assert reader.newer() is None
+    assert reader.newer(0) == changed(FACTS, t_s=8.0)
+    assert reader.newer(0) is None
     writer.close()
 
 
