@@ -15,6 +15,7 @@ from tams_app.prediction.forward_model import ArmHeard, ForwardModel, Trail
 from tams_app.prediction.outline import ArmLink, ArmOutline, PlacedArm
 from tams_app.prediction.plane_warp import WristWarp
 from tams_app.records import (
+    ArmFigure,
     ControllerSample,
     Image,
     Lens,
@@ -144,15 +145,15 @@ class Present:
     def __init__(
         self,
         model: ForwardModel,
-        mount: Callable[[Vector], Pose],
+        figure: ArmFigure,
         tell: Callable[[MountPrediction], None],
         camera_fits: Callable[[], bool],
     ) -> None:
-        """`mount`: where joints put it; `tell` gets each belief.
+        """`figure`: of the arm, whose flange is the mount; `tell` gets each belief.
 
         `camera_fits`: whether the camera on the mount is where it should be, by its frames so far.
         """
-        self._model, self._mount, self._tell = model, mount, tell
+        self._model, self._figure, self._tell = model, figure, tell
         self._camera_fits = camera_fits
         self._then: tuple[ArmHeard, Pose, int, bool] | None = None
         self._sent_ns = 0
@@ -170,6 +171,9 @@ class Present:
         self._sent_ns = now_ns
         with self._spared():
             self._follow(sample, now_ns)
+
+    def _mount(self, joints: Vector) -> Pose:
+        return self._figure.place(joints)[self._figure.flange]
 
     def _follow(self, sample: ControllerSample, now_ns: int) -> None:
         self._model.sent(sample, now_ns)

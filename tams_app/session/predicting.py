@@ -18,7 +18,7 @@ from tams_app.prediction.present import (
     WristView,
 )
 from tams_app.recording.journal import Journal
-from tams_app.records import MountPrediction, Pose, ShownFrame, Vector
+from tams_app.records import MountPrediction, ShownFrame
 from tams_app.robot.build import ready_pose
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
@@ -157,9 +157,5 @@ def present_of(
     kind = arm_kind(config.arm.model)
     figure = kind.figure()
     assert figure is not None, "there are no such cameras without"
-
-    def mount(joints: Vector) -> Pose:
-        return figure.place(joints)[figure.flange]
-
     model = ForwardModel(config, kind.kinematics(config.arm), ready_pose(config).rotation)
-    return Present(model, mount, tell, camera_fits)
+    return Present(model, figure, tell, camera_fits)

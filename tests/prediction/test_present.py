@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -49,12 +50,18 @@ def state(t_ns: int, joints: np.ndarray) -> ArmHeard:
     return ArmHeard(t_ns, joints, None, ArmingState.READY, False, 1.0)
 
 
+def figure_of(mount: Callable[[np.ndarray], Pose]) -> Any:
+    """Of an arm whose joints put its flange there."""
+    return SimpleNamespace(flange="flange", place=lambda joints: {"flange": mount(joints)})
+
+
 class Telling:
     """A prediction, and what it has told."""
 
     def __init__(self, way: int = 0, camera_fits: Callable[[], bool] = lambda: True) -> None:
         self.sides, self.told = Sides(way, way), list[MountPrediction]()
-        self.present = Present(self.sides.model, MODEL.tcp_pose, self.told.append, camera_fits)
+        figure = figure_of(MODEL.tcp_pose)
+        self.present = Present(self.sides.model, figure, self.told.append, camera_fits)
 
     def send(self, now_ns: int) -> None:
         self.present.sent(self.sides.hand.sample(START_NS, 0.0), now_ns)
@@ -229,7 +236,7 @@ def test_a_prediction_that_fails_is_told_once_and_holds_up_neither_hand_nor_stat
         raise RuntimeError("no such pose")
 
     sides = Sides(way=6, back=6)
-    present = Present(sides.model, broken, lambda _: None, lambda: True)
+    present = Present(sides.model, figure_of(broken), lambda _: None, lambda: True)
     present.on_failure = failures.append
     sides.model = present  # type: ignore[assignment]  # it takes the same samples and states
     sides.engage()
