@@ -41,13 +41,6 @@ def test_facts_that_do_not_fit_are_refused() -> None:
     writer.close()
 
 
-def test_the_size_is_found_again(tmp_path: Path) -> None:
-    path = size_file({"XDG_STATE_HOME": str(tmp_path)})
-    assert read_size(path) == Size(1280, 720)
-    keep_size(path, Size(1600, 900, True))
-    assert read_size(path) == Size(1600, 900, True)
-
-
 @pytest.mark.parametrize(
     "content", ["", "[]", "{", '{"width": 3}', '{"width": "a", "height": 900}', '{"x": 1}']
 )
@@ -72,7 +65,7 @@ def test_the_first_window_is_maximised_where_it_would_fill_most_of_the_screen(
 ) -> None:
     first = first_size(*screen)
     assert first == Size(1280, 720, maximised)
-    path = tmp_path / "window.json"
+    path = size_file({"XDG_STATE_HOME": str(tmp_path)})
     assert read_size(path, first) == first
-    keep_size(path, Size(1000, 600))
-    assert read_size(path, first) == Size(1000, 600)
+    keep_size(path, Size(1000, 600, True))
+    assert read_size(path, first) == Size(1000, 600, True)

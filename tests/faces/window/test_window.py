@@ -235,10 +235,3 @@ def test_a_window_that_stands_still_delays_nobody_and_shows_the_newest_when_it_g
         os.kill(window.client.pid, signal.SIGCONT)
     assert not blocked
     assert wait_for(lambda: all_are_shown(window, newest))
-
-
-def test_closing_it_is_told_and_leaves_it_open_until_the_session_ends(window: ShownWindow) -> None:
-    window.events.clear()
-    window.screen.ask_to_close("TAMS")
-    assert wait_for(lambda: window.commands() == [Command.CLOSE])
-    assert not window.client.ended

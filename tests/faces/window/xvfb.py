@@ -11,6 +11,7 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -61,10 +62,7 @@ class Screen:
     @contextmanager
     def keyboard_grabbed(self) -> Iterator[None]:
         """Another client has all keys meanwhile, as a window manager that shows a menu."""
-        x11 = ctypes.CDLL("libX11.so.6")
-        x11.XOpenDisplay.restype = ctypes.c_void_p
-        x11.XDefaultRootWindow.restype = ctypes.c_ulong
-        display = ctypes.c_void_p(x11.XOpenDisplay(self.display.encode()))
+        x11, display = self._connection()
         root = ctypes.c_ulong(x11.XDefaultRootWindow(display))
         asynchronously, now = 1, ctypes.c_ulong(0)
         assert x11.XGrabKeyboard(display, root, 0, asynchronously, asynchronously, now) == 0
@@ -76,14 +74,12 @@ class Screen:
     @contextmanager
     def full_but_for(self, free: int) -> Iterator[None]:
         """Others have all connections that the server takes but so many, meanwhile."""
-        x11 = ctypes.CDLL("libX11.so.6")
-        x11.XOpenDisplay.restype = ctypes.c_void_p
-        taken = list(iter(lambda: x11.XOpenDisplay(self.display.encode()), None))
-        for connection in taken[:free]:
-            x11.XCloseDisplay(ctypes.c_void_p(connection))
+        taken = list(takewhile(lambda one: one[1].value, iter(self._connection, None)))
+        for x11, connection in taken[:free]:
+            x11.XCloseDisplay(connection)
         yield
-        for connection in taken[free:]:
-            x11.XCloseDisplay(ctypes.c_void_p(connection))
+        for x11, connection in taken[free:]:
+            x11.XCloseDisplay(connection)
 
     def focus(self, title: str) -> None:
         """Give the window of this title the focus, as a window manager would."""
@@ -91,16 +87,20 @@ class Screen:
 
     def ask_to_close(self, title: str) -> None:
         """What a window manager sends when its button of the window of this title is clicked."""
-        x11 = ctypes.CDLL("libX11.so.6")
-        x11.XOpenDisplay.restype = ctypes.c_void_p
-        x11.XInternAtom.restype = ctypes.c_ulong
-        display = ctypes.c_void_p(x11.XOpenDisplay(self.display.encode()))
+        x11, display = self._connection()
         window = ctypes.c_ulong(int(self._window(title)))
         event = _ClientMessage(type=33, send_event=1, window=window, format=32)
         event.message_type = x11.XInternAtom(display, b"WM_PROTOCOLS", 0)
         event.data[0] = x11.XInternAtom(display, b"WM_DELETE_WINDOW", 0)
         x11.XSendEvent(display, window, 0, ctypes.c_long(0), ctypes.byref(event))
         x11.XCloseDisplay(display)
+
+    def _connection(self) -> tuple[ctypes.CDLL, ctypes.c_void_p]:
+        """One of its own to the server; null if the server takes no more."""
+        x11 = ctypes.CDLL("libX11.so.6")
+        x11.XOpenDisplay.restype = ctypes.c_void_p
+        x11.XDefaultRootWindow.restype = x11.XInternAtom.restype = ctypes.c_ulong
+        return x11, ctypes.c_void_p(x11.XOpenDisplay(self.display.encode()))
 
     def _window(self, title: str) -> str:
         return self.xdotool("search", "--sync", "--onlyvisible", "--name", title).split()[0]
