@@ -86,9 +86,10 @@ def shown_of(facts: FaceFacts, opening: Opening, shift_is_dead: bool = False) ->
         state=state,
         banner=banner,
         panel=_panel_words(facts, banner, opening.hand),
-        notice=notice_text(facts),
-        status=status_text(facts, opening),
-        placed=placed_text(opening) if state.placed and not is_over else "",
+        # of a session that is over it says what holds no longer
+        notice=facts.notices[-1].text if facts.notices and not is_over else "",
+        status=_status_text(facts, opening),
+        placed=_placed_text(opening) if state.placed and not is_over else "",
         rows=tuple(view_row(view, one, state.asked_fps) for view, one in views),
         uplink=(*uplink_texts(state), slowest_text(state)),
         hand=hand_rows(state),
@@ -112,7 +113,7 @@ def _panel_words(facts: FaceFacts, banner: Banner, hand: str) -> PanelWords:
     return PanelWords(banner.look, state.phase, banner.sentence, key, note)
 
 
-def status_text(facts: FaceFacts, opening: Opening) -> str:
+def _status_text(facts: FaceFacts, opening: Opening) -> str:
     """Time, strategy, network and recording; of a replay, whose bar has its time, without both."""
     parts = []
     if opening.strategy:
@@ -123,11 +124,6 @@ def status_text(facts: FaceFacts, opening: Opening) -> str:
     return " · ".join(parts)
 
 
-def notice_text(facts: FaceFacts) -> str:
-    """The newest sentence; none once the session is over, when it says what holds no longer."""
-    return facts.notices[-1].text if facts.notices and facts.end is None else ""
-
-
 def _size(facts: FaceFacts) -> str:
     if facts.recorded_mb is None:
         return ""
@@ -135,7 +131,7 @@ def _size(facts: FaceFacts) -> str:
     return f": {facts.recorded_mb:.0f} MB, {a_minute:.0f} MB a minute"
 
 
-def placed_text(opening: Opening) -> str:
+def _placed_text(opening: Opening) -> str:
     """The notice over the primary view once the block is placed."""
     if opening.replay is not None or opening.blind or opening.has_episodes:
         return "✔ The block is placed"

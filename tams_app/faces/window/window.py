@@ -78,7 +78,7 @@ class OperatorWindow:
         self._drawings = self._shade = 0
         self._figures_ns = 0
         self._looked_ns = clock.now_ns()
-        self._state = ""
+        self._classes: list[str] = []  # of the frame
         self._scale = 0.0
         self._build(size)
         self._listen()
@@ -335,18 +335,14 @@ class OperatorWindow:
     def _take_in(self, facts: FaceFacts, now_ns: int) -> None:
         self._shown = facts
         self._history.add(facts)
-        if facts.silent_s is None:
-            self._frame.remove_css_class(SILENT_CLASS)
-        else:
-            self._frame.add_css_class(SILENT_CLASS)
         with_display = self._with_display(facts)
         shown = shown_of(with_display, self._opening, self._keyboard.shift_is_dead)
         self._banner.show(shown.banner)
-        if facts.state.arming != self._state:
-            if self._state:
-                self._frame.remove_css_class(state_class(self._state))
-            self._frame.add_css_class(state_class(facts.state.arming))
-            self._state = facts.state.arming
+        classes = [state_class(facts.state.arming)]
+        classes += [] if facts.silent_s is None else [SILENT_CLASS]
+        if classes != self._classes:  # GTK styles the whole window anew
+            self._classes = classes
+            self._frame.set_css_classes(classes)
             self._figures_ns = 0
         if self._places.step(facts.state.primary_view, now_ns):
             self._show_textures(self._places.views)

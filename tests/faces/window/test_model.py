@@ -33,11 +33,9 @@ from tams_app.faces.shown import (
     NOTABLE_MS,
     hand_rows,
     marking_texts,
-    notice_text,
-    placed_text,
     replay_texts,
+    shown_of,
     slowest_text,
-    status_text,
     trial_texts,
     uplink_texts,
     view_row,
@@ -349,20 +347,20 @@ def test_what_makes_the_primary_view_late_is_named_once_it_is_notable_and_known(
 def test_the_last_line_has_time_strategy_network_and_what_is_recorded() -> None:
     opening = replace(OPENING, strategy="tams", network="config/traces/outage.csv")
     facts = changed(FACTS, t_s=90.0, recorded_mb=30.0)
-    assert status_text(facts, opening) == (
+    assert shown_of(facts, opening).status == (
         "1:30 elapsed · strategy tams, network outage.csv · recording: 30 MB, 20 MB a minute"
     )
     over = replace(facts, end=Ended("Over"))
-    assert status_text(over, opening) == "strategy tams, network outage.csv"
+    assert shown_of(over, opening).status == "strategy tams, network outage.csv"
     blind = replace(OPENING, blind=True)  # `FaceClient` leaves out what is compared
-    assert status_text(replace(facts, recorded_mb=None), blind) == "1:30 elapsed · recording"
+    assert shown_of(replace(facts, recorded_mb=None), blind).status == "1:30 elapsed · recording"
 
 
 def test_the_newest_sentence_is_shown_until_the_session_is_over() -> None:
-    assert notice_text(FACTS) == ""
+    assert shown_of(FACTS, OPENING).notice == ""
     running = replace(FACTS, notices=(Notice(1.0, "ready"), Notice(2.0, "engaged")))
-    assert notice_text(running) == "engaged"
-    assert notice_text(replace(running, end=Ended("Over"))) == ""
+    assert shown_of(running, OPENING).notice == "engaged"
+    assert shown_of(replace(running, end=Ended("Over")), OPENING).notice == ""
 
 
 def title(name: str, here: bool | None = None, opening: Opening = OPENING, **changes: Any) -> str:
@@ -391,10 +389,11 @@ def test_a_picture_that_is_old_or_not_there_says_so_and_in_a_trial_tells_its_nam
 
 
 def test_the_notice_that_the_block_is_placed_names_the_key_where_it_ends_the_session() -> None:
-    assert "Q ends the session" in placed_text(OPENING)
+    placed = changed(FACTS, placed=True)
+    assert "Q ends the session" in shown_of(placed, OPENING).placed
+    assert shown_of(FACTS, OPENING).placed == ""
     for changes in ({"blind": True}, {"replay": REPLAYED}, {"has_episodes": True}):
-        other = replace(OPENING, **changes)
-        assert placed_text(other) == "✔ The block is placed"
+        assert shown_of(placed, replace(OPENING, **changes)).placed == "✔ The block is placed"
 
 
 def test_of_a_session_that_is_over_the_banner_has_the_result_and_no_stop() -> None:
