@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from tams_app.prediction.present import AsReceived, Correction
 from tams_app.records import Image
@@ -87,13 +87,15 @@ class Corrected:
         self._is_on = not self._is_on
         self._taken = dict.fromkeys(self._taken, 0)  # what is drawn changes at once
 
-    def is_new(self, view: str) -> bool:
-        """Whether there is a frame that was not taken yet, or one that looks different by now."""
-        return self.has_come(view) or self.moves(view)
+    def changed(self) -> Iterator[tuple[str, Image]]:
+        """The views with a frame that was not taken yet, or that looks different by now, and it.
 
-    def has_come(self, view: str) -> bool:
-        """Whether there is a frame that was not taken yet."""
-        return self._frames[view].written() != self._taken[view]
+        One that was overwritten meanwhile is left out: the next look finds a newer one.
+        """
+        for view, reader in self._frames.items():
+            is_new = reader.written() != self._taken[view] or self.moves(view)
+            if is_new and (image := self.newest(view)) is not None:
+                yield view, image
 
     def moves(self, view: str) -> bool:
         """Whether a frame that was drawn looks different later on."""

@@ -66,7 +66,9 @@ class HeadsetDisplay:
         if (facts := self._facts.newer(now_ns)) is not None:
             self._take_in(facts, now_ns)
         if self._pacer.may_draw(now_ns, self._corrected.version(self._places.large, now_ns)):
-            self._take_frames()
+            for view, image in self._corrected.changed():
+                self._cells[view].show(image)
+                self._dirty.add(view)
             if self._dirty:
                 self._draw()  # raises what SteamVR refuses
                 self._pacer.drawn(now_ns, time.process_time_ns())
@@ -116,18 +118,6 @@ class HeadsetDisplay:
                 self._overlays.submit(number, self._texture.handle)
                 self._crop(number, self._atlas.cells[view])
         self._texture.flush()
-
-    def _take_frames(self) -> None:
-        """Take in what is new."""
-        for view, cell in self._cells.items():
-            if not self._corrected.is_new(view):
-                continue
-            image = self._corrected.newest(view)
-            if image is None:
-                self._dirty.discard(view)  # overwritten meanwhile: the next look finds a newer one
-                continue
-            cell.show(image)
-            self._dirty.add(view)
 
     def _draw(self) -> None:
         for view in self._dirty - {PANEL}:

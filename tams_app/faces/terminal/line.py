@@ -103,14 +103,14 @@ def arm_line(state: SessionState) -> str:
     """Time, arming, phase, what the hand holds, and where the arm is; or that it is not live."""
     if (silence_s := silence_of(state)) is not None:
         return f"{minutes(state.t_s)}  {_not_live(state, silence_s)}"
+    words = dict(hand_rows(state))
     held = words_of_hand(state.hand).deadman.removeprefix("the ")
-    deadman = f"{held} {'held' if state.deadman else 'up'}"
-    mode = "orientation" if state.orientation_mode else "translation"
-    return (
-        f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  "
-        f"{', '.join((deadman, *state.pressed, mode))}"
-        f"{_tcp_gripper_and_motors(state)}"
-    )
+    parts = [f"{held} {'held' if state.deadman else 'up'}", *state.pressed, words["mode"]]
+    if state.tcp_mm is not None:
+        x, y, z = state.tcp_mm
+        parts += [f"TCP x {x:.0f} y {y:.0f} z {z:.0f} mm", f"gripper {words['gripper']}"]
+        parts.append(f"motors {words['motors']}")
+    return f"{minutes(state.t_s)}  {state.arming.upper()}  {state.phase}  {', '.join(parts)}"
 
 
 def reason_parts(state: SessionState) -> list[str]:
@@ -185,16 +185,6 @@ class StatusLine:
         """Print a sentence above the line, with when it was shown."""
         printed = f"{minutes(t_s)}  {sentence}"
         self._console.print(printed, soft_wrap=True)
-
-
-def _tcp_gripper_and_motors(state: SessionState) -> str:
-    """As far as they are known, behind a comma; "" where the arm is not."""
-    if state.tcp_mm is None:
-        return ""
-    x, y, z = state.tcp_mm
-    words = dict(hand_rows(state))
-    hand = f"gripper {words['gripper']}, motors {words['motors']}"
-    return f", TCP x {x:.0f} y {y:.0f} z {z:.0f} mm, {hand}"
 
 
 def _view(name: str, view: ViewState, asked_fps: float | None) -> str:

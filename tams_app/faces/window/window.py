@@ -377,18 +377,12 @@ class OperatorWindow:
 
     def _take_frames(self) -> bool:
         """Show the newest frame of each view, or how it looks by now; whether any has changed."""
-        changed = []
-        for view in self._opening.views:
-            if not self._corrected.is_new(view):
-                continue
-            has_come = self._corrected.has_come(view)
-            image = self._corrected.newest(view)
-            if image is None:  # overwritten meanwhile: the next look finds a newer one
-                continue
-            if view == self._places.large and has_come:
-                self._put_ns = self._corrected.put_ns[view]
-            self._textures[view] = texture_of(image)
-            changed.append(view)
+        large, put_ns = self._places.large, self._corrected.put_ns
+        before_ns = put_ns.get(large)
+        changed = {view: texture_of(image) for view, image in self._corrected.changed()}
+        if put_ns.get(large) != before_ns:
+            self._put_ns = put_ns[large]
+        self._textures.update(changed)
         self._show_textures(changed)
         return bool(changed)
 
