@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hw.lite6.kinematics import pose_from_mm_rpy
-from hw.lite6.report_frames import (
+from hw.lite6.report_watch import (
     MAX_BYTES,
     REAL_BYTES,
     REAL_PORT_OFFSET,

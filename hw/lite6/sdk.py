@@ -1,9 +1,10 @@
 """UFACTORY's SDK made fit for an application: quiet, leaving no traces, on a port of our own.
 
 What the SDK does unasked, and is kept from here (FINDINGS 8): on import it prints and makes
-~/.UFACTORY; on every connect it prints. Its own port (hw/lite6/control_port.py takes its place)
-sets the default time-out of all new sockets of the process and prefers a Unix socket in the
-temporary folder, which anybody on the host could make.
+~/.UFACTORY; on every connect it prints. Its own port, in whose place `ControlPort` is, sets the
+default time-out of all new sockets of the process, prefers a Unix socket in the temporary folder,
+which anybody on the host could make, and reads replies in a thread that hands them over in a queue,
+so that each command waits for two wakes.
 """
 
 from __future__ import annotations
@@ -14,19 +15,26 @@ import functools
 import io
 import logging
 import os
+import select
 import socket
 import struct
 import tempfile
 import threading
 import time
 from collections.abc import Iterator, Sequence
+from queue import Queue
 from typing import Any
 
 from hw.lite6.codes import Code, Mode, Register
-from hw.lite6.control_port import ControlPort
 from hw.lite6.uxbus import UxbusFrame
 from tams_app.errors import DeviceError, SetupError
 
+CONNECT_TIMEOUT_S = 1.0
+_LENGTH = struct.Struct(">4xH")  # of what follows this header
+_LEAST_BYTES = _LENGTH.size + 2  # register and status
+_FEEDBACK_REGISTER = 0xFF  # unasked; the SDK's feedback thread takes it
+_RECEIVE_BYTES = 4096
+_FAILED = -1
 _JOIN_S = 2.0
 _SOCKADDR_BYTES = 16
 _VELOCITY = struct.Struct("<6fBf")  # x y z [mm/s], about x y z [rad/s], frame, duration [s]
@@ -46,6 +54,96 @@ class _ForwardToLog(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         _log.debug("%s", record.getMessage())
+
+
+class ControlPort:
+    """One control connection; the thread that waits for a reply reads it.
+
+    Requests and their replies are one thread's at a time: the SDK's lock around each command sees
+    to that. Replies that come too late are left to the SDK, which knows them by their transaction.
+    The methods are named, and report errors, as the SDK expects it of a port.
+    """
+
+    def __init__(self, host: str, port: int, feedback: Queue[bytes]) -> None:
+        """Connect; OSError if nothing answers."""
+        self.com = socket.create_connection((host, port), CONNECT_TIMEOUT_S)
+        self.com.setblocking(False)
+        self._readable = select.poll()
+        self._readable.register(self.com, select.POLLIN)
+        self._feedback = feedback
+        self._received = bytearray()
+        self.connected = True
+
+    def write(self, data: bytes) -> int:
+        """Send a request; 0, or -1 if it cannot be sent whole: the connection is given up then."""
+        if not self.connected:
+            return _FAILED
+        try:
+            sent = self.com.send(data)
+        except OSError as error:
+            self._lose(error)
+            return _FAILED
+        if sent < len(data):  # what followed would be read as the rest of it
+            self._lose(ConnectionError(f"{sent} of {len(data)} bytes were sent"))
+            return _FAILED
+        return 0
+
+    def read(self, timeout: float) -> bytes | int:
+        """The next reply; -1 if none comes within `timeout` [s] or the connection is gone."""
+        deadline = time.monotonic() + timeout
+        while self.connected:
+            frame = self._next_frame()
+            if frame is not None:
+                return frame
+            left_ms = (deadline - time.monotonic()) * 1000.0
+            if left_ms <= 0.0 or not self._readable.poll(left_ms):
+                return _FAILED
+            try:
+                data = self.com.recv(_RECEIVE_BYTES)
+            except BlockingIOError:
+                continue
+            except OSError as error:
+                self._lose(error)
+            else:
+                self._received += data
+                if not data:
+                    self._lose(ConnectionResetError("the arm closed the connection"))
+        return _FAILED
+
+    def flush(self) -> int:
+        """Nothing waits here but what the SDK passes over by itself."""
+        return 0 if self.connected else _FAILED
+
+    def close(self) -> None:
+        """Disconnect; may be called twice, also while another thread reads."""
+        self.connected = False
+        with contextlib.suppress(OSError):  # it was not connected any more
+            self.com.shutdown(socket.SHUT_RDWR)
+        self.com.close()
+
+    def join(self) -> None:
+        """There is no thread to wait for."""
+
+    def _next_frame(self) -> bytes | None:
+        """The first whole reply of what was received."""
+        received = self._received
+        while len(received) >= _LENGTH.size:
+            end = _LENGTH.size + _LENGTH.unpack_from(received)[0]
+            if end < _LEAST_BYTES:
+                self._lose(ConnectionError(f"a reply of {end} bytes"))
+                return None
+            if len(received) < end:
+                return None
+            frame = bytes(received[:end])
+            del received[:end]
+            if frame[_REGISTER_AT] != _FEEDBACK_REGISTER:
+                return frame
+            self._feedback.put(frame)
+        return None
+
+    def _lose(self, error: OSError) -> None:
+        self.connected = False
+        _log.debug("The arm's connection is lost: %s", error)
 
 
 def connect_sdk(host: str, control_port: int) -> Any:

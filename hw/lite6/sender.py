@@ -1,13 +1,15 @@
-"""The one thread that talks to the Lite 6 while it is being moved.
+"""The outbox that the control loop fills, and the one thread that talks to a moving Lite 6.
 
-The control loop leaves its newest command in the outbox and never waits; this thread hands it to
-the SDK, waits for the reply, times it and reports in `link` what became of it.
+The loop leaves its newest command in the outbox and never waits; the thread hands it to the SDK,
+waits for the reply, times it and reports in `link` what became of it.
 """
 
 from __future__ import annotations
 
 import threading
+from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
@@ -18,7 +20,6 @@ from hw.lite6.commands import (
     error_sentence,
     twist_refusal,
 )
-from hw.lite6.outbox import Outbox
 from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock
@@ -26,12 +27,73 @@ from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.vectors import times
 
+GRIPPER_QUEUE = 4  # when full, the oldest command is dropped
 KEEPALIVE_PERIOD_S = 0.25
 MISSES_UNTIL_FAILURE = 2  # replies in a row; the controller's deadman runs out about then
 READ_BACK_AFTER_NS = 50 * NS_PER_MS
 READ_AGAIN_NS = NS_PER_S  # no report has the tool's outputs, which others may switch
 _OUTPUTS_OPEN, _OUTPUTS_CLOSED = (1, 0), (0, 1)
 _MM_PER_M = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """The next thing to send, and the opening of the outbox that it was left for."""
+
+    opening: int
+    motion: Twist | None
+    gripper_closed: bool | None
+
+
+class Outbox:
+    """The newest motion command and a few gripper commands; shut unless the servo is enabled."""
+
+    def __init__(self) -> None:
+        self._news = threading.Condition()
+        self.is_open = False
+        self._opening = 0
+        self._motion: Twist | None = None
+        self._gripper: deque[bool] = deque(maxlen=GRIPPER_QUEUE)
+
+    def open(self) -> None:
+        """Take commands from now on."""
+        with self._news:
+            self.is_open = True
+            self._opening += 1
+
+    def shut(self) -> None:
+        """Forget what waits and take nothing until opened."""
+        with self._news:
+            self.is_open = False
+            self._opening += 1
+            self._motion = None
+            self._gripper.clear()
+            self._news.notify()
+
+    def is_current(self, opening: int) -> bool:
+        """True if the outbox was neither shut nor opened anew since `opening`."""
+        return opening == self._opening
+
+    def put_motion(self, motion: Twist) -> None:
+        with self._news:
+            if self.is_open:
+                self._motion = motion
+                self._news.notify()
+
+    def put_gripper(self, closed: bool) -> None:
+        with self._news:
+            if self.is_open:
+                self._gripper.append(closed)
+                self._news.notify()
+
+    def take(self, timeout_s: float) -> Work:
+        """The newest motion and the oldest gripper command; neither after `timeout_s` or a shut."""
+        with self._news:
+            if self._motion is None and not self._gripper:
+                self._news.wait(timeout_s)
+            motion, self._motion = self._motion, None
+            gripper = self._gripper.popleft() if self._gripper else None
+            return Work(self._opening, motion, gripper)
 
 
 class CommandSender:

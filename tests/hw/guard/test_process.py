@@ -36,7 +36,7 @@ from hw.guard.link import (
 from hw.guard.motion import Cause, Motion, MotionWatch
 from hw.guard.process import Guard, GuardWatch, HeartbeatWatch
 from hw.lite6.codes import Mode
-from hw.lite6.report_frames import REAL_PORT_OFFSET
+from hw.lite6.report_watch import REAL_PORT_OFFSET
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.process import HelperProcess

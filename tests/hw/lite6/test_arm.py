@@ -16,7 +16,7 @@ import hw.lite6.setup
 from hw.boundary import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
-from hw.lite6.outbox import Outbox, Work
+from hw.lite6.sender import Outbox, Work
 from hw.lite6.setup import Lite6Connection
 from hw.sim.controller.model import ReportKind
 from hw.sim.controller.server import ControllerServer

@@ -11,8 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.lite6.control_port import ControlPort
-from hw.lite6.sdk import _own_port
+from hw.lite6.sdk import ControlPort, _own_port
 from hw.lite6.uxbus import UxbusFrame
 
 pytestmark = pytest.mark.waiting

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.lite6.outbox import GRIPPER_QUEUE, Outbox
+from hw.lite6.sender import GRIPPER_QUEUE, Outbox
 from tams_app.records import Twist
 
 pytestmark = pytest.mark.waiting

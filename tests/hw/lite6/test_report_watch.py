@@ -8,8 +8,7 @@ from typing import Any, NoReturn
 
 import pytest
 
-from hw.lite6.report_frames import REAL_PORT_OFFSET
-from hw.lite6.report_watch import Lite6ReportWatch
+from hw.lite6.report_watch import REAL_PORT_OFFSET, Lite6ReportWatch
 from tams_app.units import NS_PER_S
 
 pytestmark = pytest.mark.untimed
