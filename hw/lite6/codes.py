@@ -14,7 +14,6 @@ class Register(IntEnum):
     """Command registers of the control connection."""
 
     GET_VERSION = 1
-    GET_ROBOT_SN = 2
     MOTION_ENABLE = 11
     SET_STATE = 12
     GET_STATE = 13
@@ -34,7 +33,6 @@ class Register(IntEnum):
     SET_FENCE = 59
     SET_SELF_COLLISION_CHECK = 77
     SET_CARTESIAN_VELOCITY = 82
-    GET_TCP_POSE_AA = 91
     TOOL_GPIO_WRITE = 127
     TOOL_GPIO_READ = 128
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @pytest.fixture
 def frequent_reports(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every report at 100 Hz: setting up waits for the 5 Hz one several times."""
-    from hw.sim.controller.reports import ReportKind
+    from hw.sim.controller.model import ReportKind
 
     monkeypatch.setattr(ReportKind, "rate_hz", property(lambda _: 100))
 

@@ -18,7 +18,6 @@ from tams_app.records import Vector
 _MOTION = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_JOINT)
 _QUERIES = (
     Register.GET_VERSION,
-    Register.GET_ROBOT_SN,
     Register.GET_STATE,
     Register.GET_COMMAND_COUNT,
     Register.GET_ERROR,

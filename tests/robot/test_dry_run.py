@@ -28,7 +28,6 @@ READY = np.radians(ArmConfig().ready_joints_deg)
 SIDEWAYS = Twist(np.array([0.0, 0.05, 0.0]), np.zeros(3))
 HARMLESS = {  # all that a dry run may ask of the real arm: to tell, to stop, and its settings
     Register.GET_VERSION,
-    Register.GET_ROBOT_SN,
     Register.GET_STATE,
     Register.GET_ERROR,
     Register.GET_REDUCED_STATE,

@@ -17,7 +17,7 @@ from hw.sim.controller.joint_servo import (
     CYCLE_S,
     CommandError,
     MotionError,
-    MoveQueue,
+    MoveServo,
     TwistServo,
     brake,
     check_motion,
@@ -85,7 +85,7 @@ class ControllerCore:
         self._braking = False
         self._measured_tcp: Matrix | None = None
         self._now_ns = 0
-        self._moves = MoveQueue()
+        self._moves = MoveServo()
         self._twist_servo = TwistServo()
 
     # --- its state ------------------------------------------------------------------------------
@@ -99,7 +99,7 @@ class ControllerCore:
     @property
     def moving(self) -> bool:
         """True if the commanded joints move, or will in the next cycle."""
-        return any(self._velocity) or len(self._moves) > 0
+        return any(self._velocity) or self._moves.busy
 
     @property
     def ready(self) -> bool:
@@ -108,7 +108,7 @@ class ControllerCore:
 
     @property
     def commands_waiting(self) -> int:
-        return len(self._moves)
+        return int(self._moves.busy)
 
     @property
     def joints(self) -> Joints:
@@ -214,10 +214,7 @@ class ControllerCore:
         self._halt(State.STOPPED if self.error_code else State.CHANGED)
 
     def move_joints(self, goal: Joints, speed: float, acceleration: float) -> None:
-        """Queue a move to `goal` [rad] at `speed` [rad/s] and `acceleration` [rad/s²].
-
-        An infinite angle leaves its joint where the move before ends, as in the SDK.
-        """
+        """Move to `goal` [rad] at `speed` [rad/s] and `acceleration` [rad/s²]."""
         self._require(Mode.POSITION)
         if self.ready:
             self._moves.command(goal, speed, acceleration)

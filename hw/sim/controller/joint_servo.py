@@ -1,13 +1,12 @@
 """The controller's servos from commands to joint targets, one 4 ms cycle at a time.
 
-The servo of mode 5, the queued moves of mode 0, and the brake that ends all motion. Each works on
+The servo of mode 5, the moves of mode 0, and the brake that ends all motion. Each works on
 the commanded joints [rad]; `check_motion` checks what comes out.
 """
 
 from __future__ import annotations
 
 import math
-from collections import deque
 
 from hw.arm import TcpBoundary
 from hw.lite6.codes import ErrorCode
@@ -172,18 +171,12 @@ def _middle(a: Floats3, b: Floats3) -> Floats3:
     return times(plus(a, b), 0.5)
 
 
-MAX_QUEUED_MOVES = 1024  # XCONF.MAX_CMD_NUM
-
-
 class JointMove:
     """A straight line in joint space with a trapezoidal speed profile."""
 
     def __init__(self, start: Joints, goal: Joints, speed: float, acceleration: float) -> None:
         """`speed` [rad/s] and `acceleration` [rad/s²] of the joint that turns furthest."""
-        self.goal = goal
-        self.speed = speed
-        self.acceleration = acceleration
-        self._start = start
+        self._start, self._goal = start, goal
         self._travel = farthest(start, goal)
         self._acceleration = min(acceleration, MAX_JOINT_ACCELERATION)
         # a travel too short for the full speed has a triangle for a profile
@@ -205,10 +198,10 @@ class JointMove:
         """The joints one cycle later."""
         self._elapsed_s += CYCLE_S
         if self.done:
-            return self.goal
+            return self._goal
         fraction = self._travelled(self._elapsed_s) / self._travel
         return tuple(
-            at + fraction * (end - at) for at, end in zip(self._start, self.goal, strict=True)
+            at + fraction * (end - at) for at, end in zip(self._start, self._goal, strict=True)
         )
 
     def _travelled(self, elapsed_s: float) -> float:
@@ -221,44 +214,40 @@ class JointMove:
         return self._speed * (elapsed_s - 0.5 * ramp_s)
 
 
-class MoveQueue:
-    """Moves that run one after the other, each from rest to rest."""
+class MoveServo:
+    """Mode 0: a joint move from rest to rest, one at a time."""
 
     def __init__(self) -> None:
-        self._current: JointMove | None = None
-        self._waiting: deque[tuple[Joints, float, float]] = deque()
+        self._wanted: tuple[Joints, float, float] | None = None  # goal, speed, acceleration
+        self._move: JointMove | None = None  # once it has begun
 
-    def __len__(self) -> int:
-        """Moves not finished yet."""
-        return len(self._waiting) + (self._current is not None)
+    @property
+    def busy(self) -> bool:
+        """True while a move is not finished."""
+        return self._wanted is not None
 
     def command(self, goal: Joints, speed: float, acceleration: float) -> None:
-        """Queue a move; an infinite angle in `goal` leaves its joint where the move before ends."""
-        if len(self) >= MAX_QUEUED_MOVES:
-            raise CommandError("the command queue is full")
-        self._waiting.append((goal, speed, acceleration))
+        """Begin a move in the next cycle; CommandError behind another, which the box would queue.
+
+        The driver makes the arm ready before each move, and that ends an earlier one.
+        """
+        if self.busy:
+            raise CommandError("a second move is not modelled")
+        self._wanted = goal, speed, acceleration
 
     def clear(self) -> None:
-        self._current = None
-        self._waiting.clear()
+        self._wanted = self._move = None
 
     def interrupt(self) -> None:
-        """Leave the current move unfinished; it starts again from wherever the joints come to."""
-        if self._current is not None:
-            move, self._current = self._current, None
-            self._waiting.appendleft((move.goal, move.speed, move.acceleration))
+        """Leave the move unfinished; it starts again from wherever the joints come to."""
+        self._move = None
 
     def step(self, joints: Joints) -> Joints | None:
         """The joints one cycle later; None when there is nothing to do."""
-        if self._current is None:
-            if not self._waiting:
-                return None
-            goal, speed, acceleration = self._waiting.popleft()
-            goal = tuple(
-                at if math.isinf(end) else end for at, end in zip(joints, goal, strict=True)
-            )
-            self._current = JointMove(joints, goal, speed, acceleration)
-        following = self._current.step()
-        if self._current.done:
-            self._current = None
+        if self._wanted is None:
+            return None
+        self._move = self._move or JointMove(joints, *self._wanted)
+        following = self._move.step()
+        if self._move.done:
+            self.clear()
         return following

@@ -4,35 +4,56 @@ It holds no thread, socket or clock. `ControllerServer` puts it on TCP, `InProce
 in virtual time. Headers, integers and GPIO values of the registers are big-endian, floats and int32
 lists little-endian (FINDINGS 8; uxbus_cmd.py of the SDK). Replies shorter than the SDK asks for
 would be misread by it.
+
+Report frames are byte for byte as `xarm/x3/report.py` of the SDK lays them out: each begins with
+its own length (big-endian u32), numbers of more than one byte are little-endian floats but for
+counters and voltages, which are big-endian.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-
-import numpy as np
+from enum import Enum
 
 from hw.arm import PlantState, TcpBoundary
-from hw.lite6.codes import Register, ReplyBit
-from hw.sim.controller.core import ControllerCore
-from hw.sim.controller.joint_servo import CYCLE_NS, CommandError, MotionError
-from hw.sim.controller.reports import (
-    ReportKind,
-    pack_pose,
-    pack_pose_aa,
-    pack_reduced_mode,
-    pack_report,
-    version_text,
+from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit
+from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
+from hw.sim.controller.core import ControllerCore, ControllerSettings
+from hw.sim.controller.joint_servo import (
+    CYCLE_NS,
+    MAX_JOINT_ACCELERATION,
+    CommandError,
+    MotionError,
 )
 from tams_app.vectors import Joints
 
 __all__ = ["CYCLE_NS", "ControllerModel", "IdealPlant", "ReportKind"]
 
 ALL_JOINTS = 8
-TOOL_DIGITAL_IN, TOOL_DIGITAL_OUT, TOOL_OUTPUT_STATE = 0x0A14, 0x0A15, 0x0A18
+TOOL_DIGITAL_OUT, TOOL_OUTPUT_STATE = 0x0A15, 0x0A18
 _TOOL_OUTPUTS = 0x1F  # five of them; the high byte of a write says which ones it sets
-_SERIAL_NUMBERS = b"LI1006210001\0DL1006210001\0".ljust(40, b"\0")
+
+_WHOLE_BRAKES = 0xFF
+_TEACH_SENSITIVITY = 3
+_JOINT_CENTIVOLTS = 4800
+_NO_TORQUES = bytes(7 * 4)  # nothing in the model estimates them
+
+
+class ReportKind(Enum):
+    """The three report ports: offset from the port of the normal report, and rate [Hz]."""
+
+    NORMAL = (0, 5)
+    RICH = (1, 5)
+    REAL = (2, 100)
+
+    @property
+    def port_offset(self) -> int:
+        return self.value[0]
+
+    @property
+    def rate_hz(self) -> int:
+        return self.value[1]
 
 
 class IdealPlant:
@@ -65,8 +86,13 @@ class ControllerModel(ControllerCore):
         return bytes([status]) + data
 
     def report(self, kind: ReportKind) -> bytes:
-        """A whole report frame of `kind`, its length first."""
-        return pack_report(kind, self)
+        """A whole report frame of `kind`: 145 bytes normal, 587 rich, 87 real."""
+        body = _pack_motion(self)
+        if kind is not ReportKind.REAL:
+            body += _pack_status(self)
+        if kind is ReportKind.RICH:
+            body += _pack_identity_and_limits(self) + _pack_sensors(self) + _pack_safety(self)
+        return struct.pack(">I", len(body) + 4) + body
 
     def _status(self) -> int:
         return (
@@ -90,8 +116,6 @@ class ControllerModel(ControllerCore):
         match register:
             case Register.GET_VERSION:
                 return version_text(self.firmware).encode("ascii").ljust(40, b"\0")
-            case Register.GET_ROBOT_SN:
-                return _SERIAL_NUMBERS
             case Register.GET_STATE:
                 return bytes([self.state])
             case Register.GET_COMMAND_COUNT:
@@ -99,27 +123,17 @@ class ControllerModel(ControllerCore):
             case Register.GET_ERROR:
                 return bytes([self.error_code, self.warning_code])
             case Register.GET_TCP_POSE:
-                return pack_pose(self.tcp)
-            case Register.GET_TCP_POSE_AA:
-                return pack_pose_aa(self.tcp)
+                return _pack_pose(self.tcp)
             case Register.GET_REDUCED_STATE:
-                return pack_reduced_mode(self.settings)
+                return _pack_reduced_mode(self.settings)
             case Register.GET_JOINTS:
-                # seven angles; asked with a count: angles, speeds, efforts (0) up to n of the three
-                count = max(1, min(3, _byte(payload) & 0x0F)) if payload else 1
-                rows = np.zeros((3, 7), dtype="<f4")
-                rows[0, :6], rows[1, :6] = self.joints, self.joint_speeds
-                return rows[:count].tobytes()
+                return _pack_joints(self.joints)
             case Register.TOOL_GPIO_READ:
-                return self._tool_gpio(struct.unpack_from(">H", payload, 1)[0])
+                address = struct.unpack_from(">H", payload, 1)[0]
+                if address != TOOL_OUTPUT_STATE:
+                    raise CommandError(f"tool address {address:#06x} cannot be read")
+                return struct.pack(">i", self.settings.tool_outputs)  # as commanded: not sensed
         return None
-
-    def _tool_gpio(self, address: int) -> bytes:
-        if address == TOOL_OUTPUT_STATE:
-            return struct.pack(">i", self.settings.tool_outputs)  # the command, nothing senses it
-        if address == TOOL_DIGITAL_IN:
-            return struct.pack(">i", 0)
-        raise CommandError(f"tool address {address:#06x} cannot be read")
 
     def _command(self, register: int, payload: bytes) -> None:
         """Change state, mode or a setting, or move."""
@@ -174,9 +188,9 @@ class ControllerModel(ControllerCore):
         self.servo_twist((*linear, *twist[3:]), duration_s)
 
     def _move_joint(self, payload: bytes) -> None:
-        values = _floats(payload, 10, infinite=True)
+        values = _floats(payload, 10)
         speed, acceleration = values[7:9]
-        if not (0 < speed < math.inf and 0 < acceleration < math.inf):
+        if not (speed > 0 and acceleration > 0):
             raise CommandError("speed and acceleration must be positive")
         self.move_joints(values[:6], speed, acceleration)
 
@@ -195,9 +209,116 @@ def _byte(payload: bytes, offset: int = 0) -> int:
     return value
 
 
-def _floats(payload: bytes, count: int, infinite: bool = False) -> tuple[float, ...]:
-    """`count` floats; CommandError if one is no number, or infinite where that means nothing."""
+def _floats(payload: bytes, count: int) -> tuple[float, ...]:
+    """`count` floats; CommandError if one is not finite."""
     values = struct.unpack_from(f"<{count}f", payload)
-    if any(math.isnan(value) or (math.isinf(value) and not infinite) for value in values):
+    if not all(map(math.isfinite, values)):
         raise CommandError("a value is not a number")
     return values
+
+
+def _pack_pose(tcp: Matrix) -> bytes:
+    """x, y, z [mm], roll, pitch, yaw [rad]."""
+    return struct.pack("<6f", *(tcp[:3, 3] * 1000.0).tolist(), *rpy_from_matrix(tcp[:3, :3]))
+
+
+def _pack_joints(joints: Joints) -> bytes:
+    """Seven angles [rad]."""
+    return struct.pack("<7f", *joints, 0.0)
+
+
+def _pack_motion(box: ControllerCore) -> bytes:
+    return (
+        struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
+        + _pack_joints(box.joints)
+        + _pack_pose(box.tcp)
+        + _NO_TORQUES
+    )
+
+
+def _pack_status(box: ControllerCore) -> bytes:
+    settings = box.settings
+    enabled = 0xFF if box.enabled else 0
+    released = _WHOLE_BRAKES if box.enabled else 0
+    return (
+        bytes([released, enabled, box.error_code, box.warning_code])
+        + struct.pack("<6f", *settings.tcp_offset)
+        + struct.pack("<4f", *settings.load)
+        + bytes([settings.collision_sensitivity, _TEACH_SENSITIVITY])
+        + struct.pack("<3f", *settings.gravity)
+    )
+
+
+def _pack_identity_and_limits(box: ControllerCore) -> bytes:
+    tcp_limits = (1000.0, 1.0, 50_000.0, 0.1, 500.0)  # jerk, acceleration and speed [mm]
+    joint_limits = (20.0, 0.01, MAX_JOINT_ACCELERATION, 0.0001, math.pi)  # the same [rad]
+    rotation_limits = (2.3, 2.7)  # jerk and acceleration of pure rotations [rad]
+    return (
+        bytes([LITE6_TYPE, AXES, 0, 0, 0, 0])
+        + version_text(box.firmware).encode("ascii")[:29].ljust(30, b"\0")
+        + struct.pack("<12f", *tcp_limits, *joint_limits, *rotation_limits)
+    )
+
+
+def _pack_sensors(box: ControllerCore) -> bytes:
+    settings = box.settings
+    drive_codes = bytes(byte for code in box.drive_codes for byte in (bool(code), code))
+    seventh_drive_and_tool_codes, counter = bytes(4), bytes(4)
+    collision_tool = bytes(1 + 24)
+    currents = bytes(28)
+    control_box_io = bytes(2 + 16 + 32)
+    force_sensor = bytes(48)
+    return (
+        drive_codes
+        + seventh_drive_and_tool_codes
+        + struct.pack("7b", *box.temperatures_c, 0)
+        + struct.pack("<8f", box.tcp_speed_mm_s, *box.joint_speeds, 0.0)
+        + counter
+        + struct.pack("<6f", *settings.world_offset)
+        + bytes([0, settings.clear_outputs_on_stop])  # of control box and tool
+        + bytes([settings.simulation_robot, settings.self_collision_check])
+        + collision_tool
+        + struct.pack(">7H", *[_JOINT_CENTIVOLTS] * 7)
+        + currents
+        + control_box_io
+        + force_sensor
+    )
+
+
+def _pack_safety(box: ControllerCore) -> bytes:
+    settings = box.settings
+    identification_progress, monitored_device = bytes(1), bytes(13)
+    switches = settings.fence << 1 | settings.approximate_motion << 3  # of several
+    return (
+        identification_progress
+        + struct.pack("<3f", *rotation_vector(box.tcp[:3, :3]))
+        + bytes([switches])
+        + _pack_reduced_mode(settings)
+        + monitored_device
+    )
+
+
+def _pack_reduced_mode(settings: ControllerSettings) -> bytes:
+    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
+    boundary = settings.boundary
+    edges = [
+        max(-0x8000, min(0x7FFF, edge))
+        for pair in zip(boundary.upper_mm, boundary.lower_mm, strict=True)
+        for edge in pair
+    ]
+    ranges = [angle for pair in zip(JOINT_LOWER, JOINT_UPPER, strict=True) for angle in pair]
+    return (
+        bytes([settings.reduced is not None])
+        + struct.pack(">6h", *edges)
+        + struct.pack("<2f", *settings.reduced or (500.0, math.pi))
+        + struct.pack("<14f", *ranges, 0.0, 0.0)
+        + bytes([settings.fence, settings.collision_rebound])
+    )
+
+
+def version_text(firmware: str) -> str:
+    """The version register: axes, type, serial numbers, firmware; at most 39 characters.
+
+    The SDK looks for the terminating zero within 40 bytes.
+    """
+    return f"{AXES},{LITE6_TYPE},LI1006210001,DL1006210001,v{firmware}"[:39]
