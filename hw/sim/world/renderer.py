@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 
 from hw.sim.layout import VIEWS, draw_layout
-from hw.sim.world.rig_memory import FrameGrid, FrameWriter, WorldReader
+from hw.sim.world.rig_memory import FrameWriter, WorldReader
 from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
@@ -29,46 +29,40 @@ _POLL_NS = 20 * NS_PER_MS
 
 @dataclass(slots=True)
 class _Camera:
-    """One view's place in time."""
+    """One view's place in time: number and instant of its next frame."""
 
     view: str
-    grid: FrameGrid
-    next_index: int
+    due_ns: int
+    period_ns: int
+    next_index: int = 0
     taken_ns: int = 0  # instant of the last frame
-
-    @property
-    def due_ns(self) -> int:
-        return self.grid.start_ns + self.next_index * self.grid.period_ns
 
     def drop_missed(self, now_ns: int) -> None:
         """Leave out the instants that a later one has followed."""
-        missed = (now_ns - self.due_ns) // self.grid.period_ns
-        if missed > 0:
-            self.next_index += missed
+        self._skip(max(0, (now_ns - self.due_ns) // self.period_ns))
 
     def taken(self) -> None:
         """Go on to the next instant."""
         self.taken_ns = self.due_ns
-        self.next_index += 1
+        self._skip(1)
+
+    def _skip(self, frames: int) -> None:
+        self.next_index += frames
+        self.due_ns += frames * self.period_ns
 
 
 class CameraSchedule:
-    """The order of the views; the grids of `writer` are taken over after a restart.
+    """The order of the views: where there is no time for all they take turns.
 
-    Where there is no time for all, the views take turns: none misses more frames than another.
+    So none misses more frames than another.
     """
 
-    def __init__(self, writer: FrameWriter, fps: float, now_ns: int) -> None:
+    def __init__(self, fps: float, now_ns: int) -> None:
         period_ns = round(NS_PER_S / fps)
-        self._cameras = []
-        for view in VIEWS:
-            grid, next_index = writer.grid(view), 0
-            if grid.start_ns == 0:
-                start_ns = now_ns + _START_DELAY_NS + stagger_ns(view, period_ns)
-                grid = FrameGrid(start_ns, period_ns)
-            elif now_ns > grid.start_ns:
-                next_index = (now_ns - grid.start_ns) // grid.period_ns + 1
-            self._cameras.append(_Camera(view, grid, next_index))
+        first_ns = now_ns + _START_DELAY_NS
+        self._cameras = [
+            _Camera(view, first_ns + stagger_ns(view, period_ns), period_ns) for view in VIEWS
+        ]
 
     def next(self, now_ns: int) -> _Camera:
         """Of the cameras that are due the one that waits longest, else the one due first.
@@ -92,7 +86,7 @@ def run(
     stop: threading.Event,
 ) -> None:
     """Render each view at its instants, at most `fps` a second, until `stop` is set."""
-    schedule = CameraSchedule(writer, fps, clock.now_ns())
+    schedule = CameraSchedule(fps, clock.now_ns())
     while not stop.is_set():
         camera = schedule.next(clock.now_ns())
         clock.sleep_until_ns(camera.due_ns)
@@ -102,9 +96,7 @@ def run(
             continue
         (t_ns, state), began_ns = newest, clock.now_ns()
         image = frames.take(camera.view, camera.next_index, state.qpos)
-        writer.publish(
-            camera.view, camera.next_index, t_ns, image, camera.grid, ready_ns=clock.now_ns()
-        )
+        writer.publish(camera.view, camera.next_index, t_ns, image, clock.now_ns())
         camera.taken()
         ended_ns = clock.now_ns()
         clock.sleep_until_ns(ended_ns + (ended_ns - began_ns) // 2)

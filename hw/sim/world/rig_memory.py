@@ -1,8 +1,7 @@
 """Memory that the simulated rig's processes share: the world's newest state, each view's frames.
 
 The rig writes the world, which the renderer and the trial's rules read; the renderer writes frames,
-which the cameras (`SimCamera`) read. A helper that was killed and started again finds its memory as
-it was, and its readers keep theirs.
+which the cameras (`SimCamera`) read.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ QPOS_SIZE = 15  # joints 6, fingers 2, block 7
 
 _STATE = struct.Struct(f"<q{QPOS_SIZE}d21d2d")
 _WORLD_RING = RingShape(_STATE.size, heads=4)
-_FRAME = struct.Struct("<5q")  # index, capture, grid start and period, when it was ready [ns]
+_FRAME = struct.Struct("<3q")  # index, capture, when it was ready [ns]
 _FRAME_RING = RingShape(_FRAME.size, SLOTS, WIDTH_PX * HEIGHT_PX * 3, SLOTS)
 FRAMES_BYTES = len(VIEWS) * _FRAME_RING.size
 _WORLD, _FRAMES = "world", "frames"
@@ -107,14 +106,6 @@ class WorldReader:
         self._block.close()
 
 
-@dataclass(frozen=True, slots=True)
-class FrameGrid:
-    """Times of frames: number n of a view at `start_ns + n * period_ns`; 0 if not known."""
-
-    start_ns: int = 0
-    period_ns: int = 0
-
-
 class FrameWriter:
     """Publishes frames under `memory_name`; one writer at a time."""
 
@@ -122,60 +113,17 @@ class FrameWriter:
         self._block = create_block(f"{memory_name}-{_FRAMES}", FRAMES_BYTES)
         self._rings = {view: _frame_ring(self._block, view) for view in VIEWS}
 
-    def grid(self, view: str) -> FrameGrid:
-        """The grid of an earlier writer of this memory."""
-        newest = self._rings[view].newest()
-        return FrameGrid(*_FRAME.unpack(newest[1])[2:4]) if newest is not None else FrameGrid()
-
     def publish(
-        self,
-        view: str,
-        index: int,
-        capture_ns: int,
-        image: Image,
-        grid: FrameGrid | None = None,
-        ready_ns: int = 0,
+        self, view: str, index: int, capture_ns: int, image: Image, ready_ns: int = 0
     ) -> None:
         """Put a BGR image, shape (480, 640, 3), in the ring of `view`.
 
         `ready_ns`: when it was rendered; 0: not known.
         """
-        due = grid or FrameGrid()
-        head = _FRAME.pack(index, capture_ns, due.start_ns, due.period_ns, ready_ns)
+        head = _FRAME.pack(index, capture_ns, ready_ns)
         ring = self._rings[view]
         ring.put(head, lambda pixels: np.copyto(pixels, image.ravel()))
         ring.wake_readers()
-
-    def close(self) -> None:
-        self._block.close()
-
-
-class RigFrameReader:
-    """Reads one view's frames under `memory_name`; DeviceError when no renderer ever started."""
-
-    def __init__(self, memory_name: str, view: str) -> None:
-        self._view = view
-        self._block = _attach(f"{memory_name}-{_FRAMES}", FRAMES_BYTES)
-        self._ring = _frame_ring(self._block, view)
-
-    def written(self) -> int:
-        """The number of frames put so far."""
-        return self._ring.written()
-
-    def await_more(self, written: int, timeout_ns: int) -> None:
-        """Sleep while no more than `written` frames were put; it may return early, look again."""
-        self._ring.await_more(written, timeout_ns)
-
-    def newest(self) -> Frame | None:
-        """A copy of the newest frame; None before the first or if it was overwritten."""
-        number = self._ring.written() - 1
-        head = self._ring.head(number)
-        pixels = self._ring.bulk(number) if head is not None else None
-        if head is None or pixels is None:
-            return None
-        index, capture_ns, _, _, ready_ns = _FRAME.unpack(head)
-        image = pixels.reshape(HEIGHT_PX, WIDTH_PX, 3)
-        return Frame(self._view, index, capture_ns, image, ready_ns)
 
     def close(self) -> None:
         self._block.close()
@@ -207,14 +155,14 @@ def _attach(name: str, size: int) -> mmap.mmap:
 class SimCamera(Camera):
     """View `view` of the rig whose renderer publishes under `memory_name`, by the machine's clock.
 
-    It sleeps until the renderer, or the one that has taken its place, wakes it.
+    It sleeps until the renderer wakes it.
     """
 
     def __init__(self, view: str, memory_name: str, clock: Clock) -> None:
         self.view = view
         self._memory_name = memory_name
         self._clock = clock
-        self._reader: RigFrameReader | None = None
+        self._block: mmap.mmap | None = None
         self._looked_at = 0  # so many frames had been written at the last look
         self._last_index = -1
 
@@ -224,27 +172,38 @@ class SimCamera(Camera):
             raise DeviceError(
                 f"the simulated rig has no camera {self.view!r}; use one of {', '.join(VIEWS)}"
             )
-        self._reader = RigFrameReader(self._memory_name, self.view)
+        self._block = _attach(f"{self._memory_name}-{_FRAMES}", FRAMES_BYTES)
 
     def next_frame(self, timeout_s: float) -> Frame | None:
-        reader = self._reader
-        if reader is None:
+        if self._block is None:
             raise DeviceError(f"camera {self.view} was not started")
+        ring = _frame_ring(self._block, self.view)
         deadline_ns = self._clock.now_ns() + round(timeout_s * NS_PER_S)
         while True:
-            written = reader.written()
+            written = ring.written()
             if written != self._looked_at:
                 self._looked_at = written
-                frame = reader.newest()
+                frame = self._newest(ring)
                 if frame is not None and frame.index > self._last_index:
                     self._last_index = frame.index
                     return frame
             left_ns = deadline_ns - self._clock.now_ns()
             if left_ns <= 0:
                 return None
-            reader.await_more(written, left_ns)
+            ring.await_more(written, left_ns)
+
+    def _newest(self, ring: SharedRing) -> Frame | None:
+        """A copy of the newest frame; None if it was overwritten meanwhile."""
+        number = ring.written() - 1
+        head = ring.head(number)
+        pixels = ring.bulk(number) if head is not None else None
+        if head is None or pixels is None:
+            return None
+        index, capture_ns, ready_ns = _FRAME.unpack(head)
+        image = pixels.reshape(HEIGHT_PX, WIDTH_PX, 3)
+        return Frame(self.view, index, capture_ns, image, ready_ns)
 
     def close(self) -> None:
-        if self._reader is not None:
-            self._reader.close()
-            self._reader = None
+        if self._block is not None:
+            self._block.close()
+            self._block = None
