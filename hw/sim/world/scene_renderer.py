@@ -1,17 +1,19 @@
 """Images of the simulated world from its three cameras, off screen, on the CPU, with their noise.
 
-Only what a camera can see is drawn (hw/sim/world/visibility.py). A fixed camera's view of what
-never moves is drawn once, colour and depth; each image then needs the moving things only, read back
-where they may be and laid over it where they are nearer (FINDINGS 9). Without shadows and
-reflections that is pixel-identical to drawing everything.
+Only what a camera can see is drawn (`Visibility`). A fixed camera's view of what never moves is
+drawn once, colour and depth; each image then needs the moving things only, read back where they may
+be and laid over it where they are nearer (FINDINGS 9). Without shadows and reflections that is
+pixel-identical to drawing everything.
 """
 
 from __future__ import annotations
 
 import ctypes
+import math
 import os
 from dataclasses import dataclass
 from importlib import import_module
+from itertools import product
 from typing import Any
 
 import cv2
@@ -21,7 +23,6 @@ from numpy.typing import NDArray
 
 from hw.sim.layout import FIXED_VIEWPOINTS, HEIGHT_PX, VIEWS, WIDTH_PX, Layout
 from hw.sim.world.scene import build_model
-from hw.sim.world.visibility import Visibility
 from tams_app.errors import SetupError
 from tams_app.records import Image
 from tams_app.vectors import Numbers
@@ -37,6 +38,20 @@ _OFF = (
 _TOP_ROW_FIRST = "GL_MESA_pack_invert"  # Mesa alone can read images back that way
 NOISE_SIGMA = 1.5  # grey levels of 255, as of the sensors in good light
 _MARGIN_PX = 64  # the noise image is larger by this much each way, and shifted for each frame
+
+
+_SLABS = ("mat", "table")  # boxes along the axes of the world, the upper one first
+_WIDER = 1.001  # field of view searched / that of the lens
+_MARGIN_M = 0.001
+_BELOW_M = 0.0005  # a slab's top: what is further down is hidden; the table is 1.5 mm below the mat
+_LEAST_HEIGHT_M = 0.02  # above a slab: nearer, the near plane might cut it
+_LEAST_SLOPE = 0.01  # of a ray that meets a slab
+_EDGE_PX = 2  # by which a rectangle is larger than what it holds
+_FACES = np.concatenate((np.eye(3), -np.eye(3)))  # of a box along the axes, inwards
+_CORNERS = np.array(list(product((-1.0, 1.0), repeat=3)))
+
+Rows = NDArray[np.float64]
+Geoms = NDArray[np.bool_]
 
 
 class CameraImages:
@@ -97,6 +112,100 @@ class _Background:
 
     colour: Image
     depth: NDArray[np.float32]
+
+
+class Visibility:
+    """The parts visible to the cameras of `model` in the pose at `update`, decided without drawing.
+
+    A geom that lies wholly beyond a plane which bounds the camera's view adds no pixel to the
+    image, nor does one below a slab that fills the image. Bounding boxes decide, so some geoms are
+    drawn for nothing and none is missing. Geoms are arrays of flags, shape (ngeom,); cameras are
+    their numbers in the model.
+    """
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        self._centres = data.geom_xpos
+        self._axes = data.geom_xmat.reshape(-1, 3, 3)
+        self._places, self._turns = data.cam_xpos, data.cam_xmat.reshape(-1, 3, 3)
+        self._sizes = model.geom_aabb[:, 3:, None].copy()
+        planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+        self._sizes[planes, :, 0] = model.geom_size[planes] * (1, 1, 0)
+        self._slabs = [model.geom(name).id for name in _SLABS]
+        self._lenses = [_lens(float(fovy)) for fovy in np.radians(model.cam_fovy)]
+        self.update()
+
+    def update(self) -> None:
+        """Take in the pose: boxes around the geoms, along the axes of the world."""
+        self._halves: Rows = (np.abs(self._axes) @ self._sizes)[:, :, 0]
+
+    def seen(self, camera: int) -> Geoms:
+        """The geoms that may be in the image of `camera`."""
+        place, turn = self._places[camera], self._turns[camera]
+        right, up = self._lenses[camera]
+        inwards = np.array([(-1, 0, -right), (1, 0, -right), (0, -1, -up), (0, 1, -up), (0, 0, -1)])
+        normals = inwards @ turn.T
+        least = normals @ place - _MARGIN_M
+        above = self._above_slab(camera)
+        if above is not None:
+            normals, least = np.concatenate((normals, _FACES)), np.concatenate((least, above))
+        reach = self._centres @ normals.T + self._halves @ np.abs(normals.T)
+        seen: Geoms = (reach > least).all(axis=1)
+        return seen
+
+    def rectangle(self, camera: int, geoms: Geoms) -> tuple[int, int, int, int]:
+        """Left, bottom, width and height [px] of all that `geoms` can cover of an image."""
+        corners = self._centres[geoms, None] + _CORNERS * self._halves[geoms, None]
+        away = corners.reshape(-1, 3) - self._places[camera]
+        right, up, back = (away @ self._turns[camera]).T
+        if not len(back) or back.max() > -_MARGIN_M:
+            return 0, 0, WIDTH_PX, HEIGHT_PX
+        px = -_WIDER * HEIGHT_PX / 2 / self._lenses[camera][1] / back
+        left, width = _span(right * px, WIDTH_PX)
+        bottom, height = _span(up * px, HEIGHT_PX)
+        return left, bottom, width, height
+
+    def _above_slab(self, camera: int) -> Rows | None:
+        """Bounds that each of `_FACES` must reach to be seen by `camera`; None: no slab hides it.
+
+        It is the box around the camera and what it sees of a slab that fills its image.
+        """
+        x, y, z = self._places[camera].tolist()
+        rays = (self._turns[camera] @ _corners(*self._lenses[camera])).T.tolist()
+        if max(ray[2] for ray in rays) > -_LEAST_SLOPE:
+            return None
+        for slab in self._slabs:
+            (centre_x, centre_y, centre_z), (half_x, half_y, half_z) = (
+                rows[slab].tolist() for rows in (self._centres, self._halves)
+            )
+            height = z - (centre_z + half_z)
+            xs = [x - ray[0] / ray[2] * height for ray in rays]
+            ys = [y - ray[1] / ray[2] * height for ray in rays]
+            if (
+                height > _LEAST_HEIGHT_M
+                and max(abs(at - centre_x) for at in xs) < half_x - _MARGIN_M
+                and max(abs(at - centre_y) for at in ys) < half_y - _MARGIN_M
+            ):
+                lower = (min(x, *xs) - _MARGIN_M, min(y, *ys) - _MARGIN_M, z - height - _BELOW_M)
+                return np.array([*lower, -max(x, *xs) - _MARGIN_M, -max(y, *ys) - _MARGIN_M, -z])
+        return None
+
+
+def _lens(fovy_rad: float) -> tuple[float, float]:
+    """Tangents of half the horizontal and vertical field of view, a little widened."""
+    up = _WIDER * math.tan(fovy_rad / 2)
+    return up * WIDTH_PX / HEIGHT_PX, up
+
+
+def _corners(right: float, up: float) -> Rows:
+    """Rays through the image's corners in the camera's frame (right, up, backward), as columns."""
+    return np.array([(right, right, -right, -right), (up, -up, up, -up), (-1, -1, -1, -1)])
+
+
+def _span(places_px: Rows, size: int) -> tuple[int, int]:
+    """First pixel and number of pixels, of `size`, that `places_px` from the centre span."""
+    first = max(0, math.floor(places_px.min() + size / 2) - _EDGE_PX)
+    last = min(size, math.ceil(places_px.max() + size / 2) + _EDGE_PX)
+    return first, max(0, last - first)
 
 
 class SceneRenderer:

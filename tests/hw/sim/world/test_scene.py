@@ -1,12 +1,13 @@
-"""`rig.xml` states sizes that the operator and the controller know from elsewhere."""
+"""`rig.xml` states sizes that operator and controller know from elsewhere; surfaces have detail."""
 
+import cv2
 import numpy as np
 import pytest
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim import layout
 from hw.sim.operator.vision.pinhole import fixed_cameras
-from hw.sim.world.scene import build_model
+from hw.sim.world import scene
 from hw.sim.world.world import JOINTS, STEP_NS
 
 pytestmark = pytest.mark.untimed
@@ -18,7 +19,7 @@ OUTER_HALF = layout.CONTAINER_INNER_M / 2 + layout.CONTAINER_WALL_M
 
 @pytest.fixture(scope="module")
 def model():
-    return build_model(LAYOUT, textured=True)
+    return scene.build_model(LAYOUT, textured=True)
 
 
 @pytest.mark.parametrize(
@@ -69,3 +70,25 @@ def test_fixed_cameras_look_as_the_operator_believes(model):
         assert seen.pos == pytest.approx(camera.place)
         axes = seen.mat0.reshape(3, 3) * [1, -1, -1]  # MuJoCo's: right, up, backward
         assert axes == pytest.approx(camera.axes, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    "paint", [scene.wood, scene.brick, scene.concrete, scene.brushed, scene.card,
+              scene.label],
+)  # fmt: skip
+def test_surfaces_repeat_with_their_seed_and_have_detail(paint):
+    first, second, other = (paint(np.random.default_rng(seed), 256, 128) for seed in (1, 1, 2))
+    assert first.shape == (256, 128, 3)
+    assert first.dtype == np.uint8
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, other)
+    assert first.std() > 5
+
+
+def test_mat_has_its_four_markers_and_the_size_that_was_asked_for():
+    mat = scene.work_mat(np.random.default_rng(0), 512, 1024, (0.46, 0.68))
+    assert mat.shape == (512, 1024, 3)
+    square = cv2.resize(mat, (1024, round(1024 * 0.46 / 0.68)))
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    _, identities, _ = cv2.aruco.ArucoDetector(dictionary).detectMarkers(square)
+    assert sorted(identities.ravel().tolist()) == [10, 11, 12, 13]
