@@ -8,7 +8,7 @@ much of the tool's motion it shares is learnt by looking.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 import numpy as np
@@ -31,9 +31,16 @@ from hw.sim.operator.belief_state import (
     rest_height,
     swing,
 )
-from hw.sim.operator.vision.detections import HeadingSighting, Sighting, Thing
-from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import about_vertical, tilted, tool_rotation
+from hw.sim.operator.vision.views import (
+    HeadingSighting,
+    Matrix,
+    Pinhole,
+    Sighting,
+    Thing,
+    fixed_cameras,
+    wrist_cameras,
+)
 from tams_app.records import Vector
 
 _QUARTER = math.pi / 2
@@ -63,10 +70,9 @@ _FALLS = 0.5  # of its height over the table: how uncertain that is when the fin
 class Belief:
     """The state and its covariance; all in the arm's base frame, metres and radians."""
 
-    def __init__(self, fixed: Mapping[str, Pinhole], wrist: Mapping[str, Pinhole]) -> None:
-        """`fixed`: cameras in the base frame; `wrist`: cameras in the tool's frame."""
-        self._fixed, self._wrist = fixed, wrist
-        self._views = (*fixed, *wrist)
+    def __init__(self) -> None:
+        self._fixed, self._wrist = fixed_cameras(), wrist_cameras()
+        self._views = (*self._fixed, *self._wrist)
         self._lasting = LastingErrors(self._views)
         errors = self._lasting.size - SIZE
         self.estimate = GaussianEstimate(

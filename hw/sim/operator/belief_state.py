@@ -8,8 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from hw.sim.layout import BLOCK_HEIGHT_M
-from hw.sim.operator.vision.detections import Cue, Sighting, Thing
-from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.operator.vision.views import Cue, Matrix, Sighting, Thing
 from tams_app.records import Vector
 
 # The tool's turn: tilts about the base frame's x and y, then the yaw.

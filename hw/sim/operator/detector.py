@@ -31,9 +31,7 @@ from hw.sim.operator.vision.blobs import (
     find_blobs,
     fit_yaw,
 )
-from hw.sim.operator.vision.detections import Cue, Glance, HeadingSighting, Sighting, Thing
 from hw.sim.operator.vision.fiducials import MarkerFinder, gripper_faces, match_face
-from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import (
     BLUE,
     GREEN,
@@ -45,6 +43,16 @@ from hw.sim.operator.vision.solids import (
     container_box,
     sketch,
     tool_boxes,
+)
+from hw.sim.operator.vision.views import (
+    Cue,
+    Glance,
+    HeadingSighting,
+    Matrix,
+    Pinhole,
+    Sighting,
+    Thing,
+    wrist_cameras,
 )
 from tams_app.records import Image, Vector
 
@@ -73,11 +81,11 @@ _WORK_X_M, _WORK_Y_M = (0.18, 0.45), (-0.30, 0.32)
 class Detector:
     """Looks at the views of the fixed and the wrist cameras; keeps only a count of glances."""
 
-    def __init__(self, wrist_views: Mapping[str, Pinhole]) -> None:
-        self._wrist_views = wrist_views
+    def __init__(self) -> None:
+        self._wrist_views = wrist_cameras()
         self._markers = MarkerFinder()
         self._faces = gripper_faces()
-        self._gauges = {view: FingerGauge(camera) for view, camera in wrist_views.items()}
+        self._gauges = {view: FingerGauge(camera) for view, camera in self._wrist_views.items()}
         self._glances = 0
         self._opening = 0.016
 

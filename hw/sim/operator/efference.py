@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 
 from hw.sim.operator.servoing import norm
-from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.operator.vision.views import Matrix
 from tams_app.records import Image, Pose, Vector
 from tams_app.units import NS_PER_MS
 

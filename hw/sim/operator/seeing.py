@@ -23,8 +23,7 @@ from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.servoing import GapSigmas, Percept, PoseEstimate, operator_hand
 from hw.sim.operator.task import Stage
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
-from hw.sim.operator.vision.detections import Glance, Thing
-from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from hw.sim.operator.vision.views import Glance, Thing, wrist_cameras
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Pose, Vector
 from tams_app.rotation import Rotation
@@ -66,10 +65,9 @@ class SeeingPerception:
         self._asked = asked
         self._period_ns = round(sampling_s * NS_PER_S)
         self._delay_ns = round(delay_s * NS_PER_S)
-        wrist = {"eih": wrist_camera()}
-        self.belief = Belief(fixed_cameras(), wrist)  # others may read it
-        self._detector = Detector(wrist)
-        self._wrist_views = frozenset(wrist)
+        self.belief = Belief()  # others may read it
+        self._detector = Detector()
+        self._wrist_views = wrist_cameras().keys()
         self._lag = LagEstimator()
         self._predicted_lag = LagEstimator(FOLLOW_LAG_NS)
         self._freezes: dict[str, FrozenViewWatch] = {}

@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.operator.vision.views import Matrix
 from tams_app.config import Config, HandConfig
 from tams_app.records import Pose, Vector
 from tams_app.rotation import Rotation

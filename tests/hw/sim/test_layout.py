@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import FIXED_VIEWPOINTS, HEIGHT_PX, WIDTH_PX, WRIST_VIEWPOINT, draw_layout
-from hw.sim.operator.vision.pinhole import fixed_cameras
+from hw.sim.operator.vision.views import fixed_cameras
 
 pytestmark = pytest.mark.untimed
 

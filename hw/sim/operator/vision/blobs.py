@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hw.sim.layout import FINGER_TRAVEL_M
-from hw.sim.operator.vision.pinhole import Matrix, Pinhole
 from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE, finger_boxes, sketch
+from hw.sim.operator.vision.views import Matrix, Pinhole
 from tams_app.records import Image, Vector
 
 _WEAKEST = 40.0  # grey levels of colour that stand out at all

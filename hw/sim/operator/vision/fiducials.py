@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from hw.sim.layout import MARKER_HALF_M, TCP_OFFSET_M
 from hw.sim.operator.vision.blobs import EDGE_JUDGEMENT, Window, level_counts
-from hw.sim.operator.vision.detections import Cue, Sighting, Thing
-from hw.sim.operator.vision.pinhole import Matrix
+from hw.sim.operator.vision.views import Cue, Matrix, Sighting, Thing
 from tams_app.records import Image, Vector
 
 FACES = (Cue.MARKER_AHEAD, Cue.MARKER_LEFT, Cue.MARKER_RIGHT)

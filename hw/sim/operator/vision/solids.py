@@ -26,7 +26,7 @@ from hw.sim.layout import (
     PLATE,
     TCP_OFFSET_M,
 )
-from hw.sim.operator.vision.pinhole import Matrix, Pinhole
+from hw.sim.operator.vision.views import Matrix, Pinhole
 from tams_app.records import Image, Vector
 
 DARK, GREEN, ORANGE, BLUE = 1, 2, 3, 4

@@ -14,8 +14,12 @@ from hw.sim.operator.belief_state import (
     TOOL,
     TURN,
 )
-from hw.sim.operator.vision.detections import Cue, HeadingSighting, Sighting, Thing
-from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from hw.sim.operator.vision.views import (
+    Cue,
+    HeadingSighting,
+    Sighting,
+    Thing,
+)
 
 pytestmark = pytest.mark.untimed
 
@@ -23,13 +27,9 @@ BLOCK_PLACE = np.array([0.33, -0.12, 0.01])
 TCP = np.array([0.34, -0.11, 0.10])
 
 
-def _belief() -> Belief:
-    return Belief(fixed_cameras(), {"eih": wrist_camera()})
-
-
 def _settled() -> Belief:
     """One who has looked at tool, block and container for a while."""
-    belief = _belief()
+    belief = Belief()
     belief.state[TOOL] = TCP
     for _ in range(10):
         _look(belief)
@@ -175,7 +175,7 @@ def _settled_far():
 @pytest.mark.parametrize("carried", [True, False])
 def test_whether_the_block_carried_part_is_learnt_by_looking(carried):
     held = TCP - (0.0, 0.0, 0.001)
-    belief = _belief()
+    belief = Belief()
     belief.state[TOOL] = TCP
     belief.state[BLOCK] = held
     belief.seen[Thing.BLOCK] = True

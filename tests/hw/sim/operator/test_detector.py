@@ -17,8 +17,7 @@ from hw.sim.operator.belief import Belief
 from hw.sim.operator.belief_state import BLOCK, BLOCK_YAW, CONTAINER, TOOL
 from hw.sim.operator.detector import Detector
 from hw.sim.operator.vision.blobs import FingerGauge
-from hw.sim.operator.vision.detections import Glance, Sighting, Thing
-from hw.sim.operator.vision.pinhole import fixed_cameras, wrist_camera
+from hw.sim.operator.vision.views import Glance, Sighting, Thing, wrist_cameras
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
 from tams_app.records import Image, SceneTruth, Vector
@@ -54,7 +53,7 @@ def scene() -> Iterator[Scene]:
 
 def _belief(truth: SceneTruth) -> Belief:
     """One who knows where everything is, to a centimetre."""
-    belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
+    belief = Belief()
     belief.state[TOOL] = truth.tcp.position
     belief.state[5] = _yaw(truth)
     belief.state[BLOCK] = truth.block.position
@@ -73,7 +72,7 @@ def _yaw(truth: SceneTruth) -> float:
 
 
 def _look(scene: Scene, blur: float = 0.0) -> Glance:
-    looker = Detector({"eih": wrist_camera()})
+    looker = Detector()
     return looker.look(scene.images(blur), _belief(scene.truth))
 
 
@@ -138,7 +137,7 @@ def test_blur_costs_certainty_and_at_last_the_marker(scene):
 
 def test_an_image_of_nothing_shows_nothing(scene):
     grey = {view: np.full((480, 640, 3), 90, np.uint8) for view in VIEWS}
-    glance = Detector({"eih": wrist_camera()}).look(grey, _belief(scene.truth))
+    glance = Detector().look(grey, _belief(scene.truth))
     assert glance == Glance((), (), None)
 
 
@@ -157,7 +156,7 @@ def test_a_block_on_its_side_is_seen_to_lie(scene):
     qpos[11:15] = (w, x, y, z)
     belief = _belief(scene.truth)
     belief.state[BLOCK][2] = 0.006
-    looker = Detector({"eih": wrist_camera()})
+    looker = Detector()
     (heading,) = looker.look(scene.images(qpos=qpos), belief).headings
     assert heading.lying
     off = heading.heading - (0.9 - _yaw(scene.truth))
@@ -165,8 +164,8 @@ def test_a_block_on_its_side_is_seen_to_lie(scene):
 
 
 def test_the_block_is_found_anywhere_on_the_mat_at_first(scene):
-    belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
-    looker = Detector({"eih": wrist_camera()})
+    belief = Belief()
+    looker = Detector()
     belief.state[TOOL] = scene.truth.tcp.position
     for _ in range(2):
         belief.take(looker.look(scene.images(), belief).sightings)
@@ -183,14 +182,14 @@ def test_a_block_that_plainly_is_not_there_is_looked_for_elsewhere_unless_in_the
     belief.state[BLOCK] = (0.30, 0.06, 0.01)
     if near:
         belief.state[TOOL] = (0.30, 0.06, 0.03)
-    glance = Detector({"eih": wrist_camera()}).look(scene.images(), belief)
+    glance = Detector().look(scene.images(), belief)
     found = {seen.view for seen in glance.sightings if seen.thing is Thing.BLOCK}
     assert found == (set() if near else {"gt", "gs"})
 
 
 def test_a_container_whose_marker_cannot_be_read_is_found_by_its_blue(scene):
-    belief = Belief(fixed_cameras(), {"eih": wrist_camera()})
-    looker = Detector({"eih": wrist_camera()})
+    belief = Belief()
+    looker = Detector()
     for _ in range(3):
         belief.take(looker.look(scene.images(blur=6.0), belief).sightings)
     assert belief.seen[Thing.CONTAINER]
@@ -200,7 +199,7 @@ def test_a_container_whose_marker_cannot_be_read_is_found_by_its_blue(scene):
 def test_the_fingers_opening_is_read_off_the_pads():
     world = World(LAYOUT, READY)
     with closing(SceneRenderer(LAYOUT)) as renderer:
-        gauge, pairs = FingerGauge(wrist_camera()), []
+        gauge, pairs = FingerGauge(wrist_cameras()["eih"]), []
         for _ in range(20):
             pairs.append((gauge.measure(renderer.render("eih", world.qpos)), world.truth(0)))
             world.step(READY, True, 8 * CYCLE_NS)

@@ -6,7 +6,7 @@ import pytest
 
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER
 from hw.sim import layout
-from hw.sim.operator.vision.pinhole import fixed_cameras
+from hw.sim.operator.vision.views import fixed_cameras
 from hw.sim.world import scene
 from hw.sim.world.world import JOINTS, STEP_NS
 

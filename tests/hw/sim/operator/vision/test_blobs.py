@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.sim.operator.seeing import wrist_camera
 from hw.sim.operator.vision.blobs import HALF_TURN, Window, find_blobs, fit_yaw, strength
 from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE, about_vertical, block_corners
+from hw.sim.operator.vision.views import wrist_cameras
 
 pytestmark = pytest.mark.untimed
 
@@ -116,7 +116,7 @@ def test_an_unknown_colour_is_refused():
         strength(_image(), 99)
 
 
-CAMERA = wrist_camera()
+CAMERA = wrist_cameras()["eih"]
 BELOW = np.array([0.0, 0.0, 0.10])  # of the TCP, in the tool's frame: z points down
 
 

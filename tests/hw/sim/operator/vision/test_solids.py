@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from hw.sim.operator.vision.pinhole import fixed_cameras
 from hw.sim.operator.vision.solids import (
     GREEN,
     ORANGE,
@@ -11,6 +10,7 @@ from hw.sim.operator.vision.solids import (
     tool_boxes,
     tool_rotation,
 )
+from hw.sim.operator.vision.views import fixed_cameras
 
 pytestmark = pytest.mark.untimed
 

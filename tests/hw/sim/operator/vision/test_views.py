@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from hw.sim.operator.vision.pinhole import fixed_cameras
+from hw.sim.operator.vision.views import fixed_cameras
 
 pytestmark = pytest.mark.untimed
 
