@@ -105,7 +105,7 @@ def main() -> None:
     specification = side.specification
     start_joints = np.radians(np.array(specification["start_joints_deg"], float))
     model = TracedModel(Path(specification["trace"]), start_joints)
-    server = ControllerServer(model, on_failure=lambda *_: side.stop_requested.set())
+    server = ControllerServer(model, ended=side.stop_requested)
     fault = _FAULTS.get(specification["fault"])
     if fault is not None:
         signal.signal(signal.SIGUSR1, lambda *_: fault(model, server))

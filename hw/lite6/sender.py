@@ -204,7 +204,7 @@ class CommandSender:
             return
         self._sent += 1
         speeds = [*times(motion.linear, _MM_PER_M), *motion.angular]
-        code = self._timed(lambda: set_cartesian_velocity(self._api, speeds, self._deadman_s))
+        code = self._timed(set_cartesian_velocity, self._api, speeds, self._deadman_s)
         self._moved(opening, "a motion command", code)
 
     # --- gripper --------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ class CommandSender:
             if not self._outbox.is_current(opening):  # stopped, or the last attempt was a failure
                 return
             self._sent += 1
-            code = self._timed(lambda: int(call(sync=sync)))
+            code = self._timed(call, sync)
             if code == Code.ERROR or code in NOTHING_GETS_THROUGH:
                 self._moved(opening, "a gripper command", code)
             elif code in (Code.OK, Code.WARNING):
@@ -263,10 +263,10 @@ class CommandSender:
 
     # --- what became of it ----------------------------------------------------------------------
 
-    def _timed(self, send: Callable[[], int]) -> int:
+    def _timed(self, send: Callable[..., int], *arguments: object) -> int:
         """Do one call; its return code. The time it took is noted if it was acknowledged."""
         started_ns = self._clock.now_ns()
-        code = send()
+        code = int(send(*arguments))
         now_ns = self._clock.now_ns()
         if code in (Code.OK, Code.WARNING):
             self._acknowledged_ns = now_ns

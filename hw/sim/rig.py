@@ -1,13 +1,11 @@
 """The simulated rig's world and arm controller, a helper process of its own.
 
-Specification: memory_name, seed, host, control_port, report_port, start_joints_deg.
-Ready facts: memory_name, control_port, report_port, scheduler. It may be sent put_back: how often
-the block was asked to be put back to its start so far.
+Specification: memory_name, seed, start_joints_deg. Ready facts: control_port, report_port. It may
+be sent put_back: how often the block was asked to be put back to its start so far.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -36,17 +34,9 @@ class PublishedWorld:
     clock.
     """
 
-    def __init__(
-        self,
-        world: World,
-        writer: WorldWriter,
-        clock: Clock,
-        put_back: Callable[[], int] = lambda: 0,
-    ) -> None:
-        """`put_back`: how often the block was to be put back so far, which is done between two
-        cycles, as soon as nothing is in the way.
-        """
-        self._asked, self._put_back = put_back, 0
+    def __init__(self, world: World, writer: WorldWriter, clock: Clock, side: HelperSide) -> None:
+        """`side` is sent put_back, which is done between two cycles, once nothing is in the way."""
+        self._side, self._put_back = side, 0
         self._world = world
         self._writer = writer
         self._clock = clock
@@ -54,7 +44,7 @@ class PublishedWorld:
         writer.publish(self._now_ns, world.state())
 
     def step(self, joints_target: Joints, closing: bool | None, duration_ns: int) -> PlantState:
-        asked = self._asked()
+        asked = int(self._side.received.get("put_back", 0))
         if asked != self._put_back and self._world.put_back():
             self._put_back = asked
         state = self._world.step(joints_target, closing, duration_ns)
@@ -81,25 +71,14 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> BaseException | N
     clock = MonotonicClock()
     world = World(draw_layout(int(specification["seed"])), start_joints)
     writer = WorldWriter(name)
-    plant = PublishedWorld(world, writer, clock, lambda: int(side.received.get("put_back", 0)))
-    server = ControllerServer(
-        ControllerModel(plant, start_joints),
-        str(specification["host"]),
-        int(specification["control_port"]),
-        int(specification["report_port"]),
-        clock,
-        on_failure=lambda *_: side.stop_requested.set(),
-    )
-    scheduler = use_fifo(RIG_PRIORITY)  # which the threads started afterwards inherit
+    plant = PublishedWorld(world, writer, clock, side)
+    model = ControllerModel(plant, start_joints)
+    server = ControllerServer(model, clock=clock, ended=side.stop_requested)
+    use_fifo(RIG_PRIORITY)  # which the threads started afterwards inherit
     try:
         server.start()
         ports = server.ports
-        side.ready(
-            memory_name=name,
-            control_port=ports.control,
-            report_port=ports.report,
-            scheduler=scheduler,
-        )
+        side.ready(control_port=ports.control, report_port=ports.report)
         side.stop_requested.wait()
     finally:
         server.close()

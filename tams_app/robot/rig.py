@@ -42,9 +42,6 @@ class SimulatedRig(Devices):
         world = {
             "memory_name": self.memory_name,
             "seed": config.seed,
-            "host": LOOPBACK,
-            "control_port": 0,
-            "report_port": 0,
             "start_joints_deg": config.arm.ready_joints_deg,
         }
         renderer = {

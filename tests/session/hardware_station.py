@@ -62,9 +62,6 @@ class Plugged:
             {
                 "memory_name": new_block_name(),
                 "seed": 0,
-                "host": "127.0.0.1",
-                "control_port": 0,
-                "report_port": 0,
                 "start_joints_deg": list(joints_deg or profile.arm.ready_joints_deg),
             },
             folder,

@@ -10,8 +10,8 @@ import contextlib
 import selectors
 import socket
 import threading
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from hw.lite6.uxbus import UxbusFrame, UxbusReader
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
@@ -53,9 +53,9 @@ class ControllerServer:
         control_port: int = 0,
         report_port: int = 0,
         clock: Clock | None = None,
-        on_failure: Callable[[str, BaseException], None] | None = None,
+        ended: threading.Event | None = None,
     ) -> None:
-        """`on_failure(thread name, error)` is called if a thread of the server dies."""
+        """`ended` is set if a thread of the server dies, of `failure`."""
         self.lock = threading.Lock()
         self.reply_delay_s = 0.0
         self.refuse_connections = False
@@ -64,7 +64,7 @@ class ControllerServer:
         self._host = host
         self._wanted = ServerPorts(control_port, report_port)
         self._clock = clock or MonotonicClock()
-        self._on_failure = on_failure
+        self._ended = ended or threading.Event()
         self._listeners: dict[socket.socket, ReportKind | None] = {}
         self._connections: dict[socket.socket, Worker] = {}
         self._connections_lock = threading.Lock()
@@ -145,11 +145,8 @@ class ControllerServer:
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         kind = self._listeners[listener]
         name = "control" if kind is None else kind.name.lower()
-        worker = Worker(
-            f"arm-controller-{name}",
-            lambda stop: self._attend(connection, kind, stop),
-            self._note_failure,
-        )
+        attend = partial(self._attend, connection, kind)
+        worker = Worker(f"arm-controller-{name}", attend, self._note_failure)
         with self._connections_lock:
             self._connections[connection] = worker
         worker.start()
@@ -207,8 +204,7 @@ class ControllerServer:
 
     def _note_failure(self, name: str, failure: BaseException) -> None:
         self.failure = self.failure or failure
-        if self._on_failure is not None:
-            self._on_failure(name, failure)
+        self._ended.set()
 
 
 def _listen(host: str, wanted: ServerPorts) -> dict[socket.socket, ReportKind | None]:

@@ -114,7 +114,7 @@ class SimulatedOperator:
             HandActivity.RETURN: self._return,
             HandActivity.PUZZLED: self._puzzled,
             HandActivity.WARY: self._wary,
-            HandActivity.FINISHED: lambda *_: HandCommand.still(),
+            HandActivity.FINISHED: self._finished,
         }
 
     @property
@@ -295,6 +295,9 @@ class SimulatedOperator:
         """After a fault: hands off, and now and then try whether it has been confirmed."""
         if now_ns - self._since_ns >= _FAULT_REST_NS and sight is not None:
             self._begin(HandActivity.SQUEEZE, now_ns)
+        return HandCommand.still()
+
+    def _finished(self, now_ns: int, sight: ViewSight | None) -> HandCommand:
         return HandCommand.still()
 
     # --- what the activities share --------------------------------------------------------------

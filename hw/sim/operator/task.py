@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from enum import StrEnum
+from functools import partial
 
 import numpy as np
 
@@ -75,8 +76,8 @@ class Intent:
     `turning` asks for orientation mode; None: either will do, since nothing is to move.
     """
 
-    linear: Vector = field(default_factory=lambda: np.zeros(3))
-    angular: Vector = field(default_factory=lambda: np.zeros(3))
+    linear: Vector = field(default_factory=partial(np.zeros, 3))
+    angular: Vector = field(default_factory=partial(np.zeros, 3))
     turning: bool | None = None
     button: ThumbButton | None = None
     done: bool = False
@@ -115,13 +116,14 @@ class PickAndPlace:
             Stage.LOWER: self._lower,
             Stage.OPEN: self._open,
             Stage.RETREAT: self._retreat,
-            Stage.DONE: lambda *_: Intent(done=True),
         }
 
     def step(self, now_ns: int, sight: ViewSight) -> Intent:
         """The intent at `now_ns`, given what is seen."""
         if now_ns < self._begins_ns:
             return _HOLD
+        if self.stage is Stage.DONE:
+            return Intent(done=True)
         return self._steps[self.stage](now_ns, sight)
 
     # --- the stages -----------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """The renderer of the simulated cameras, a helper process below everything real-time.
 
-Specification: memory_name, seed, fps. Ready facts: memory_name. Each view has a time grid, a third
+Specification: memory_name, seed, fps. Ready facts: none. Each view has a time grid, a third
 of a period apart from the next view's; an instant that is missed is a gap in the index. After each
 frame it rests half as long as that took: where cores are short, the control loop is not late.
 """
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import threading
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Any
 
 import cv2
@@ -73,8 +74,8 @@ class CameraSchedule:
             camera.drop_missed(now_ns)
         due = [camera for camera in self._cameras if camera.due_ns <= now_ns]
         if due:
-            return min(due, key=lambda camera: (camera.taken_ns, camera.due_ns))
-        return min(self._cameras, key=lambda camera: camera.due_ns)
+            return min(due, key=attrgetter("taken_ns", "due_ns"))
+        return min(self._cameras, key=attrgetter("due_ns"))
 
 
 def run(
@@ -118,7 +119,7 @@ def _serve(side: HelperSide, specification: dict[str, Any]) -> None:
     frames = CameraImages(draw_layout(seed), seed)
     writer = FrameWriter(name)
     try:
-        side.ready(memory_name=name)
+        side.ready()
         while not side.stop_requested.is_set() and world.read() is None:
             clock.sleep_until_ns(clock.now_ns() + _POLL_NS)
         run(frames, world, writer, float(specification["fps"]), clock, side.stop_requested)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import mmap
 import struct
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -122,7 +123,7 @@ class FrameWriter:
         """
         head = _FRAME.pack(index, capture_ns, ready_ns)
         ring = self._rings[view]
-        ring.put(head, lambda pixels: np.copyto(pixels, image.ravel()))
+        ring.put(head, partial(np.copyto, src=image.ravel()))
         ring.wake_readers()
 
     def close(self) -> None:

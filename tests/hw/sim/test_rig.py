@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -25,8 +27,8 @@ class Rig:
         self.clock = VirtualClock()
         self.writer = WorldWriter(name)
         self.world = World(draw_layout(0), READY)
-        self.asked = 0
-        self.plant = PublishedWorld(self.world, self.writer, self.clock, lambda: self.asked)
+        self.side: Any = SimpleNamespace(received={})
+        self.plant = PublishedWorld(self.world, self.writer, self.clock, self.side)
         self.reader = WorldReader(name)
 
     def cycle(self, wall_ns: int = CYCLE_NS) -> tuple[int, WorldState]:
@@ -86,11 +88,11 @@ def test_the_block_is_put_back_once_for_each_time_as_soon_as_it_can_be(
     monkeypatch.setattr(rig.world, "put_back", put_back)
     rig.cycle()
     assert tried == []
-    rig.asked = 1
+    rig.side.received = {"put_back": 1}
     for _ in range(5):
         rig.cycle()
     assert tried == [False, False, True]
-    rig.asked = 2
+    rig.side.received = {"put_back": 2}
     for _ in range(5):
         rig.cycle()
     assert tried == [False, False, True, True]

@@ -101,10 +101,7 @@ def renderer_process(name: str, directory: Path) -> HelperProcess:
 
 
 def rig_process(name: str, directory: Path) -> HelperProcess:
-    specification: dict[str, Any] = {
-        "memory_name": name, "seed": 3, "host": "127.0.0.1", "control_port": 0, "report_port": 0,
-        "start_joints_deg": READY_DEG,
-    }  # fmt: skip
+    specification = {"memory_name": name, "seed": 3, "start_joints_deg": READY_DEG}
     return HelperProcess("rig", "hw.sim.rig", specification, directory)
 
 
@@ -123,7 +120,6 @@ def test_rig_and_renderer_deliver_every_view(name: str, tmp_path: Path) -> None:
     try:
         rig.start()
         ready = rig.wait_ready()
-        assert ready["memory_name"] == name
         assert ready["control_port"] > 0
         helper = renderer_process(name, tmp_path)
         helper.start()
