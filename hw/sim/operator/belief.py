@@ -145,9 +145,6 @@ class Belief:
         """The same of a distance between two things, `TO_BLOCK` or `TO_CONTAINER`."""
         return largest_sigma(gap @ self.covariance @ gap.T)
 
-    def yaw_sigma(self, place: int) -> float:
-        return math.sqrt(self.covariance[place, place])
-
     def heading_sigma(self) -> float:
         """Of the block's yaw against the tool's [rad]."""
         places = [BLOCK_YAW, TOOL_YAW]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.servoing import Percept, PoseEstimate, operator_hand
+from hw.sim.operator.servoing import Percept, operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import Config
 from tams_app.records import SceneTruth
@@ -28,13 +28,8 @@ class TruePerception:
         truth = self._read()
         if truth is None:
             return None
-        return Percept(
-            truth.t_ns,
-            PoseEstimate(truth.tcp),
-            PoseEstimate(truth.block),
-            PoseEstimate(truth.container),
-            truth.fingers_opening,
-        )
+        opening = truth.fingers_opening
+        return Percept(truth.t_ns, truth.tcp, truth.block, truth.container, opening)
 
 
 def demo_controller(

@@ -183,7 +183,7 @@ class SimulatedOperator:
     def _watch_whether_it_follows(self, percept: Percept, shown: Vector) -> None:
         if self.activity is not HandActivity.MOVE:
             self._follows.reset()
-        followed = self._follows.step(percept.t_ns, shown, percept.tcp.pose)
+        followed = self._follows.step(percept.t_ns, shown, percept.tcp)
         self._stuck = followed is False
         if followed:
             self._failures = 0
@@ -201,8 +201,8 @@ class SimulatedOperator:
 
     def _moves_by_itself(self, percept: Percept) -> bool:
         """True if the tool is seen elsewhere than at the last call: it is then left alone."""
-        position = percept.tcp.pose.position
-        enough = _MOVES_M + 3.0 * percept.tcp.position_sigma
+        position = percept.tcp.position
+        enough = _MOVES_M + 3.0 * percept.tcp_sigma
         moved = self._tool_seen is None or norm(position - self._tool_seen) > enough
         if moved:
             self._tool_seen = position

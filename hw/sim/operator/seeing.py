@@ -15,12 +15,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hw.sim.operator.belief import Belief
-from hw.sim.operator.belief_state import BLOCK_YAW, TO_BLOCK, TO_CONTAINER, TOOL_YAW
+from hw.sim.operator.belief_state import TO_BLOCK, TO_CONTAINER
 from hw.sim.operator.detector import Detector
 from hw.sim.operator.efference import FOLLOW_LAG_NS, EfferenceCopy, FrozenViewWatch, LagEstimator
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.servoing import GapSigmas, Percept, PoseEstimate, operator_hand
+from hw.sim.operator.servoing import GapSigmas, Percept, operator_hand
 from hw.sim.operator.task import Stage
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from hw.sim.operator.vision.views import Glance, Thing, wrist_cameras
@@ -176,24 +176,14 @@ class SeeingPerception:
 
     def _to_percept(self, glance: Glance) -> Percept:
         belief = self.belief
-        tool = Rotation.from_matrix(belief.tool_axes)
-        block = Rotation.from_matrix(belief.block_axes)
         return Percept(
             self._view_ns,
-            PoseEstimate(
-                Pose(belief.tcp.copy(), tool),
-                belief.sigma_of(Thing.TOOL),
-                belief.yaw_sigma(TOOL_YAW),
-            ),
-            PoseEstimate(
-                Pose(belief.block.copy(), block),
-                belief.sigma_of(Thing.BLOCK),
-                belief.yaw_sigma(BLOCK_YAW),
-            ),
-            PoseEstimate(
-                Pose(belief.container, Rotation.identity()), belief.sigma_of(Thing.CONTAINER)
-            ),
+            Pose(belief.tcp.copy(), Rotation.from_matrix(belief.tool_axes)),
+            Pose(belief.block.copy(), Rotation.from_matrix(belief.block_axes)),
+            Pose(belief.container, Rotation.identity()),
             glance.fingers_opening,
+            belief.sigma_of(Thing.TOOL),
+            belief.sigma_of(Thing.BLOCK),
             GapSigmas(
                 belief.gap_sigma(TO_BLOCK),
                 belief.gap_sigma(TO_CONTAINER),

@@ -27,52 +27,37 @@ _HORIZONTAL = 0.5  # |z| of a unit axis below which fingers can close along it
 
 
 @dataclass(frozen=True, slots=True)
-class PoseEstimate:
-    """A pose in the arm's base frame and its standard deviations; infinite when out of sight."""
-
-    pose: Pose
-    position_sigma: float = 0.0  # [m]
-    rotation_sigma: float = 0.0  # [rad], about the vertical
-
-
-@dataclass(frozen=True, slots=True)
 class GapSigmas:
     """Standard deviations of the tool as seen against block and container.
 
     Better known than either place where one image shows both.
     """
 
-    block: float  # [m]
-    container: float  # [m]
-    heading: float  # [rad], of the block against the tool
+    block: float = 0.0  # [m]
+    container: float = 0.0  # [m]
+    heading: float = 0.0  # [rad], of the block against the tool
+
+
+_EXACT = GapSigmas()
 
 
 @dataclass(frozen=True, slots=True)
 class Percept:
     """The scene as it looked at `t_ns`: when the view was captured, as far as the operator knows.
 
-    Block and tool are their centres; of the container only x and y are used.
-    `fingers_opening` [m] is None when the fingers cannot be made out.
+    Poses in the arm's base frame. Block and tool are their centres; of the container only x and y
+    are used. `fingers_opening` [m] is None when the fingers cannot be made out. `tcp_sigma` and
+    `block_sigma`: standard deviations of these places [m], infinite when out of sight.
     """
 
     t_ns: int
-    tcp: PoseEstimate
-    block: PoseEstimate
-    container: PoseEstimate
+    tcp: Pose
+    block: Pose
+    container: Pose
     fingers_opening: float | None
-    seen_gaps: GapSigmas | None = None
-
-    @property
-    def gaps(self) -> GapSigmas:
-        """As seen, else from the places' own uncertainties."""
-        if self.seen_gaps is not None:
-            return self.seen_gaps
-        tool, block, container = self.tcp, self.block, self.container
-        return GapSigmas(
-            math.hypot(block.position_sigma, tool.position_sigma),
-            math.hypot(container.position_sigma, tool.position_sigma),
-            block.rotation_sigma + tool.rotation_sigma,
-        )
+    tcp_sigma: float = 0.0
+    block_sigma: float = 0.0
+    gaps: GapSigmas = _EXACT
 
 
 class Perception(Protocol):
@@ -117,12 +102,12 @@ class ViewSight:
     @property
     def tcp(self) -> Vector:
         """The expected place of the tool by now [m], base frame."""
-        return self.percept.tcp.pose.position + self.moved
+        return self.percept.tcp.position + self.moved
 
     @property
     def block(self) -> Vector:
         """The place where the block was seen [m], base frame."""
-        return self.percept.block.pose.position
+        return self.percept.block.position
 
 
 def norm(vector: Vector) -> float:

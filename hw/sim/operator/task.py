@@ -157,7 +157,7 @@ class PickAndPlace:
             return self._enter(Stage.TURN, now_ns)
         if self._settled(now_ns, error, _GRASP_TOLERANCE_M):
             self._grasp_block_z = sight.block[2]
-            self._grasp_tcp_z = sight.percept.tcp.pose.position[2]
+            self._grasp_tcp_z = sight.percept.tcp.position[2]
             return self._enter(Stage.CLOSE, now_ns)
         needed = _GRASP_SURE_M if height < FINE_BELOW_M else _DESCENT_SURE_M
         sure = self._speed_factor(now_ns, sight.percept.gaps.block, needed)
@@ -178,7 +178,7 @@ class PickAndPlace:
     def _carry(self, now_ns: int, sight: ViewSight) -> Intent:
         if self._dropped(now_ns, sight):
             return self._enter(Stage.OPEN, now_ns)
-        error = self._travel_error(sight, sight.percept.container.pose.position)
+        error = self._travel_error(sight, sight.percept.container.position)
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
             return self._enter(Stage.LOWER, now_ns)
         factor = self._speed_factor(now_ns, sight.percept.gaps.container, _REACH_SURE_M)
@@ -187,7 +187,7 @@ class PickAndPlace:
     def _lower(self, now_ns: int, sight: ViewSight) -> Intent:
         if self._dropped(now_ns, sight):
             return self._enter(Stage.OPEN, now_ns)
-        goal = sight.percept.container.pose.position.copy()
+        goal = sight.percept.container.position.copy()
         goal[2] = RELEASE_HEIGHT_M
         error = goal - sight.tcp
         if self._settled(now_ns, error, _PLACE_TOLERANCE_M):
@@ -266,13 +266,13 @@ class PickAndPlace:
     def _came_away_empty(self, sight: ViewSight) -> bool:
         if not _sees_block(sight):
             return False
-        risen = sight.percept.tcp.pose.position[2] - self._grasp_tcp_z
+        risen = sight.percept.tcp.position[2] - self._grasp_tcp_z
         return bool(risen > LIFTED_M and sight.block[2] - self._grasp_block_z < 0.5 * risen)
 
     def _dropped(self, now_ns: int, sight: ViewSight) -> bool:
         """True if the block has been away from the fingers for longer than a glance."""
         percept = sight.percept
-        gap = percept.tcp.pose.position - percept.block.pose.position
+        gap = percept.tcp.position - percept.block.position
         if not _sees_block(sight) or gap @ gap <= HELD_WITHIN_M**2:
             self._lost_ns = None
             return False
@@ -283,7 +283,7 @@ class PickAndPlace:
     @staticmethod
     def _turn_left(sight: ViewSight) -> Vector:
         percept = sight.percept
-        turn = grasp_turn(percept.tcp.pose.rotation, percept.block.pose.rotation)
+        turn = grasp_turn(percept.tcp.rotation, percept.block.rotation)
         return turn - sight.turned
 
     def _approach(self, error: Vector, speed: float) -> Vector:
@@ -302,11 +302,11 @@ class PickAndPlace:
 
 
 def _sees_block(sight: ViewSight) -> bool:
-    return sight.percept.block.position_sigma < HELD_WITHIN_M / 3.0
+    return sight.percept.block_sigma < HELD_WITHIN_M / 3.0
 
 
 def _is_placed(sight: ViewSight) -> bool:
     """True if the block lies in the container, as far as can be seen."""
-    container = sight.percept.container.pose
+    container = sight.percept.container
     offset = container.rotation.inv().apply(sight.block - container.position)
     return bool(np.abs(offset[:2]).max() < CONTAINER_INNER_M / 2 and sight.block[2] < 0.05)

@@ -320,7 +320,7 @@ def test_the_operator_acts_on_percepts_alone():
         def look(self, now_ns: int) -> Percept | None:
             percept = self._eyes.look(now_ns)
             if percept is not None:
-                percept.block.pose.position[:] = truth + shift
+                percept.block.position[:] = truth + shift
             return percept
 
     truth = trial.robot.block.position.copy()

@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.servoing import (
     GapSigmas,
     HandMap,
-    PoseEstimate,
     approach,
     grasp_turn,
     speed_factor,
@@ -75,36 +73,12 @@ def test_the_hand_map_knows_the_directions_roughly_and_itself_exactly():
     assert not np.allclose(true, wished, atol=1e-4)
 
 
-def _truth() -> SceneTruth:
-    poses = [Pose(np.full(3, value), Rotation.identity()) for value in (0.1, 0.2, 0.3)]
-    return SceneTruth(5, *poses, block_speed=0.0, fingers_opening=0.016)
-
-
-def test_there_is_nothing_to_see_before_the_first_truth():
-    assert TruePerception(lambda: None).look(1) is None
-
-
 def test_true_perception_is_certain_and_dated_by_the_scene():
-    truth = _truth()
-    percept = TruePerception(lambda: truth).look(99)
-    assert percept is not None
-    assert percept.t_ns == 5
-    assert percept.block.pose is truth.block
-    assert percept.container.pose is truth.container
-    assert percept.tcp.pose is truth.tcp
-    assert percept.tcp.position_sigma == percept.block.rotation_sigma == 0.0
-    assert percept.fingers_opening == 0.016
-
-
-def test_gaps_are_as_uncertain_as_both_places_unless_they_were_seen_together():
-    percept = TruePerception(_truth).look(1)
-    vague = replace(
-        percept,
-        tcp=PoseEstimate(percept.tcp.pose, 0.003, 0.1),
-        block=PoseEstimate(percept.block.pose, 0.004, 0.2),
-    )
-    assert vague.gaps.block == pytest.approx(0.005)
-    assert vague.gaps.container == pytest.approx(0.003)
-    assert vague.gaps.heading == pytest.approx(0.3)
-    seen = GapSigmas(0.001, 0.002, 0.01)
-    assert replace(vague, seen_gaps=seen).gaps is seen
+    assert TruePerception(lambda: None).look(1) is None
+    poses = [Pose(np.full(3, value), Rotation.identity()) for value in (0.1, 0.2, 0.3)]
+    truth = SceneTruth(5, *poses, block_speed=0.0, fingers_opening=0.016)
+    seen = TruePerception(lambda: truth).look(99)
+    assert seen is not None
+    assert [seen.tcp, seen.block, seen.container] == [truth.tcp, truth.block, truth.container]
+    assert (seen.t_ns, seen.fingers_opening) == (5, 0.016)
+    assert (seen.tcp_sigma, seen.block_sigma, seen.gaps) == (0.0, 0.0, GapSigmas())

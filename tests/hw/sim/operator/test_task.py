@@ -6,7 +6,7 @@ import pytest
 
 from hw.sim.operator.hand import ThumbButton
 from hw.sim.operator.participant import ParticipantProfile
-from hw.sim.operator.servoing import GapSigmas, Percept, PoseEstimate, ViewSight
+from hw.sim.operator.servoing import GapSigmas, Percept, ViewSight
 from hw.sim.operator.task import Intent, PickAndPlace, Stage
 from tams_app.config import OperatorConfig
 from tams_app.records import Pose
@@ -31,11 +31,15 @@ def _task(**traits: float) -> PickAndPlace:
 def _percept(tcp=(0.35, 0.0, 0.18), block=(0.33, -0.1, 0.01), opening=0.016) -> Percept:
     return Percept(
         0,
-        PoseEstimate(Pose(np.array(tcp), DOWN)),
-        PoseEstimate(Pose(np.array(block), Rotation.identity())),
-        PoseEstimate(Pose(np.array([0.33, 0.15, 0.0]), Rotation.identity())),
+        Pose(np.array(tcp), DOWN),
+        Pose(np.array(block), Rotation.identity()),
+        Pose(np.array([0.33, 0.15, 0.0]), Rotation.identity()),
         opening,
     )
+
+
+def _uncertain(sigma: float) -> Percept:
+    return replace(_percept(), gaps=GapSigmas(sigma, sigma, sigma))
 
 
 def _step(task: PickAndPlace, percept: Percept, now_ns: int = 0) -> Intent:
@@ -61,10 +65,8 @@ def test_a_low_gripper_rises_before_it_travels():
 
 
 def test_a_block_out_of_sight_is_waited_for():
-    percept = _percept()
-    unseen = replace(percept, block=replace(percept.block, position_sigma=math.inf))
+    unseen, unsure = _uncertain(math.inf), _uncertain(0.03)
     assert not any(intent.linear.any() for intent in _run(_task(), unseen, 0, 1.0))
-    unsure = replace(percept, block=replace(percept.block, position_sigma=0.03))
     assert 0.0 < np.linalg.norm(_step(_task(), unsure).linear) < 0.15
 
 
@@ -119,11 +121,6 @@ def test_a_block_that_already_lies_in_the_container_ends_the_task():
         task.stage = Stage.RETREAT
         _step(task, _percept(tcp=(0.33, 0.15, 0.12), block=(x, 0.15, 0.012)))
         assert task.stage is stage
-
-
-def _uncertain(sigma: float) -> Percept:
-    percept = _percept()
-    return replace(percept, seen_gaps=GapSigmas(sigma, sigma, sigma))
 
 
 def test_after_the_wait_limit_the_operator_goes_on_slowly():
