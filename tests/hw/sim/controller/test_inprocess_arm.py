@@ -43,21 +43,6 @@ def test_reports_are_a_hundredth_of_a_second_apart() -> None:
     assert np.abs(np.diff(times)[1:] - NS_PER_S // 100).max() <= CYCLE_NS
 
 
-def test_the_same_commands_at_the_same_times_give_the_same_motion() -> None:
-    def play() -> bytes:
-        clock = VirtualClock()
-        arm = enabled_arm(clock)
-        random = np.random.default_rng(3)
-        path = []
-        for _ in range(60):
-            arm.send_twist(Twist(random.uniform(-0.1, 0.1, 3), random.uniform(-0.3, 0.3, 3)))
-            clock.advance_ns(NS_PER_S // 120)
-            path.append(state_of(arm).joints)
-        return np.array(path).tobytes()
-
-    assert play() == play()
-
-
 def test_the_deadman_time_is_the_configuration_s() -> None:
     clock = VirtualClock()
     config = ArmConfig(velocity_deadman_s=0.5)

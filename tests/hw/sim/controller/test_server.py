@@ -112,17 +112,6 @@ def hung_up(connection: socket.socket) -> bool:
         return True
 
 
-def silent(connection: socket.socket) -> bool:
-    """Whether nothing more comes after what was under way."""
-    connection.settimeout(0.2)
-    try:
-        for _ in range(10):
-            connection.recv(4096)
-    except TimeoutError:
-        return True
-    return False
-
-
 # --- with the SDK -------------------------------------------------------------------------------
 
 
@@ -217,31 +206,6 @@ def test_several_clients_get_the_reports_at_once(server: ControllerServer) -> No
             for connection in (one, other):
                 for _ in range(2):
                     assert struct.unpack(">I", receive(connection, size)[:4]) == (size,)
-
-
-def test_frozen_reports_go_on_when_they_thaw(
-    server: ControllerServer, model: ControllerModel
-) -> None:
-    with client(server.ports.report + 2) as connection:
-        receive(connection, 87)
-        model.reports_frozen = True
-        assert silent(connection)
-        model.reports_frozen = False
-        connection.settimeout(TIMEOUT_S)
-        receive(connection, 87)
-
-
-def test_dropped_clients_may_come_back_unless_refused(server: ControllerServer) -> None:
-    with client(server.ports.control) as connection:
-        ask_state(connection)
-        server.drop_connections()
-        assert hung_up(connection)
-    server.refuse_connections = True
-    with client(server.ports.control) as connection:
-        assert hung_up(connection)
-    server.refuse_connections = False
-    with client(server.ports.control) as connection:
-        ask_state(connection)
 
 
 class HandClock:

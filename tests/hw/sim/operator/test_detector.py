@@ -125,22 +125,6 @@ def test_a_sharp_image_is_seen_to_about_a_pixel(scene):
             assert max(error, sigma) < 1.0, view
 
 
-def test_blur_costs_certainty_and_at_last_the_marker(scene):
-    mean = []
-    for blur in (0.0, 1.5, 3.0, 5.0):
-        glance = _look(scene, blur)
-        blocks = [_sigma(seen) for seen in glance.sightings if seen.thing is Thing.BLOCK]
-        mean.append(float(np.mean(blocks)) if blocks else math.inf)
-    assert mean[0] < 0.7 * mean[1] < 0.7 * mean[2] <= mean[3]
-    assert all(len(seen.pixels) == 1 for seen in glance.sightings if seen.view == "gs")
-
-
-def test_an_image_of_nothing_shows_nothing(scene):
-    grey = {view: np.full((480, 640, 3), 90, np.uint8) for view in VIEWS}
-    glance = Detector().look(grey, _belief(scene.truth))
-    assert glance == Glance((), (), None)
-
-
 def test_the_block_s_yaw_is_read_in_the_wrist_s_view(scene):
     (heading,) = _look(scene).headings
     true = LAYOUT.block.yaw - _yaw(scene.truth)

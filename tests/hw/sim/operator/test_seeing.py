@@ -139,17 +139,6 @@ def test_each_glance_tells_how_much_each_view_gave(reaches):
     assert {view for one in told for view in one.to_block} == {"eih", "gt", "gs"}
 
 
-def test_the_same_images_and_seed_give_the_same_percepts(cameras, reaches):
-    first = reaches["clear"][1]
-    with closing(_rig(cameras)) as rig:
-        for _ in range(60):
-            rig.tick()
-    assert len(rig.glances) > 4
-    for one, other in zip(rig.glances, first.glances, strict=False):
-        assert one.glance == other.glance
-        assert (one.believed_gap == other.believed_gap).all()
-
-
 class Screen:
     """Eyes before images that a test puts on the screen."""
 

@@ -152,15 +152,6 @@ def test_markers_of_container_gripper_and_mat_can_be_detected(
     assert GRIPPER_MARKER in markers(renderer.render("gs", ready))
 
 
-def test_earlier_images_leave_no_trace(renderer: SceneRenderer, ready: Vector) -> None:
-    before = {view: renderer.render(view, ready) for view in VIEWS}
-    for qpos in poses():
-        for view in VIEWS:
-            renderer.render(view, qpos)
-    for view in VIEWS:
-        assert np.array_equal(before[view], renderer.render(view, ready))
-
-
 def test_missing_opengl_is_one_sentence_that_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -37,18 +37,6 @@ def test_contact_grasp_lifts_holds_carries_and_places_the_block(seed: int) -> No
     assert hand.tracking_error_m < 0.001
 
 
-def test_same_calls_give_the_same_world() -> None:
-    def run() -> np.ndarray:
-        world = World(draw_layout(7), READY)
-        target = READY.copy()
-        for _ in range(100):
-            target += 0.002
-            world.step(target, True, CYCLE_NS)
-        return world.qpos
-
-    assert run().tobytes() == run().tobytes()
-
-
 def test_block_and_container_stand_where_the_layout_says() -> None:
     layout = draw_layout(3)
     truth = World(layout, READY).truth(42)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hw.sim.operator.vision.blobs import HALF_TURN, Window, find_blobs, fit_yaw, strength
-from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE, about_vertical, block_corners
+from hw.sim.operator.vision.solids import BLUE, GREEN, ORANGE, block_corners
 from hw.sim.operator.vision.views import wrist_cameras
 
 pytestmark = pytest.mark.untimed
@@ -160,7 +160,3 @@ def test_what_is_no_block_has_no_yaw():
     angles = np.linspace(0, 2 * np.pi, 40)
     long = np.column_stack((320 + 60 * np.cos(angles), 240 + 5 * np.sin(angles)))
     assert fit_yaw(long, 0.3, _draw) is None
-
-
-def test_turning_about_the_vertical_is_a_rotation():
-    assert about_vertical(0.3) @ about_vertical(-0.3) == pytest.approx(np.eye(3))
