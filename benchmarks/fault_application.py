@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from hw.controller import Controller
 from hw.lite6.arm import Lite6
 from tams_app.config import Config, load_config

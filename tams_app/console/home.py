@@ -8,8 +8,7 @@ from contextlib import ExitStack
 from functools import partial
 
 from hw.arm import Arm
-from hw.arms import arm_kind
-from hw.boundary import reach_boundary
+from hw.arms import arm_kind, reach_boundary
 from tams_app.config import Config
 from tams_app.errors import ConfigError, DeviceError, SetupError, SignalledError
 from tams_app.faces.terminal.keys import TerminalKeys, handled_signals

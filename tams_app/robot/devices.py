@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from hw.arm import Arm
-from hw.arms import arm_kind
-from hw.boundary import session_boundary
+from hw.arms import arm_kind, session_boundary
 from hw.camera import Camera
 from tams_app.config import ArmConfig, Config
 from tams_app.records import SceneTruth, TakeNote

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from tams_app.config import Config, LinkConfig
 from tams_app.recording.journal import Journal
 from tams_app.records import Activity, Frame, PacketRecord, Placed, Record, SessionState, Tick

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from hw.arm import Arm, TcpBoundary
-from hw.arms import ARM_KINDS, arm_kind
-from hw.boundary import session_boundary
+from hw.arms import ARM_KINDS, arm_kind, session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.lite6.commands import LIMITS as LITE6_LIMITS

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from hw.arm import Arm
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from hw.lite6.kinematics import Lite6Model, offset_from_mm_deg
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, Recorder, SessionLog, read_log

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.boundary import reach_boundary, session_boundary
+from hw.arms import reach_boundary, session_boundary
 from hw.lite6.commands import boundary_edges
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, offset_from_mm_deg
 from tams_app.config import ArmConfig, LimitsConfig

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm

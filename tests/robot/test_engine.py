@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import load_config

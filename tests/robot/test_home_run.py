@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hw.arm import Arm
-from hw.boundary import reach_boundary, session_boundary
+from hw.arms import reach_boundary, session_boundary
 from hw.guard.motion import Cause, Motion
 from hw.lite6.codes import ErrorCode, State
 from hw.lite6.kinematics import HOME_JOINTS

@@ -7,8 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from hw.arms import simulated_arm
-from hw.boundary import session_boundary
+from hw.arms import session_boundary, simulated_arm
 from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.world.scene_renderer import CameraImages, stagger_ns
 from hw.sim.world.world import World

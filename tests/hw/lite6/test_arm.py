@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import hw.lite6.setup
-from hw.boundary import session_boundary
+from hw.arms import session_boundary
 from hw.lite6.arm import Lite6
 from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.sender import Outbox, Work
