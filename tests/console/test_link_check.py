@@ -20,6 +20,7 @@ from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key
 from tams_app.printing import Console
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.free_port import free_port
 
 pytestmark = pytest.mark.waiting
 
@@ -30,15 +31,9 @@ def key(tmp_path: Path) -> Path:
     return tmp_path / "key"
 
 
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
-
-
 @pytest.fixture
 def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
-    endpoint = Endpoint("127.0.0.1", free_port(), key)
+    endpoint = Endpoint("127.0.0.1", free_port(socket.SOCK_DGRAM), key)
     gateway = Gateway("robot", endpoint, b"welcome", tmp_path)
     gateway.launch()
     try:
@@ -76,11 +71,11 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(
 
 def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
     with pytest.raises(HelperError, match="no answer: the call does not arrive there"):
-        run_link_check(Endpoint("127.0.0.1", free_port(), key), console=quiet())
+        run_link_check(Endpoint("127.0.0.1", free_port(socket.SOCK_DGRAM), key), console=quiet())
 
 
 def test_a_robots_side_that_ends_meanwhile_is_not_measured(key: Path, tmp_path: Path):
-    endpoint = Endpoint("127.0.0.1", free_port(), key)
+    endpoint = Endpoint("127.0.0.1", free_port(socket.SOCK_DGRAM), key)
     with (
         closing(Gateway("robot", endpoint, b"welcome", tmp_path)) as gateway,
         ThreadPoolExecutor(1) as other,

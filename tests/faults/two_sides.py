@@ -22,6 +22,7 @@ from tams_app.session.operate import OperatorSide, operate
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.applications import PATIENCE_S, Application, only_log, until
 from tests.faults.hand import Hand
+from tests.free_port import free_port
 
 HOST = "127.0.0.1"
 FULL_SPEED_M_S = 0.3  # of the hand: more than the arm's, which is then at its limit
@@ -47,7 +48,7 @@ class RobotSide(Application):
         key: Path | None = None,
         **overrides: object,
     ) -> None:
-        self.port = free_port()
+        self.port = free_port(socket.SOCK_DGRAM)
         words = ["robot", "--sim", "--listen", f"{HOST}:{self.port}"]
         words += [] if key is None else ["--key", str(key)]
         settings: dict[str, object] = {
@@ -235,13 +236,6 @@ class HandSide:
         assert message is not None
         assert message.state.tcp_mm is not None
         return message.state.tcp_mm[1]
-
-
-def free_port() -> int:
-    """A UDP port that is free now."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind((HOST, 0))
-        return int(one.getsockname()[1])
 
 
 def _waits(condition: Callable[[], bool], seconds: float) -> None:

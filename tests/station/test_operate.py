@@ -34,6 +34,7 @@ from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.udp import requested_ports
+from tests.free_port import free_port
 
 pytestmark = pytest.mark.waiting
 
@@ -88,9 +89,7 @@ def key(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def endpoint(key: Path) -> Endpoint:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
-        one.bind(("127.0.0.1", 0))
-        return Endpoint("127.0.0.1", int(one.getsockname()[1]), key)
+    return Endpoint("127.0.0.1", free_port(socket.SOCK_DGRAM), key)
 
 
 @pytest.fixture
