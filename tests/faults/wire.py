@@ -19,7 +19,6 @@ _MOTION = (Register.SET_CARTESIAN_VELOCITY, Register.MOVE_JOINT)
 _QUERIES = (
     Register.GET_VERSION,
     Register.GET_STATE,
-    Register.GET_COMMAND_COUNT,
     Register.GET_ERROR,
     Register.TOOL_GPIO_READ,
 )

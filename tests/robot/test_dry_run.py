@@ -30,7 +30,6 @@ HARMLESS = {  # all that a dry run may ask of the real arm: to tell, to stop, an
     Register.GET_VERSION,
     Register.GET_STATE,
     Register.GET_ERROR,
-    Register.GET_REDUCED_STATE,
     Register.TOOL_GPIO_READ,
     Register.SET_STATE,
     Register.CLEAN_ERROR,

@@ -41,9 +41,8 @@ _NO_TORQUES = bytes(7 * 4)  # nothing in the model estimates them
 
 
 class ReportKind(Enum):
-    """The three report ports: offset from the port of the normal report, and rate [Hz]."""
+    """The report ports that the driver reads: offset from the first of the box, and rate [Hz]."""
 
-    NORMAL = (0, 5)
     RICH = (1, 5)
     REAL = (2, 100)
 
@@ -86,12 +85,11 @@ class ControllerModel(ControllerCore):
         return bytes([status]) + data
 
     def report(self, kind: ReportKind) -> bytes:
-        """A whole report frame of `kind`: 145 bytes normal, 587 rich, 87 real."""
+        """A whole report frame of `kind`: 587 bytes rich, 87 real."""
         body = _pack_motion(self)
-        if kind is not ReportKind.REAL:
-            body += _pack_status(self)
         if kind is ReportKind.RICH:
-            body += _pack_identity_and_limits(self) + _pack_sensors(self) + _pack_safety(self)
+            body += _pack_status(self) + _pack_identity_and_limits(self)
+            body += _pack_sensors(self) + _pack_safety(self)
         return struct.pack(">I", len(body) + 4) + body
 
     def _status(self) -> int:
@@ -118,16 +116,10 @@ class ControllerModel(ControllerCore):
                 return version_text(self.firmware).encode("ascii").ljust(40, b"\0")
             case Register.GET_STATE:
                 return bytes([self.state])
-            case Register.GET_COMMAND_COUNT:
-                return struct.pack(">H", self.commands_waiting)
             case Register.GET_ERROR:
                 return bytes([self.error_code, self.warning_code])
             case Register.GET_TCP_POSE:
                 return _pack_pose(self.tcp)
-            case Register.GET_REDUCED_STATE:
-                return _pack_reduced_mode(self.settings)
-            case Register.GET_JOINTS:
-                return _pack_joints(self.joints)
             case Register.TOOL_GPIO_READ:
                 address = struct.unpack_from(">H", payload, 1)[0]
                 if address != TOOL_OUTPUT_STATE:
@@ -182,8 +174,7 @@ class ControllerModel(ControllerCore):
         twist = _floats(payload, 6)
         if _byte(payload, 24):
             raise CommandError("velocities in the tool frame are not modelled")
-        # firmware before 1.8 knows no duration, and the SDK does not send it one
-        duration_s = _floats(payload[25:], 1)[0] if len(payload) > 25 else 0.0
+        (duration_s,) = _floats(payload[25:], 1)  # not from firmware before 1.8, which is refused
         linear = tuple(speed / 1000.0 for speed in twist[:3])
         self.servo_twist((*linear, *twist[3:]), duration_s)
 
@@ -222,15 +213,10 @@ def _pack_pose(tcp: Matrix) -> bytes:
     return struct.pack("<6f", *(tcp[:3, 3] * 1000.0).tolist(), *rpy_from_matrix(tcp[:3, :3]))
 
 
-def _pack_joints(joints: Joints) -> bytes:
-    """Seven angles [rad]."""
-    return struct.pack("<7f", *joints, 0.0)
-
-
 def _pack_motion(box: ControllerCore) -> bytes:
     return (
         struct.pack(">BH", box.mode << 4 | box.state, box.commands_waiting)
-        + _pack_joints(box.joints)
+        + struct.pack("<7f", *box.joints, 0.0)
         + _pack_pose(box.tcp)
         + _NO_TORQUES
     )
@@ -299,7 +285,7 @@ def _pack_safety(box: ControllerCore) -> bytes:
 
 
 def _pack_reduced_mode(settings: ControllerSettings) -> bytes:
-    """The 79 bytes of register 53: boundary, speeds of the reduced mode, joint ranges, switches."""
+    """79 bytes: boundary, speeds of the reduced mode, joint ranges, switches."""
     boundary = settings.boundary
     edges = [
         max(-0x8000, min(0x7FFF, edge))

@@ -1,4 +1,4 @@
-"""The controller model on TCP, as the box in the cabinet: one control port, three report ports.
+"""The controller model on TCP, as the box in the cabinet: one control port, two report ports.
 
 Threads: one that steps the model every 4 ms of real time, one that accepts, and one for each
 connection, so that a client which hangs delays no other. One lock guards the model.
@@ -32,7 +32,7 @@ _MAX_CATCH_UP_NS = NS_PER_S
 
 @dataclass(frozen=True, slots=True)
 class ServerPorts:
-    """The server's ports; `report` is the normal report's port, rich and real follow it."""
+    """The server's ports; rich and real reports have those that follow `report`."""
 
     control: int
     report: int
@@ -76,7 +76,7 @@ class ControllerServer:
         by_kind = {kind: item.getsockname()[1] for item, kind in self._listeners.items()}
         if not by_kind:
             raise DeviceError("The simulated arm controller is not running; start it first.")
-        return ServerPorts(by_kind[None], by_kind[ReportKind.NORMAL])
+        return ServerPorts(by_kind[None], by_kind[ReportKind.RICH] - ReportKind.RICH.port_offset)
 
     def start(self) -> None:
         """Listen and run; DeviceError if a port is taken."""
@@ -225,14 +225,14 @@ def _listen(host: str, wanted: ServerPorts) -> dict[socket.socket, ReportKind | 
 
 
 def _bind_reports(host: str, first_port: int) -> dict[ReportKind, socket.socket]:
-    """Three ports in a row; with `first_port` 0 wherever three in a row are free."""
+    """Those that follow `first_port`; with 0 wherever two in a row are free."""
     attempts = 50 if first_port == 0 else 1
     for attempt in range(1, attempts + 1):
         bound: dict[ReportKind, socket.socket] = {}
         try:
             for kind in ReportKind:
-                first = bound.get(ReportKind.NORMAL)
-                base = first.getsockname()[1] if first else first_port
+                rich = bound.get(ReportKind.RICH)
+                base = rich.getsockname()[1] - ReportKind.RICH.port_offset if rich else first_port
                 bound[kind] = _bind(host, base + kind.port_offset if base else 0)
             return bound
         except (OSError, OverflowError):

@@ -32,9 +32,7 @@ from tests.hw.lite6.controller_rig import until
 pytestmark = pytest.mark.waiting
 
 MODEL = ControllerModel(IdealPlant())
-NORMAL, REAL, RICH = (
-    MODEL.report(k) for k in (ReportKind.NORMAL, ReportKind.REAL, ReportKind.RICH)
-)
+REAL, RICH = MODEL.report(ReportKind.REAL), MODEL.report(ReportKind.RICH)
 
 
 # --- frames -------------------------------------------------------------------------------------
@@ -57,7 +55,7 @@ def test_what_is_no_report_is_an_error(length: int) -> None:
 
 
 def test_motion_reads_the_same_from_every_kind_of_report() -> None:
-    for frame in (NORMAL, REAL, RICH):
+    for frame in (REAL, RICH):
         motion = parse_motion(frame, 7)
         assert motion is not None
         assert motion.received_ns == 7
@@ -141,7 +139,7 @@ class Streams:
         self._listeners = _bind_reports("127.0.0.1", 0)
         for listener in self._listeners.values():
             closing.enter_context(listener)
-        self.base = self._listeners[ReportKind.NORMAL].getsockname()[1]
+        self.base = self._listeners[ReportKind.RICH].getsockname()[1] - 1
 
     def accept(self) -> None:
         self.rich, self.real = self._accepted(ReportKind.RICH), self._accepted(ReportKind.REAL)

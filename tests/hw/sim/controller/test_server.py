@@ -1,21 +1,15 @@
-"""The controller on TCP, driven by UFACTORY's real SDK and by bare sockets."""
+"""The controller on TCP, by bare sockets; the driver's tests bring UFACTORY's real SDK."""
 
 from __future__ import annotations
 
-import math
 import socket
 import struct
 import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import numpy as np
 import pytest
-from xarm.core.config.x_config import XCONF
-from xarm.wrapper import XArmAPI
-from xarm.x3.report import ReportDataStructure
 
 from hw.lite6.codes import Register
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
@@ -26,63 +20,17 @@ from tests.hw.lite6.controller_rig import until
 
 pytestmark = pytest.mark.waiting
 
-READY = [math.radians(angle) for angle in (0, 36.81, 86.74, 0, 49.93, 0)]
 TIMEOUT_S = 5.0
-BYTES = {ReportKind.NORMAL: 145, ReportKind.RICH: 587, ReportKind.REAL: 87}
+BYTES = {ReportKind.RICH: 587, ReportKind.REAL: 87}
 
 
 @pytest.fixture
 def server() -> Iterator[ControllerServer]:
-    server = ControllerServer(ControllerModel(IdealPlant(), np.array(READY)))
+    server = ControllerServer(ControllerModel(IdealPlant()))
     server.start()
     yield server
     server.close()
     assert server.failure is None
-
-
-@pytest.fixture
-def model(server: ControllerServer) -> ControllerModel:
-    return server._model
-
-
-@pytest.fixture
-def connect_sdk(
-    server: ControllerServer, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Callable[..., Any]]:
-    """Connects the SDK to the server's unprivileged ports."""
-    timeout = socket.getdefaulttimeout()
-    ports = server.ports
-    create = ReportDataStructure.create
-    structures = {ports.report + kind.port_offset: 30001 + kind.port_offset for kind in ReportKind}
-    conf = XCONF.SocketConf
-    monkeypatch.setattr(conf, "TCP_CONTROL_PORT", ports.control)
-    monkeypatch.setattr(conf, "TCP_REPORT_NORM_PORT", ports.report)
-    monkeypatch.setattr(conf, "TCP_REPORT_RICH_PORT", ports.report + 1)
-    monkeypatch.setattr(conf, "TCP_REPORT_REAL_PORT", ports.report + 2)
-    monkeypatch.setattr(
-        ReportDataStructure,
-        "create",
-        lambda port, **options: create(structures[port], **options),
-    )
-    arms: list[Any] = []
-
-    def connect(report_type: str = "normal") -> Any:
-        arm = XArmAPI("127.0.0.1", is_radian=True, report_type=report_type, forbid_uds=True)
-        arms.append(arm)
-        return arm
-
-    yield connect
-    for arm in arms:
-        arm.disconnect()
-    socket.setdefaulttimeout(timeout)
-
-
-def enter(arm: Any, mode: int) -> None:
-    assert arm.motion_enable(True) == 0
-    assert arm.set_mode(mode) == 0
-    assert arm.set_state(0) == 0
-    # until its report shows the mode, the SDK warns about every command
-    assert until(lambda: arm.mode == mode)
 
 
 @contextmanager
@@ -110,76 +58,6 @@ def hung_up(connection: socket.socket) -> bool:
         return connection.recv(1) == b""
     except ConnectionError:
         return True
-
-
-# --- with the SDK -------------------------------------------------------------------------------
-
-
-def test_the_sdk_takes_it_for_a_lite_6(connect_sdk: Callable[..., Any]) -> None:
-    arm = connect_sdk()
-    assert arm.connected
-    assert (arm.axis, arm.device_type) == (6, 9)
-    assert arm._arm.version_is_ge(1, 8, 0)
-    assert arm.get_state() == (0, 4)
-    assert arm.get_err_warn_code() == (0, [0, 0])
-
-
-def test_the_sdk_configures_it(connect_sdk: Callable[..., Any], model: ControllerModel) -> None:
-    arm = connect_sdk()
-    enter(arm, 0)
-    assert arm.set_tcp_offset([0, 0, 82, 0, 0, 0]) == 0
-    assert arm.get_state() == (0, 5)
-    assert arm.set_state(0) == 0
-    assert arm.set_tcp_load(0.35, [0, 0, 40]) == 0
-    assert arm.get_state() == (0, 5)
-    assert arm.set_collision_sensitivity(4) == 0
-    assert arm.get_state() == (0, 2)  # the SDK itself sets state 0
-    assert arm.set_reduced_tcp_boundary([400, 150, 300, -300, 500, 10]) == 0
-    assert arm.set_fence_mode(True) == [0]
-    code, position = arm.get_position()
-    assert code == 0
-    assert position[:3] == pytest.approx([350, 0, 180], abs=0.2)
-    assert until(lambda: arm.tcp_offset[2] == 82)
-    assert arm.tcp_load == [pytest.approx(0.35), [0, 0, 40]]
-    assert until(lambda: arm.collision_sensitivity == 4)
-    assert arm.get_reduced_states()[1][1] == [400, 150, 300, -300, 500, 10]
-
-
-def test_the_sdk_waits_for_a_joint_move(connect_sdk: Callable[..., Any]) -> None:
-    arm = connect_sdk()
-    enter(arm, 0)
-    goal = [0.2, *READY[1:]]
-    assert until(lambda: arm.state == 2)
-    assert arm.set_servo_angle(angle=goal, speed=2.0, mvacc=10, wait=True, timeout=TIMEOUT_S) == 0
-    code, joints = arm.get_servo_angle()
-    assert code == 0
-    assert joints[:6] == pytest.approx(goal, abs=1e-4)
-
-
-def test_an_old_firmware_gets_no_deadman_time_from_the_sdk(
-    connect_sdk: Callable[..., Any], model: ControllerModel
-) -> None:
-    model.firmware = "1.7.4"
-    arm = connect_sdk()
-    assert not arm._arm.version_is_ge(1, 8, 0)
-    enter(arm, 5)
-    arm.vc_set_cartesian_velocity([0, 5, 0, 0, 0, 0], duration=0.05)
-    time.sleep(0.4)
-    assert model.moving
-
-
-@pytest.mark.parametrize("report_type", ["real", "rich"])
-def test_the_sdk_reads_every_report(
-    connect_sdk: Callable[..., Any], report_type: str, model: ControllerModel
-) -> None:
-    arm = connect_sdk(report_type)
-    enter(arm, 5)
-    assert until(lambda: (arm.mode, arm.state) == (5, 2))
-    assert arm.angles[:6] == pytest.approx(READY, abs=1e-5)
-    assert arm.position[:3] == pytest.approx(model.tcp[:3, 3] * 1000, abs=0.01)
-
-
-# --- bare sockets -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("nonsense", [b"GET / HTTP/1.1\r\n\r\n", b"\xff" * 64, bytes(6)])
