@@ -1,13 +1,18 @@
-"""A seeing participant at a rig in virtual time, with the images as the cameras take them."""
+"""A seeing participant at a rig in virtual time, and eyes alone before images that a test shows."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
 
 from hw.sim.layout import VIEWS
-from hw.sim.operator.seeing import OnScreen, SeeingParticipant
+from hw.sim.operator.efference import EfferenceCopy
+from hw.sim.operator.seeing import OnScreen, SeeingParticipant, SeeingPerception
+from hw.sim.operator.task import Stage
 from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector
@@ -18,6 +23,8 @@ from tams_app.session.virtual.rig import VirtualRobot
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 FRAME_NS = NS_PER_S // 30
+TICK_NS = 8 * NS_PER_MS
+GLANCE_NS = 10 * TICK_NS
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,3 +123,35 @@ class SeeingRig:
 
 def _ignore(*_: object) -> None:
     """For what these tests do not look at."""
+
+
+class Eyes:
+    """The eyes, and what they tell of whatever is on the `screen`."""
+
+    def __init__(self, screen: Mapping[str, Image | None] | None = None) -> None:
+        self.screen: dict[str, Image | None] = dict(screen or {})
+        self.told: list[OperatorGlance] = []
+        self.looks = 0
+        self.now_ns = NS_PER_S
+        self._asked = EfferenceCopy()
+        self.seeing = SeeingPerception(self._shown, self._asked, GLANCE_NS / NS_PER_S, 0.12)
+
+    def run(self, seconds: float, speed_m_s: float = 0.0, tick_ns: int = TICK_NS) -> None:
+        """Look for so long, while the hand asks the tool to move."""
+        for _ in range(round(seconds * NS_PER_S / tick_ns)):
+            self.now_ns += tick_ns
+            moved = np.array([0.0, speed_m_s * tick_ns / NS_PER_S, 0.0])
+            self._asked.add(self.now_ns, moved, np.zeros(3))
+            glance = self.seeing.watch(self.now_ns, Stage.REACH)
+            if glance is not None:
+                self.told.append(glance)
+
+    def show(self, images: Any, glances: int) -> None:
+        """Look so often, the hand at rest, at these images or at what they are at each glance."""
+        for glance in range(glances):
+            self.screen = images(glance) if callable(images) else images
+            self.run(GLANCE_NS / NS_PER_S, tick_ns=GLANCE_NS)
+
+    def _shown(self, _now_ns: int) -> OnScreen:
+        self.looks += 1
+        return OnScreen(self.screen)

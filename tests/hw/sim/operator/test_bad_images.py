@@ -13,20 +13,16 @@ from hypothesis import strategies as st
 
 from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.operator.belief_state import TO_BLOCK
-from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import OnScreen, SeeingPerception
-from hw.sim.operator.task import Stage
 from hw.sim.world.scene_renderer import SceneRenderer
 from hw.sim.world.world import World
-from tams_app.records import Image, Vector
-from tams_app.units import NS_PER_MS
+from tams_app.records import Vector
 from tests.further import further
 from tests.hw.sim.operator.scripted_pick import READY
+from tests.hw.sim.operator.seeing_rig import Eyes
 
 pytestmark = pytest.mark.untimed
 
 SHAPE = (480, 640, 3)
-GLANCE_NS = 80 * NS_PER_MS
 THE_THINGS_COLOURS = ((40, 120, 240), (60, 200, 60), (200, 90, 30))  # BGR, near enough
 
 
@@ -38,36 +34,22 @@ def clear():
         return {view: renderer.render(view, world.qpos).copy() for view in VIEWS}
 
 
-class Eyes:
-    """They look at whatever `show` puts before them, the hand at rest."""
+def gap_of(eyes: Eyes) -> Vector:
+    """From tool to block [m], as believed."""
+    return eyes.seeing.belief.block - eyes.seeing.belief.tcp
 
-    def __init__(self) -> None:
-        self.screen: dict[str, Image | None] = {}
-        self.now_ns = 0
-        self.seeing = SeeingPerception(lambda _: OnScreen(self.screen), EfferenceCopy(), 0.08, 0.12)
 
-    def show(self, images, glances: int) -> None:
-        for glance in range(glances):
-            self.screen = images(glance) if callable(images) else images
-            self.now_ns += GLANCE_NS
-            assert self.seeing.watch(self.now_ns, Stage.REACH)
+def sigma_of(eyes: Eyes) -> float:
+    """Of the distance to the block [m]."""
+    return eyes.seeing.belief.gap_sigma(TO_BLOCK)
 
-    @property
-    def gap(self) -> Vector:
-        """From tool to block [m], as believed."""
-        return self.seeing.belief.block - self.seeing.belief.tcp
 
-    @property
-    def sigma(self) -> float:
-        """Of the distance to the block [m]."""
-        return self.seeing.belief.gap_sigma(TO_BLOCK)
-
-    def check_sane(self) -> None:
-        estimate = self.seeing.belief.estimate
-        assert np.isfinite(estimate.state).all()
-        assert np.linalg.eigvalsh(estimate.covariance).min() > -1e-9
-        percept = self.seeing.look(self.now_ns)
-        assert percept is None or math.isfinite(percept.gaps.block)
+def check_sane(eyes: Eyes) -> None:
+    estimate = eyes.seeing.belief.estimate
+    assert np.isfinite(estimate.state).all()
+    assert np.linalg.eigvalsh(estimate.covariance).min() > -1e-9
+    percept = eyes.seeing.look(eyes.now_ns)
+    assert percept is None or math.isfinite(percept.gaps.block)
 
 
 def _alike(level):
@@ -101,11 +83,11 @@ def _rectangles(seed, count=40):
 def test_images_of_nothing_make_the_operator_ever_less_sure(clear, images):
     eyes = Eyes()
     eyes.show(clear, 6)
-    sigmas = [eyes.sigma]
+    sigmas = [sigma_of(eyes)]
     for _ in range(2):
         eyes.show(images, 4 if images is _noise else 12)
-        eyes.check_sane()
-        sigmas.append(eyes.sigma)
+        check_sane(eyes)
+        sigmas.append(sigma_of(eyes))
     assert sigmas == sorted(sigmas)
     assert sigmas[-1] > 1.5 * sigmas[0]
 
@@ -116,8 +98,8 @@ def test_images_of_nothing_make_the_operator_ever_less_sure(clear, images):
 def test_eyes_that_have_seen_nothing_but_rubbish_know_nothing(images):
     eyes = Eyes()
     eyes.show(images, 5)
-    eyes.check_sane()
-    assert eyes.sigma > 0.01
+    check_sane(eyes)
+    assert sigma_of(eyes) > 0.01
 
 
 def _without(image, side):
@@ -135,19 +117,19 @@ def test_half_an_image_never_makes_the_operator_surer(clear, side):
     whole, half = Eyes(), Eyes()
     whole.show(clear, 10)
     half.show({view: _without(image, side) for view, image in clear.items()}, 10)
-    half.check_sane()
-    assert half.sigma > 0.95 * whole.sigma
+    check_sane(half)
+    assert sigma_of(half) > 0.95 * sigma_of(whole)
 
 
 @pytest.mark.parametrize("view", VIEWS)
 def test_a_view_that_turns_to_rubbish_does_not_mislead_the_operator(clear, view):
     eyes = Eyes()
     eyes.show(clear, 8)
-    before = eyes.gap
+    before = gap_of(eyes)
     eyes.show(lambda glance: {**clear, view: _rectangles(glance)[view]}, 12)
-    eyes.check_sane()
-    off = np.linalg.norm((eyes.gap - before)[:2])
-    assert off < max(0.003, 3.0 * eyes.sigma)
+    check_sane(eyes)
+    off = np.linalg.norm((gap_of(eyes) - before)[:2])
+    assert off < max(0.003, 3.0 * sigma_of(eyes))
 
 
 def test_clear_images_after_rubbish_are_believed_again(clear):
@@ -156,9 +138,9 @@ def test_clear_images_after_rubbish_are_believed_again(clear):
     eyes.show(clear, 5)
     eyes.show(_rectangles, 12)
     eyes.show(clear, 25)
-    assert eyes.sigma < 2.0 * before.sigma
-    off = eyes.gap - before.gap
-    assert np.linalg.norm(off[:2]) < 3.0 * math.hypot(eyes.sigma, before.sigma)
+    assert sigma_of(eyes) < 2.0 * sigma_of(before)
+    off = gap_of(eyes) - gap_of(before)
+    assert np.linalg.norm(off[:2]) < 3.0 * math.hypot(sigma_of(eyes), sigma_of(before))
 
 
 @pytest.mark.parametrize("pixel", [(12, 291), (4, 225)], ids=["in reach", "out of reach"])
@@ -167,10 +149,10 @@ def test_a_block_first_seen_where_there_is_none_is_found_where_it_lies(clear, pi
     rested, misled = Eyes(), Eyes()
     rested.show(clear, 12)
     misled.show({**clear, "gt": _orange_patch(pixel)}, 1)
-    assert np.linalg.norm(misled.gap - rested.gap) > 0.2
+    assert np.linalg.norm(gap_of(misled) - gap_of(rested)) > 0.2
     misled.show(clear, 12)
-    assert misled.gap == pytest.approx(rested.gap, abs=0.001)
-    assert misled.sigma < 1.5 * rested.sigma
+    assert gap_of(misled) == pytest.approx(gap_of(rested), abs=0.001)
+    assert sigma_of(misled) < 1.5 * sigma_of(rested)
 
 
 def _orange_patch(middle):
@@ -186,4 +168,4 @@ def test_no_image_is_too_strange_to_look_at(seed, size):
     eyes = Eyes()
     for images in (_rectangles(seed, size), _noise(seed)):
         eyes.show(images, 1)
-        eyes.check_sane()
+        check_sane(eyes)

@@ -8,20 +8,17 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.sim.layout import draw_layout
-from hw.sim.operator.efference import EfferenceCopy
-from hw.sim.operator.seeing import OnScreen, SeeingPerception
+from hw.sim.layout import VIEWS, draw_layout
 from hw.sim.operator.task import Stage
 from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import DEFAULT_CONFIG, load_config
-from tams_app.records import Image, OperatorGlance
+from tams_app.records import Image
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.hw.sim.operator.seeing_rig import SeeingRig
+from tests.hw.sim.operator.seeing_rig import Eyes, SeeingRig
 
 pytestmark = pytest.mark.untimed
 
 CONFIG = load_config(DEFAULT_CONFIG).model_copy(update={"seed": 5})
-TICK_NS = 8 * NS_PER_MS
 _ABOVE_BLOCK = (Stage.REACH, Stage.TURN, Stage.DESCEND)
 
 
@@ -139,75 +136,49 @@ def test_each_glance_tells_how_much_each_view_gave(reaches):
     assert {view for one in told for view in one.to_block} == {"eih", "gt", "gs"}
 
 
-class Screen:
-    """Eyes before images that a test puts on the screen."""
-
-    def __init__(self, live) -> None:
-        self.live = live
-        self.images: dict[str, Image | None] = dict(live)
-        self.asked = EfferenceCopy()
-        self.told: list[OperatorGlance] = []
-        self.looks = 0
-        self.eyes = SeeingPerception(self._shown, self.asked, 0.08, 0.12)
-        self.now_ns = NS_PER_S
-
-    def _shown(self, _now_ns: int) -> OnScreen:
-        self.looks += 1
-        return OnScreen(self.images)
-
-    def run(self, seconds: float, speed_m_s: float = 0.0) -> None:
-        for _ in range(round(seconds * NS_PER_S / TICK_NS)):
-            self.now_ns += TICK_NS
-            moved = np.array([0.0, speed_m_s * TICK_NS / NS_PER_S, 0.0])
-            self.asked.add(self.now_ns, moved, np.zeros(3))
-            glance = self.eyes.watch(self.now_ns, Stage.REACH)
-            if glance is not None:
-                self.told.append(glance)
-
-
 @pytest.fixture
-def screen(reaches):
-    return Screen(reaches["clear"][2])
+def eyes(reaches):
+    return Eyes(reaches["clear"][2])
 
 
-def test_without_images_there_is_no_percept(screen):
-    screen.images = dict.fromkeys(screen.live)
-    screen.run(1.0)
-    assert screen.eyes.look(screen.now_ns) is None
+def test_without_images_there_is_no_percept(eyes):
+    eyes.screen = dict.fromkeys(VIEWS)
+    eyes.run(1.0)
+    assert eyes.seeing.look(eyes.now_ns) is None
 
 
-def test_operators_glance_at_their_own_rate_and_understand_a_little_later(screen):
-    screen.run(0.05)
-    assert screen.looks == 1
-    assert screen.eyes.look(screen.now_ns) is None
-    screen.run(0.95)
-    assert 11 <= screen.looks <= 13
-    assert screen.eyes.look(screen.now_ns) is not None
+def test_operators_glance_at_their_own_rate_and_understand_a_little_later(eyes):
+    eyes.run(0.05)
+    assert eyes.looks == 1
+    assert eyes.seeing.look(eyes.now_ns) is None
+    eyes.run(0.95)
+    assert 11 <= eyes.looks <= 13
+    assert eyes.seeing.look(eyes.now_ns) is not None
 
 
-def test_frozen_images_are_noticed_by_the_moving_hand_and_grow_old(screen):
-    screen.run(1.0)
-    before = screen.eyes.look(screen.now_ns)
-    screen.run(1.0, speed_m_s=0.1)
-    percept = screen.eyes.look(screen.now_ns)
-    assert set(screen.told[-1].hanging) == {"eih", "gt", "gs"}
-    assert screen.now_ns - percept.t_ns > 400 * NS_PER_MS
+def test_frozen_images_are_noticed_by_the_moving_hand_and_grow_old(eyes):
+    eyes.run(1.0)
+    before = eyes.seeing.look(eyes.now_ns)
+    eyes.run(1.0, speed_m_s=0.1)
+    percept = eyes.seeing.look(eyes.now_ns)
+    assert set(eyes.told[-1].hanging) == {"eih", "gt", "gs"}
+    assert eyes.now_ns - percept.t_ns > 400 * NS_PER_MS
     assert percept.gaps.block > 2.0 * before.gaps.block
-    screen.run(1.0)
-    assert screen.eyes.look(screen.now_ns).t_ns == percept.t_ns
+    eyes.run(1.0)
+    assert eyes.seeing.look(eyes.now_ns).t_ns == percept.t_ns
 
 
-def test_a_still_hand_suspects_nothing(screen):
-    screen.run(1.5)
-    assert screen.told[-1].hanging == ()
-    assert screen.now_ns - screen.eyes.look(screen.now_ns).t_ns < 400 * NS_PER_MS
+def test_a_still_hand_suspects_nothing(eyes):
+    eyes.run(1.5)
+    assert eyes.told[-1].hanging == ()
+    assert eyes.now_ns - eyes.seeing.look(eyes.now_ns).t_ns < 400 * NS_PER_MS
 
 
-def test_one_view_lost_costs_certainty_but_not_the_percept(screen):
-    screen.run(1.0)
-    whole = screen.eyes.look(screen.now_ns)
-    screen.images["gs"] = screen.images["eih"] = None
-    screen.run(2.0)
-    less = screen.eyes.look(screen.now_ns)
+def test_one_view_lost_costs_certainty_but_not_the_percept(eyes):
+    eyes.run(1.0)
+    whole = eyes.seeing.look(eyes.now_ns)
+    eyes.screen["gs"] = eyes.screen["eih"] = None
+    eyes.run(2.0)
+    less = eyes.seeing.look(eyes.now_ns)
     assert less.gaps.block > whole.gaps.block
-    assert set(screen.told[-1].to_block) == {"gt"}
+    assert set(eyes.told[-1].to_block) == {"gt"}
