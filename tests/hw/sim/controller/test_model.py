@@ -58,7 +58,7 @@ class Rig:
         self.model = ControllerModel(self.plant, READY)
         self.now_ns = 1_000_000_000
 
-    def ask(self, register: Register, payload: bytes = b"") -> tuple[int, bytes]:
+    def ask(self, register: int, payload: bytes = b"") -> tuple[int, bytes]:
         """Status and data."""
         reply = self.model.handle(register, payload, self.now_ns)
         return reply[0], reply[1:]
@@ -361,29 +361,20 @@ def test_a_write_changes_only_the_outputs_it_names(rig: Rig) -> None:
 NAN_TWIST = struct.pack("<6f", 0, math.nan, 0, 0, 0, 0) + bytes(1) + struct.pack("<f", 0.1)
 
 
-def ready_model(mode: Mode) -> ControllerModel:
-    model = ControllerModel(IdealPlant())
-    model.enable(True)
-    model.set_mode(mode)
-    model.set_state(0)
-    return model
-
-
 @given(st.integers(0, 255), st.binary(max_size=80))
 @settings(deadline=None, max_examples=300)
 def test_no_request_can_crash_the_controller(register: int, payload: bytes) -> None:
-    model = ready_model(Mode.CARTESIAN_VELOCITY)
-    reply = model.handle(register, payload, 0)
-    assert len(reply) >= 1
-    for cycle in range(1, 4):
-        model.step(cycle * 4_000_000)
-    assert np.isfinite(model.joints).all()
+    rig = Rig()
+    rig.arm(Mode.CARTESIAN_VELOCITY)
+    assert len(rig.model.handle(register, payload, rig.now_ns)) >= 1
+    rig.run(0.012)
+    assert np.isfinite(rig.model.joints).all()
 
 
 @pytest.mark.parametrize("register", [4, 21, 99, 253, 254])
-def test_a_register_that_is_not_modelled_says_so(register: int) -> None:
-    reply = ready_model(Mode.POSITION).handle(register, b"\0", 0)
-    assert reply == bytes([ReplyBit.INVALID])
+def test_a_register_that_is_not_modelled_says_so(rig: Rig, register: int) -> None:
+    rig.arm(Mode.POSITION)
+    assert rig.ask(register, b"\0") == (ReplyBit.INVALID, b"")
 
 
 @pytest.mark.parametrize(
@@ -405,14 +396,13 @@ def test_a_register_that_is_not_modelled_says_so(register: int) -> None:
     ],
 )
 def test_a_command_that_makes_no_sense_is_refused_and_changes_nothing(
-    mode: Mode, register: Register, payload: bytes
+    rig: Rig, mode: Mode, register: Register, payload: bytes
 ) -> None:
-    model = ready_model(mode)
-    state = model.state
-    assert model.handle(register, payload, 0)[0] & ReplyBit.INVALID
-    model.step(4_000_000)
-    assert (model.state, model.error_code) == (state, 0)
-    np.testing.assert_array_equal(model.joints, HOME_JOINTS)
+    rig.arm(mode)
+    assert rig.ask(register, payload)[0] & ReplyBit.INVALID
+    rig.run(0.004)
+    assert (rig.model.state, rig.model.error_code) == (State.STANDBY, 0)
+    np.testing.assert_allclose(rig.model.joints, READY, atol=1e-12)
 
 
 def test_the_version_text_ends_within_forty_bytes() -> None:
