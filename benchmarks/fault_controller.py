@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hw.lite6.codes import ErrorCode, Register, State
+from hw.lite6.protocol import ErrorCode, Register, State
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.records import Vector

@@ -13,8 +13,8 @@ import threading
 from collections.abc import Iterator
 
 from hw.arm import Arm, TcpBoundary
-from hw.lite6.codes import Mode
 from hw.lite6.commands import NOT_CONNECTED, activity_of, arm_fault, checked_goal, servo_of
+from hw.lite6.protocol import Mode
 from hw.lite6.setup import STOP_TIMEOUT_S, Lite6Connection
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from hw.arm import ArmLimits, TcpBoundary
-from hw.lite6.codes import DRIVE_ERRORS, Mode, State
+from hw.lite6.protocol import DRIVE_ERRORS, Mode, State
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, ArmFault, LinkFault, ServoMode, Twist, Vector
 from tams_app.vectors import norm

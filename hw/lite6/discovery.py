@@ -9,11 +9,10 @@ from __future__ import annotations
 import re
 
 from hw.arm import FoundArm
-from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit, State
 from hw.lite6.commands import standing_error_sentence
+from hw.lite6.protocol import AXES, LITE6_TYPE, Register, ReplyBit, State, UxbusClient
 from hw.lite6.report import StatusReport, read_status
 from hw.lite6.settings import foreign_refusal, other_settings
-from hw.lite6.uxbus import UxbusClient
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 

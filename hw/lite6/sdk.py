@@ -25,8 +25,7 @@ from collections.abc import Iterator, Sequence
 from queue import Queue
 from typing import Any
 
-from hw.lite6.codes import Code, Mode, Register
-from hw.lite6.uxbus import UxbusFrame
+from hw.lite6.protocol import Code, Mode, Register, UxbusFrame
 from tams_app.errors import DeviceError, SetupError
 
 CONNECT_TIMEOUT_S = 1.0

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, return_code_sentence
 from hw.lite6.commands import (
     GRIPPER_ATTEMPTS,
     NO_FAILURE,
@@ -20,6 +19,7 @@ from hw.lite6.commands import (
     error_sentence,
     twist_refusal,
 )
+from hw.lite6.protocol import NOTHING_GETS_THROUGH, Code, return_code_sentence
 from hw.lite6.sdk import break_off, set_cartesian_velocity
 from tams_app.records import CommandLink, LinkFault, Twist
 from tams_app.runtime.clock import Clock

@@ -10,8 +10,8 @@ import math
 from typing import Any
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import Code, return_code_sentence
 from hw.lite6.commands import boundary_edges
+from hw.lite6.protocol import Code, return_code_sentence
 from hw.lite6.report import StatusReport
 from hw.lite6.sdk import set_collision_sensitivity
 from tams_app.config import ArmConfig

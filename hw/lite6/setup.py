@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import DRIVE_ERRORS, Code, Mode, StateCommand
 from hw.lite6.commands import (
     READY_ACCELERATION_RAD_S2,
     activity_of,
@@ -16,6 +15,7 @@ from hw.lite6.commands import (
     standing_error_sentence,
 )
 from hw.lite6.discovery import unfitness
+from hw.lite6.protocol import DRIVE_ERRORS, Code, Mode, StateCommand
 from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusReport
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender, Outbox

@@ -5,8 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 
-from hw.lite6.codes import Register, ReplyBit, StateCommand
-from hw.lite6.uxbus import UxbusClient
+from hw.lite6.protocol import Register, ReplyBit, StateCommand, UxbusClient
 from tams_app.errors import DeviceError
 from tams_app.runtime.worker import Worker
 

@@ -19,8 +19,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.lite6.codes import ErrorCode, Register, State
 from hw.lite6.kinematics import HOME_JOINTS
+from hw.lite6.protocol import ErrorCode, Register, State
 from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config

@@ -14,8 +14,8 @@ import pytest
 from hw.arm import Arm, TcpBoundary
 from hw.arms import ARM_KINDS, arm_kind, session_boundary
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import ErrorCode, Register, ReplyBit, State
 from hw.lite6.commands import LIMITS as LITE6_LIMITS
+from hw.lite6.protocol import ErrorCode, Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer

@@ -24,7 +24,7 @@ import pytest
 import yaml
 
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import Register, State
+from hw.lite6.protocol import Register, State
 from tams_app.config import CONFIG_DIRECTORY, Config, dump_config, load_config
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import Vector

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hw.lite6.codes import ErrorCode, StateCommand
+from hw.lite6.protocol import ErrorCode, StateCommand
 from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import ControllerModel
 from tams_app.records import Activity, ArmState, Phase

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hw.lite6.codes import Register
+from hw.lite6.protocol import Register
 from hw.lite6.sender import MISSES_UNTIL_FAILURE
 from tams_app.config import ArmConfig
 from tams_app.records import Tick

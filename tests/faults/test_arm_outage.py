@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import State
+from hw.lite6.protocol import State
 from hw.sim.controller.model import IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig

@@ -10,7 +10,7 @@ import pytest
 
 from hw.arm import Arm
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import Register, ReplyBit, State
+from hw.lite6.protocol import Register, ReplyBit, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError

@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hw.lite6.codes import State
+from hw.lite6.protocol import State
 from tams_app.recording import SessionLog
 from tams_app.records import Tick
 from tams_app.teleop.safety import ArmingState, Reason

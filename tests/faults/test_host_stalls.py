@@ -7,7 +7,7 @@ import pytest
 
 from hw.guard.link import GuardMessage, Heartbeat
 from hw.guard.process import GuardWatch, HeartbeatWatch
-from hw.lite6.codes import Register, State
+from hw.lite6.protocol import Register, State
 from hw.sim.controller.joint_servo import CYCLE_NS, VELOCITY_ACCELERATION_M_S2
 from tams_app.runtime.clock import FixedRate, VirtualClock
 from tams_app.teleop.safety import ArmingState, Reason

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hw.lite6.codes import Register, State
+from hw.lite6.protocol import Register, State
 from hw.sim.controller.core import ControllerSettings
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import ArmConfig

@@ -15,7 +15,7 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 
 from hw.lite6.arm import Lite6
-from hw.lite6.uxbus import UxbusFrame
+from hw.lite6.protocol import UxbusFrame
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import load_config
 from tams_app.records import ArmState, Record

@@ -9,7 +9,7 @@ import pytest
 
 from hw.arms import session_boundary
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import Register, State
+from hw.lite6.protocol import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer

@@ -12,8 +12,8 @@ import pytest
 from hw.arm import Arm
 from hw.arms import reach_boundary, session_boundary
 from hw.guard.motion import Cause, Motion
-from hw.lite6.codes import ErrorCode, State
 from hw.lite6.kinematics import HOME_JOINTS
+from hw.lite6.protocol import ErrorCode, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from tams_app.config import Config, load_config

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hw.lite6.codes import State
+from hw.lite6.protocol import State
 from tams_app.errors import TamsError
 from tams_app.recording import read_log
 from tests.further import further

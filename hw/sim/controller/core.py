@@ -9,8 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hw.arm import Plant, TcpBoundary
-from hw.lite6.codes import DRIVE_ERRORS, ErrorCode, Mode, State, StateCommand
 from hw.lite6.kinematics import HOME_JOINTS, Lite6Model, Matrix, pose_from_mm_rpy
+from hw.lite6.protocol import DRIVE_ERRORS, ErrorCode, Mode, State, StateCommand
 from hw.sim.controller.joint_servo import (
     AT_REST,
     CYCLE_NS,

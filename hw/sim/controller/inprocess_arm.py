@@ -12,17 +12,6 @@ import struct
 import numpy as np
 
 from hw.arm import Plant, SimulatedArm, TcpBoundary
-from hw.lite6.codes import (
-    AXES,
-    DRIVE_ERRORS,
-    LITE6_TYPE,
-    Code,
-    Mode,
-    Register,
-    ReplyBit,
-    StateCommand,
-    return_code_sentence,
-)
 from hw.lite6.commands import (
     GRIPPER_ATTEMPTS,
     NO_FAILURE,
@@ -39,6 +28,17 @@ from hw.lite6.commands import (
 )
 from hw.lite6.discovery import unfitness
 from hw.lite6.kinematics import pose_from_matrix
+from hw.lite6.protocol import (
+    AXES,
+    DRIVE_ERRORS,
+    LITE6_TYPE,
+    Code,
+    Mode,
+    Register,
+    ReplyBit,
+    StateCommand,
+    return_code_sentence,
+)
 from hw.lite6.report import parse_status
 from hw.lite6.settings import foreign_refusal
 from hw.sim.controller.core import outputs_for

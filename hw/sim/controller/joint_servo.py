@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     BASE_TO_SHOULDER_M,
     JOINT_RANGES,
@@ -21,6 +20,7 @@ from hw.lite6.kinematics import (
     rotation_matrix,
     within_joint_limits,
 )
+from hw.lite6.protocol import ErrorCode
 from tams_app.vectors import (
     ZERO,
     Floats3,

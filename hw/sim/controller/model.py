@@ -17,8 +17,8 @@ import struct
 from enum import Enum
 
 from hw.arm import PlantState, TcpBoundary
-from hw.lite6.codes import AXES, LITE6_TYPE, Register, ReplyBit
 from hw.lite6.kinematics import JOINT_LOWER, JOINT_UPPER, Matrix, rotation_vector, rpy_from_matrix
+from hw.lite6.protocol import AXES, LITE6_TYPE, Register, ReplyBit
 from hw.sim.controller.core import ControllerCore, ControllerSettings
 from hw.sim.controller.joint_servo import (
     CYCLE_NS,

@@ -13,7 +13,7 @@ import threading
 from dataclasses import dataclass
 from functools import partial
 
-from hw.lite6.uxbus import UxbusFrame, UxbusReader
+from hw.lite6.protocol import UxbusFrame, UxbusReader
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, ReportKind
 from tams_app.errors import DeviceError
 from tams_app.runtime.clock import Clock, MonotonicClock

@@ -35,7 +35,7 @@ from hw.guard.link import (
 )
 from hw.guard.motion import Cause, Motion, MotionWatch
 from hw.guard.process import Guard, GuardWatch, HeartbeatWatch
-from hw.lite6.codes import Mode
+from hw.lite6.protocol import Mode
 from hw.lite6.report_watch import REAL_PORT_OFFSET
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.runtime.clock import VirtualClock

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from hw.lite6.codes import Mode, State
+from hw.lite6.protocol import Mode, State
 from hw.sim.controller.model import ControllerModel, IdealPlant
 from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig

@@ -15,7 +15,7 @@ import pytest
 import hw.lite6.setup
 from hw.arms import session_boundary
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
+from hw.lite6.protocol import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.sender import Outbox, Work
 from hw.lite6.setup import Lite6Connection
 from hw.sim.controller.model import ReportKind

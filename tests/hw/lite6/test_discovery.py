@@ -12,8 +12,8 @@ import pytest
 import hw.sim.controller.model
 from hw.arm import FoundArm
 from hw.lite6.arm import Lite6
-from hw.lite6.codes import ErrorCode, Register
 from hw.lite6.discovery import find_arm
+from hw.lite6.protocol import ErrorCode, Register
 from hw.sim.controller.model import ReportKind
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError

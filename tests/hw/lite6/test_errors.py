@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from hw.lite6.codes import Code, return_code_sentence
 from hw.lite6.commands import CONTROLLER_ERRORS, arm_fault, error_sentence, standing_error_sentence
+from hw.lite6.protocol import Code, return_code_sentence
 
 pytestmark = pytest.mark.untimed
 

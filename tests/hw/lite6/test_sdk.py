@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.lite6.codes import NOTHING_GETS_THROUGH, Code, Mode
+from hw.lite6.protocol import NOTHING_GETS_THROUGH, Code, Mode, UxbusFrame
 from hw.lite6.sdk import (
     ControlPort,
     _own_port,
@@ -24,7 +24,6 @@ from hw.lite6.sdk import (
     note_mode,
     set_cartesian_velocity,
 )
-from hw.lite6.uxbus import UxbusFrame
 from tests.hw.lite6 import controller_rig
 
 pytestmark = pytest.mark.waiting

@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from hw.lite6.codes import Register
+from hw.lite6.protocol import Register, UxbusClient
 from hw.lite6.stop_channel import Lite6StopChannel
-from hw.lite6.uxbus import UxbusClient
 from tests.hw.lite6.controller_rig import ControllerRig, controller, until
 from tests.tcp_relay import TcpRelay
 

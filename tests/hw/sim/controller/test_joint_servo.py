@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hw.arm import TcpBoundary
-from hw.lite6.codes import ErrorCode
 from hw.lite6.kinematics import (
     HOME_JOINTS,
     JOINT_LOWER,
@@ -21,6 +20,7 @@ from hw.lite6.kinematics import (
     rotation_matrix,
     rotation_vector,
 )
+from hw.lite6.protocol import ErrorCode
 from hw.sim.controller.joint_servo import (
     CYCLE_NS,
     CYCLE_S,

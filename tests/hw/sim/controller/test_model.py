@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from xarm.x3.report import ReportDataStructure
 
 from hw.arm import PlantState, TcpBoundary
-from hw.lite6.codes import ErrorCode, Mode, Register, ReplyBit, State
 from hw.lite6.kinematics import (
     HOME_JOINTS,
     Lite6Model,
@@ -21,6 +20,7 @@ from hw.lite6.kinematics import (
     rotation_from_rpy,
     rotation_matrix,
 )
+from hw.lite6.protocol import ErrorCode, Mode, Register, ReplyBit, State
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
 from tams_app.records import Vector
 from tams_app.vectors import Joints, plain

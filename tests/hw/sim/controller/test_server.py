@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from hw.lite6.codes import Register
+from hw.lite6.protocol import Register
 from hw.sim.controller.model import ControllerModel, IdealPlant, ReportKind
 from hw.sim.controller.server import ControllerServer
 from tams_app.errors import DeviceError

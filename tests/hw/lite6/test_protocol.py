@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hw.lite6.uxbus import MalformedFrameError, UxbusFrame, UxbusReader
+from hw.lite6.protocol import MalformedFrameError, UxbusFrame, UxbusReader
 
 pytestmark = pytest.mark.untimed
 
