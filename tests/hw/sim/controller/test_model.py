@@ -182,13 +182,6 @@ def test_a_paused_move_goes_on_and_arrives(rig: Rig) -> None:
     assert rig.model.state is State.STANDBY
 
 
-def test_a_state_or_mode_that_does_not_exist_is_refused_and_changes_nothing(rig: Rig) -> None:
-    rig.arm(Mode.SERVO)
-    assert rig.ask(Register.SET_STATE, bytes([9]))[0] & ReplyBit.INVALID
-    assert rig.ask(Register.SET_MODE, bytes([2]))[0] & ReplyBit.INVALID
-    assert (rig.model.mode, rig.model.state) == (Mode.SERVO, State.STANDBY)
-
-
 # --- motion -------------------------------------------------------------------------------------
 
 
@@ -258,6 +251,7 @@ def test_an_error_stops_the_arm_and_refuses_commands_until_cleaned(
     assert rig.model.error_code == code
     assert rig.model.state is State.STOPPED
     assert not any(rig.model.joint_speeds)
+    rig.model.raise_error(code + 1)  # the first one stays
     assert rig.ask(Register.GET_ERROR)[1] == bytes([code, 0])
     rig.ask(Register.SET_STATE, bytes([0]))
     assert rig.velocity(0, 0, 0) & (ReplyBit.ERROR | ReplyBit.NOT_READY)
@@ -315,12 +309,6 @@ def test_the_fence_holds_only_while_it_is_on(rig: Rig) -> None:
     rig.run(0.5)
     assert rig.model.error_code == 0
     assert rig.position_mm[1] > 40
-
-
-def test_the_first_error_stays(rig: Rig) -> None:
-    rig.model.raise_error(ErrorCode.COLLISION)
-    rig.model.raise_error(ErrorCode.KINEMATIC)
-    assert rig.model.error_code == ErrorCode.COLLISION
 
 
 def test_a_warning_shows_and_does_not_stop(rig: Rig) -> None:
@@ -384,6 +372,8 @@ def test_a_register_that_is_not_modelled_says_so(rig: Rig, register: int) -> Non
         (Mode.POSITION, Register.MOVE_JOINT, struct.pack("<10f", *[0.0] * 10)),
         (Mode.POSITION, Register.MOVE_JOINT, struct.pack("<10f", *[0.0] * 7, math.inf, 1, 0)),
         (Mode.POSITION, Register.SET_COLLISION_SENSITIVITY, bytes([6])),
+        (Mode.SERVO, Register.SET_STATE, bytes([9])),
+        (Mode.SERVO, Register.SET_MODE, bytes([2])),
         (Mode.POSITION, Register.SET_TCP_OFFSET, struct.pack("<6f", *[math.inf] * 6)),
         (Mode.POSITION, Register.MOTION_ENABLE, bytes([1, 1])),
         (Mode.CARTESIAN_VELOCITY, Register.SET_CARTESIAN_VELOCITY, NAN_TWIST),
@@ -401,7 +391,7 @@ def test_a_command_that_makes_no_sense_is_refused_and_changes_nothing(
     rig.arm(mode)
     assert rig.ask(register, payload)[0] & ReplyBit.INVALID
     rig.run(0.004)
-    assert (rig.model.state, rig.model.error_code) == (State.STANDBY, 0)
+    assert (rig.model.mode, rig.model.state, rig.model.error_code) == (mode, State.STANDBY, 0)
     np.testing.assert_allclose(rig.model.joints, READY, atol=1e-12)
 
 
