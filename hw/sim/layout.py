@@ -75,49 +75,48 @@ VIEWS = ("eih", "gt", "gs")  # on the wrist, above the table, beside it
 
 
 @dataclass(frozen=True, slots=True)
-class FixedViewpoint:
-    """A camera at `place` that looks at `target` [m], base frame; `fovy_deg` is vertical."""
+class Viewpoint:
+    """A camera at `place` [m]; `fovy_deg` is vertical.
+
+    axes: the image's right, down and forward axes as columns, shape (3, 3).
+    """
 
     place: tuple[float, float, float]
-    target: tuple[float, float, float]
+    axes: NDArray[np.float64]
     fovy_deg: float
 
-    def axes(self) -> NDArray[np.float64]:
-        """The image's right, down and forward axes as columns, shape (3, 3), base frame.
 
-        The world stands upright in the image; from above, up in the image is +x.
-        """
-        forward = np.subtract(self.target, self.place)
-        forward /= np.linalg.norm(forward)
-        steep = abs(forward[2]) > math.sin(math.radians(60))
-        right = np.cross(forward, (1.0, 0.0, 0.0) if steep else (0.0, 0.0, 1.0))
-        right /= np.linalg.norm(right)
-        return np.column_stack((right, np.cross(forward, right), forward))
+def _looking_at(
+    place: tuple[float, float, float], target: tuple[float, float, float], fovy_deg: float
+) -> Viewpoint:
+    """From `place` to `target` in the base frame.
+
+    The world stands upright in the image; from above, up in the image is +x.
+    """
+    forward = np.subtract(target, place)
+    forward /= np.linalg.norm(forward)
+    steep = abs(forward[2]) > math.sin(math.radians(60))
+    right = np.cross(forward, (1.0, 0.0, 0.0) if steep else (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    axes = np.column_stack((right, np.cross(forward, right), forward))
+    return Viewpoint(place, axes, fovy_deg)
 
 
 # Both see the whole work area (block, container, and the gripper at travelling height) and little
 # beside it, so that the 12 mm block is 13 pixels wide in them.
 FIXED_VIEWPOINTS = {
-    "gt": FixedViewpoint((0.75, 0.0, 0.82), (0.325, 0.0, 0.02), 29.0),
-    "gs": FixedViewpoint((0.86, -0.60, 0.44), (0.30, -0.005, 0.085), 27.0),
+    "gt": _looking_at((0.75, 0.0, 0.82), (0.325, 0.0, 0.02), 29.0),
+    "gs": _looking_at((0.86, -0.60, 0.44), (0.30, -0.005, 0.085), 27.0),
 }
 
 
-@dataclass(frozen=True, slots=True)
-class WristViewpoint:
-    """The eye-in-hand camera in the flange's frame [m], tilted about its y axis."""
-
-    place: tuple[float, float, float]
-    tilt_deg: float
-    fovy_deg: float
-
-    def axes(self) -> NDArray[np.float64]:
-        """The image's right, down and forward axes as columns, shape (3, 3), flange frame."""
-        sine, cosine = math.sin(math.radians(self.tilt_deg)), math.cos(math.radians(self.tilt_deg))
-        down: Vector = np.array([-cosine, 0.0, sine])
-        right: Vector = np.array([0.0, 1.0, 0.0])
-        return np.column_stack((right, down, np.cross(right, down)))
+def _tilted(place: tuple[float, float, float], tilt_deg: float, fovy_deg: float) -> Viewpoint:
+    """In the flange's frame, tilted about its y axis."""
+    sine, cosine = math.sin(math.radians(tilt_deg)), math.cos(math.radians(tilt_deg))
+    down: Vector = np.array([-cosine, 0.0, sine])
+    right: Vector = np.array([0.0, 1.0, 0.0])
+    return Viewpoint(place, np.column_stack((right, down, np.cross(right, down))), fovy_deg)
 
 
 # On the side of the base when the gripper points down; it sees the fingers and what is between.
-WRIST_VIEWPOINT = WristViewpoint((-0.068, 0.0, 0.024), 38.0, 62.0)
+WRIST_VIEWPOINT = _tilted((-0.068, 0.0, 0.024), 38.0, 62.0)

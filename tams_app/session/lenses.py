@@ -84,10 +84,10 @@ def rig_lens(view: str, figure: ArmFigure | None, size: tuple[int, int]) -> Lens
 
     if view == WRIST_VIEW and figure is not None:
         wrist = WRIST_VIEWPOINT
-        pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes()))
+        pose = Pose(np.array(wrist.place), Rotation.from_matrix(wrist.axes))
         return Lens.ideal(figure.flange, pose, wrist.fovy_deg, *size)
     if view not in FIXED_VIEWPOINTS:
         return None
     fixed = FIXED_VIEWPOINTS[view]
-    pose = Pose(np.array(fixed.place), Rotation.from_matrix(fixed.axes()))
+    pose = Pose(np.array(fixed.place), Rotation.from_matrix(fixed.axes))
     return Lens.ideal(BASE, pose, fixed.fovy_deg, *size)

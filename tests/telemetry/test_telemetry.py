@@ -191,10 +191,11 @@ def test_a_lens_projects_as_the_rig_renders(tmp_path: Path) -> None:
         ((_, lens),) = found[f"/camera/{view}/calibration"]
         top = math.degrees(math.atan2(lens["height"] / 2, lens["K"][4]))
         assert math.isclose(top, viewpoint.fovy_deg / 2)
-        assert np.allclose(place(still[view]).rotation.as_matrix(), viewpoint.axes())
+        assert np.allclose(place(still[view]).rotation.as_matrix(), viewpoint.axes)
     viewpoint = FIXED_VIEWPOINTS["gt"]
     pose = place(still["gt"])
-    seen = pose.rotation.inv().apply(np.subtract(viewpoint.target, pose.position))
+    ahead = np.add(viewpoint.place, viewpoint.axes[:, 2])
+    seen = pose.rotation.inv().apply(ahead - pose.position)
     matrix = np.reshape(found["/camera/gt/calibration"][0][1]["P"], (3, 4))
     x, y, depth = matrix @ [*seen, 1.0]
     assert (x / depth, y / depth) == pytest.approx(

@@ -25,9 +25,8 @@ from hw.sim.layout import (
     FIXED_VIEWPOINTS,
     GRIPPER_MARKER,
     WRIST_VIEWPOINT,
-    FixedViewpoint,
     Layout,
-    WristViewpoint,
+    Viewpoint,
 )
 from tams_app.records import Image
 
@@ -69,9 +68,9 @@ def build_model(layout: Layout, *, textured: bool) -> mujoco.MjModel:
     return model
 
 
-def _add_camera(body: Any, view: str, viewpoint: FixedViewpoint | WristViewpoint) -> None:
+def _add_camera(body: Any, view: str, viewpoint: Viewpoint) -> None:
     camera = body.add_camera(name=view, pos=viewpoint.place, fovy=viewpoint.fovy_deg)
-    right, down, _ = viewpoint.axes().T
+    right, down, _ = viewpoint.axes.T
     camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
     camera.alt.xyaxes = [round(float(part), 6) for part in (*right, *-down)]
 

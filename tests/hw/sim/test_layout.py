@@ -34,7 +34,7 @@ def test_the_block_is_large_enough_to_be_worth_looking_at(view):
 
 @pytest.mark.parametrize("viewpoint", [*FIXED_VIEWPOINTS.values(), WRIST_VIEWPOINT])
 def test_axes_are_a_proper_rotation_with_the_image_upright(viewpoint):
-    axes = viewpoint.axes()
+    axes = viewpoint.axes
     assert axes.T @ axes == pytest.approx(np.eye(3), abs=1e-12)
     assert math.isclose(np.linalg.det(axes), 1.0)
 

@@ -55,7 +55,7 @@ class Pinhole:
 def fixed_cameras() -> dict[str, Pinhole]:
     """The cameras beside and above the table, in the base frame."""
     return {
-        view: Pinhole.of(np.array(seen.place), seen.axes(), seen.fovy_deg)
+        view: Pinhole.of(np.array(seen.place), seen.axes, seen.fovy_deg)
         for view, seen in FIXED_VIEWPOINTS.items()
     }
 
@@ -64,7 +64,7 @@ def wrist_cameras() -> dict[str, Pinhole]:
     """The eye-in-hand camera in the tool's frame (origin: TCP)."""
     seen = WRIST_VIEWPOINT
     place = np.array(seen.place) - (0.0, 0.0, TCP_OFFSET_M)
-    return {"eih": Pinhole.of(place, seen.axes(), seen.fovy_deg)}
+    return {"eih": Pinhole.of(place, seen.axes, seen.fovy_deg)}
 
 
 class Thing(StrEnum):
