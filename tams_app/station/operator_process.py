@@ -25,7 +25,6 @@ from hw.sim.operator.demo import demo_controller
 from hw.sim.operator.seeing import Images, OnScreen, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config
-from tams_app.records import OperatorGlance
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import (
@@ -94,18 +93,18 @@ def _serve(side: HelperSide, specification: dict[str, Any], stack: ExitStack) ->
     reports = stack.enter_context(reports_to_session(specification, _SEND_TIMEOUT_S))
     confirms, eyes = bool(specification["confirms"]), None
     if specification["sees"]:
-
-        def report(glance: OperatorGlance) -> None:
-            reports.sendall(line_of(glance))
-
         images = _screen(config, specification, stack)
-        person = SeeingParticipant(config, config.seed, images, report, confirms)
+        person = SeeingParticipant(config, config.seed, images, confirms)
+
+        def watch(now_ns: int) -> None:
+            glance = person.watch(now_ns)
+            if glance is not None:
+                reports.sendall(line_of(glance))
+
         controller: Controller = person.controller
         eyes = Worker(
             "eyes",
-            Eyes(
-                person.watch, clock, min(1.0, _SHARE_OF_MACHINE * len(os.sched_getaffinity(0)))
-            ).run,
+            Eyes(watch, clock, min(1.0, _SHARE_OF_MACHINE * len(os.sched_getaffinity(0)))).run,
             lambda *_: side.stop_requested.set(),
         )
         sys.setswitchinterval(_SWITCH_S)

@@ -199,26 +199,16 @@ class SeeingParticipant:
     same motion.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        seed: int,
-        images: Images,
-        record: Callable[[OperatorGlance], None],
-        confirms: bool = True,
-    ) -> None:
-        """`record` keeps each glance; `confirms`: they arm the arm by the menu button."""
+    def __init__(self, config: Config, seed: int, images: Images, confirms: bool = True) -> None:
+        """`confirms`: they arm the arm by the menu button."""
         profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
         settings, hand = config.rig.operator, operator_hand(config)
-        self._record = record
         self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
         self.operator = SimulatedOperator(hand, settings, self.eyes, seed, confirms, profile, asked)
         self.controller = VirtualController(
             self.operator, settings, config.seed, rig_wiring(config)
         )
 
-    def watch(self, now_ns: int) -> None:
+    def watch(self, now_ns: int) -> OperatorGlance | None:
         """Look, if it is time for a glance."""
-        glance = self.eyes.watch(now_ns, self.operator.stage)
-        if glance is not None:
-            self._record(glance)
+        return self.eyes.watch(now_ns, self.operator.stage)

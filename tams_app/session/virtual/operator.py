@@ -48,7 +48,7 @@ class VirtualOperator(Operator):
             self._controller: Controller = recorded_hand(Path(trajectory))
         else:
             self.kind = "seeing"
-            self._participant = SeeingParticipant(config, participant_seed, self.screen, log.record)
+            self._participant = SeeingParticipant(config, participant_seed, self.screen)
             self._controller = self._participant.controller
 
     def take_controller(self) -> Controller:
@@ -78,5 +78,6 @@ class VirtualOperator(Operator):
 
     def look(self, now_ns: int) -> None:
         """Before each sample: look if it is time to."""
-        if self._participant is not None:
-            self._participant.watch(now_ns)
+        glance = self._participant.watch(now_ns) if self._participant is not None else None
+        if glance is not None:
+            self._log.record(glance)

@@ -60,7 +60,7 @@ class SeeingRig:
         self._taken: deque[tuple[int, Vector]] = deque()
         self.frozen = False  # the screen keeps showing what it shows
         self.glances: list[Seen] = []
-        self._participant = SeeingParticipant(config, participant, self._screen, self._note)
+        self._participant = SeeingParticipant(config, participant, self._screen)
         self.operator, self._eyes = self._participant.operator, self._participant.eyes
         self._asked = self._eyes._asked
         controller = self._participant.controller
@@ -90,7 +90,9 @@ class SeeingRig:
         shown_ns = 0 if self.frozen else self.now_ns - self._delay_ns
         while len(self._taken) > 1 and self._taken[1][0] <= shown_ns:
             self._taken.popleft()
-        self._participant.watch(self.now_ns)
+        glance = self._participant.watch(self.now_ns)
+        if glance is not None:
+            self._note(glance)
         self._loop.tick(self.now_ns)
         self._robot.gate.serve()
 
