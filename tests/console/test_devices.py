@@ -11,8 +11,6 @@ import pytest
 
 from hw.gstreamer.capture import PatternSource
 from hw.openvr.devices import ControllerInfo
-from hw.sim.controller.model import ControllerModel, IdealPlant
-from hw.sim.controller.server import ControllerServer
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
 from tams_app.console import device_checks, devices
@@ -20,6 +18,7 @@ from tams_app.console.devices import camera_lines, controller_lines, show_device
 from tams_app.errors import DeviceError
 from tams_app.printing import Console
 from tests.hw.gstreamer.damaged_videos import cut, mjpeg
+from tests.hw.lite6.controller_rig import controller
 from tests.hw.openvr.fake_openvr import RIGHT as RIGHT_HAND
 from tests.hw.openvr.fake_openvr import FakeRuntime
 
@@ -94,20 +93,15 @@ def test_a_program_reads_what_was_found_and_what_is_missing(
 
 
 def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -> None:
-    model = ControllerModel(IdealPlant())
-    model.firmware = "1.7.0"
-    server = ControllerServer(model)
-    server.start()
-    try:
-        ports = server.ports
+    with controller() as rig:
+        rig.model.firmware = "1.7.0"
+        ports = rig.server.ports
         settings = hardware(
             arm__host="127.0.0.1", arm__control_port=ports.control, arm__report_port=ports.report
         )
         (old,) = device_checks.arm(settings)
-        model.firmware = "2.6.0"
+        rig.model.firmware = "2.6.0"
         (new,) = device_checks.arm(settings)
-    finally:
-        server.close()
     assert not old.ok
     assert "1.8.0" in old.fix
     assert new.ok

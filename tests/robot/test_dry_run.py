@@ -12,7 +12,6 @@ from hw.lite6.arm import Lite6
 from hw.lite6.protocol import Register, State
 from hw.sim.controller.inprocess_arm import InProcessArm
 from hw.sim.controller.model import CYCLE_NS, ControllerModel, IdealPlant, ReportKind
-from hw.sim.controller.server import ControllerServer
 from tams_app.config import ArmConfig, LimitsConfig
 from tams_app.errors import DeviceError
 from tams_app.records import Activity, LinkFault, Twist
@@ -20,7 +19,7 @@ from tams_app.robot.dry_run import DryRunArm
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.units import NS_PER_S
 from tests.faults.wire import TappedModel
-from tests.hw.lite6.controller_rig import until
+from tests.hw.lite6.controller_rig import ControllerRig, until
 
 pytestmark = pytest.mark.waiting
 
@@ -44,18 +43,14 @@ HARMLESS = {  # all that a dry run may ask of the real arm: to tell, to stop, an
 }
 
 
-class TappedRig:
+class TappedRig(ControllerRig):
     """A served controller model with a tap, and a dry run of the driver that reaches it."""
 
+    model: TappedModel
+
     def __init__(self) -> None:
-        self.model = TappedModel(IdealPlant(), READY)
-        self.server = ControllerServer(self.model)
-        self.server.start()
-        ports = self.server.ports
-        config = ArmConfig(
-            control_port=ports.control, report_port=ports.report, reply_timeout_s=0.5
-        )
-        clock = MonotonicClock()
+        super().__init__(TappedModel(IdealPlant(), READY))
+        config, clock = self.config(), MonotonicClock()
         boundary = session_boundary(config, LimitsConfig())
         self.arm = DryRunArm(Lite6(config, clock, 120.0, boundary), config, clock, boundary)
 

@@ -19,9 +19,10 @@ WITHIN_S = 10.0  # generous: the machine may be busy
 class ControllerRig:
     """A served controller model, and the configuration that reaches it."""
 
-    def __init__(self) -> None:
+    def __init__(self, model: ControllerModel | None = None) -> None:
+        """`model`: by default an ideal arm at the ready pose."""
         joints = np.radians(ArmConfig().ready_joints_deg)
-        self.model = ControllerModel(IdealPlant(), start_joints=joints)
+        self.model = model or ControllerModel(IdealPlant(), start_joints=joints)
         self.server = ControllerServer(self.model)
         self.server.start()
 
