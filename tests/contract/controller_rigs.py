@@ -36,9 +36,9 @@ from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.shared_ring import new_block_name
 from tams_app.station.operator_process import publish
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.contract.faulty_controller import FaultyController, SensorFault
 from tests.hw.link.exchange import HOUR_NS, hand_message
 from tests.hw.openvr.fake_openvr import RIGHT, SPARE, FakeDevice, FakeRuntime
-from tests.hw.sim.operator.faulty_controller import FaultyController, SensorFault
 
 TICK_NS = 8 * NS_PER_MS
 FRESH_WITHIN_NS = round(FreshnessConfig().buttons_ms * NS_PER_MS)  # by the safety logic

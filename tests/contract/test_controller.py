@@ -26,7 +26,7 @@ from tests.contract.controller_rigs import (
     is_in_use,
     is_released,
 )
-from tests.hw.sim.operator.faulty_controller import SensorFault
+from tests.contract.faulty_controller import SensorFault
 
 pytestmark = pytest.mark.waiting
 

@@ -18,11 +18,11 @@ from hw.sim.layout import (
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import SimulatedOperator
 from hw.sim.operator.task import Stage
-from tams_app.config import HandConfig, OperatorConfig
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose, SceneTruth, Vector
+from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
+from tams_app.config import HandConfig, OperatorConfig, load_config
+from tams_app.records import ControllerSample, Haptic, Pose, SceneTruth, Vector
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_S
-from tests.hw.sim.operator.faulty_controller import FaultyController
 
 TICK_NS = round(NS_PER_S / 120)
 SMOOTHING_S = 0.04
@@ -30,6 +30,7 @@ SPEED_M_S, TURN_RAD_S = 0.25, 0.5
 ACCELERATION_M_S2, ACCELERATION_RAD_S2 = 1.5, 4.0
 FINGERS_M_S = 0.02
 OPEN_M = 0.016
+_WIRING = rig_wiring(load_config())
 
 
 class ToyRobot:
@@ -87,7 +88,7 @@ class ToyRobot:
             elif self.arming == "fault":
                 assert self._fault is Haptic.LINK_FAULT, "the operator cleared a fault alone"
                 self.arming = "disarmed"
-        squeezed = sample.status is ControllerStatus.OK and sample.trigger >= 0.6
+        squeezed = sample.trigger >= 0.6
         if self.arming == "ready" and squeezed:
             if self._last is not None and self._last.trigger < 0.6 and not self.held:
                 self.arming = "engaged"
@@ -207,7 +208,7 @@ class Trial:
         self.showing = True  # False: the image stands still
         eyes = TruePerception(lambda: self.seen)
         operator = SimulatedOperator(hand, config, eyes, self.seed, self.confirms)
-        self.controller = FaultyController(operator, config, self.seed)
+        self.controller = VirtualController(operator, config, self.seed, _WIRING)
         self.controller.start()
         self.operator = operator
 
