@@ -45,10 +45,11 @@ def demo_controller(
     have; None for the configured script.
     """
     settings, eyes = config.rig.operator, TruePerception(read)
-    seed, profile = config.seed, None
-    if participant is not None:
-        seed, profile = participant, ParticipantProfile.draw(participant)
-    operator = SimulatedOperator(operator_hand(config), settings, eyes, seed, confirms, profile)
+    if participant is None:
+        seed, traits = config.seed, ParticipantProfile.scripted(settings)
+    else:
+        seed, traits = participant, ParticipantProfile.draw(participant)
+    operator = SimulatedOperator(operator_hand(config), settings, eyes, traits, seed, confirms)
     return VirtualController(operator, settings, config.seed, rig_wiring(config))
 
 

@@ -66,17 +66,15 @@ class SimulatedOperator:
         hand: HandConfig,
         operator: OperatorConfig,
         perception: Perception,
+        traits: ParticipantProfile,
         seed: int,
         confirms: bool = True,
-        profile: ParticipantProfile | None = None,
         asked: EfferenceCopy | None = None,
     ) -> None:
         """`confirms`: the operator arms the arm; False when the session does (`--arm`).
 
-        `profile`: the operator's traits, None for the configured script. `asked`: what the hand
-        asked of the tool, when the eyes use it too.
+        `asked`: what the hand asked of the tool, when the eyes use it too.
         """
-        traits = profile or ParticipantProfile.scripted(operator)
         random = np.random.default_rng([seed, 0x09E7A])
         self.hand = Hand(random, operator.arm_reach_m, traits.tremor, traits.motor_noise)
         self.activity = HandActivity.WATCH

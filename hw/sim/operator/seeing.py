@@ -201,10 +201,10 @@ class SeeingParticipant:
 
     def __init__(self, config: Config, seed: int, images: Images, confirms: bool = True) -> None:
         """`confirms`: they arm the arm by the menu button."""
-        profile, asked = ParticipantProfile.draw(seed), EfferenceCopy()
+        traits, asked = ParticipantProfile.draw(seed), EfferenceCopy()
         settings, hand = config.rig.operator, operator_hand(config)
-        self.eyes = SeeingPerception(images, asked, profile.sampling_s, profile.visuomotor_s)
-        self.operator = SimulatedOperator(hand, settings, self.eyes, seed, confirms, profile, asked)
+        self.eyes = SeeingPerception(images, asked, traits.sampling_s, traits.visuomotor_s)
+        self.operator = SimulatedOperator(hand, settings, self.eyes, traits, seed, confirms, asked)
         self.controller = VirtualController(
             self.operator, settings, config.seed, rig_wiring(config)
         )

@@ -3,6 +3,7 @@ import pytest
 
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import SimulatedOperator
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.servoing import operator_hand
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import HandConfig, OperatorConfig, load_config
@@ -17,7 +18,8 @@ pytestmark = pytest.mark.untimed
 def _controller(config: OperatorConfig | None = None, seed: int = 0) -> VirtualController:
     """In the hand of an operator who sees nothing and so keeps still."""
     config = config or OperatorConfig()
-    operator = SimulatedOperator(HandConfig(), config, TruePerception(lambda: None), seed)
+    eyes, traits = TruePerception(lambda: None), ParticipantProfile.scripted(config)
+    operator = SimulatedOperator(HandConfig(), config, eyes, traits, seed)
     controller = VirtualController(operator, config, seed, rig_wiring(load_config()))
     controller.start()
     return controller

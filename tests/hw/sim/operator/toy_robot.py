@@ -17,6 +17,7 @@ from hw.sim.layout import (
 )
 from hw.sim.operator.demo import TruePerception
 from hw.sim.operator.operator import SimulatedOperator
+from hw.sim.operator.participant import ParticipantProfile
 from hw.sim.operator.task import Stage
 from hw.sim.operator.virtual_controller import VirtualController, rig_wiring
 from tams_app.config import HandConfig, OperatorConfig, load_config
@@ -207,7 +208,8 @@ class Trial:
         self.seen: SceneTruth | None = None
         self.showing = True  # False: the image stands still
         eyes = TruePerception(lambda: self.seen)
-        operator = SimulatedOperator(hand, config, eyes, self.seed, self.confirms)
+        traits = ParticipantProfile.scripted(config)
+        operator = SimulatedOperator(hand, config, eyes, traits, self.seed, self.confirms)
         self.controller = VirtualController(operator, config, self.seed, _WIRING)
         self.controller.start()
         self.operator = operator
