@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any, TextIO
 
 from rich.console import Console as RichConsole  # noqa: TID251  everything else uses ours
@@ -82,3 +83,15 @@ class PlainOutput:
 
     def write(self, text: str) -> int:
         return self._file.write(plain(text.replace("\r\n", "\n")) if self._person else text)
+
+
+@contextmanager
+def waiting(what: str, console: Console) -> Iterator[None]:
+    """Show `what` while the work inside lasts: moving on a terminal, as one line elsewhere."""
+    sentence = f"{what} …"
+    if console.is_terminal:
+        with console.status(sentence):
+            yield
+    else:
+        console.print(sentence, soft_wrap=True)
+        yield

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from tams_app.cli import _main
-from tams_app.printing import Console, PlainOutput, plain
+from tams_app.printing import Console, PlainOutput, plain, waiting
 from tests.study.synthetic_study import make_study
 
 pytestmark = pytest.mark.untimed
@@ -146,3 +147,25 @@ def test_a_command_stays_one_line_on_any_terminal_and_a_sentence_does_in_a_file(
         console = Console(file=file, width=20, **options)
         console.print(command, highlight=False, soft_wrap=True, no_wrap=bool(options))
         assert file.getvalue() == f"{command}\n"
+
+
+def test_elsewhere_than_on_a_terminal_it_is_one_line_before_the_work() -> None:
+    output = io.StringIO()
+    with waiting("writing [it]", Console(file=output, width=10)):
+        assert output.getvalue() == "writing [it] …\n"
+    assert output.getvalue() == "writing [it] …\n"
+
+
+def test_on_a_terminal_it_is_shown_during_the_work_and_taken_away() -> None:
+    output = io.StringIO()
+    with waiting("writing it", Console(file=output, force_terminal=True, width=80)):
+        while "writing it …" not in output.getvalue():
+            time.sleep(0.01)
+    assert output.getvalue().endswith("\x1b[1A\x1b[2K"), "the line is erased"
+
+
+def test_a_quiet_console_is_told_nothing_and_errors_pass() -> None:
+    output = io.StringIO()
+    with pytest.raises(ValueError), waiting("writing it", Console(file=output, quiet=True)):
+        raise ValueError
+    assert not output.getvalue()

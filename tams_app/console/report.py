@@ -16,8 +16,7 @@ from tams_app.link.messages import (
     ROBOT_FOLDER_FACT,
     SESSION_FACT,
 )
-from tams_app.printing import Console
-from tams_app.progress import waiting
+from tams_app.printing import Console, waiting
 from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
 from tams_app.recording.pictures import ShownPicture, read_pictures
 from tams_app.summary.joined import (

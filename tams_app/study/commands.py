@@ -15,8 +15,7 @@ from rich.table import Table
 from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.errors import ConfigError, require_extra
 from tams_app.outputs import inner_folder
-from tams_app.printing import Console
-from tams_app.progress import waiting
+from tams_app.printing import Console, waiting
 from tams_app.study.dask_pool import DaskPool
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun

@@ -21,8 +21,7 @@ from tams_app.faces.terminal.line import (
     minutes,
     reason_parts,
 )
-from tams_app.printing import Console
-from tams_app.progress import waiting
+from tams_app.printing import Console, waiting
 from tams_app.records import SessionState
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import furnish_session_folder

@@ -15,8 +15,7 @@ from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, SetupError, SignalledError, TamsError, UnreadableLogError
 from tams_app.faces.display import has_display
 from tams_app.faces.terminal.keys import TerminalKeys
-from tams_app.printing import Console
-from tams_app.progress import waiting
+from tams_app.printing import Console, waiting
 from tams_app.recording import SessionLog, read_log
 from tams_app.recording.pictures import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
