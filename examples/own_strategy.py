@@ -8,12 +8,12 @@ from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig, load_config
 from tams_app.policy.allocation import STRATEGIES, make_strategy
-from tams_app.policy.strategy import Weighted
+from tams_app.policy.strategy import Strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
 
-class PrimaryFirst(Weighted):
+class PrimaryFirst(Strategy):
     """80 % for the primary view of the phase, the largest entry of its row of W."""
 
     def __init__(self, policy: PolicyConfig) -> None:

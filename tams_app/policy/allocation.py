@@ -8,7 +8,7 @@ from fractions import Fraction
 from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
 from tams_app.policy.budget import Budget, make_budget
-from tams_app.policy.strategy import Strategy, Weighted
+from tams_app.policy.strategy import Strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Phase, UplinkReport
 from tams_app.registry import Registry
@@ -16,7 +16,7 @@ from tams_app.registry import Registry
 LEAST_SHARE = Fraction(1, 6)  # of the floor, below the sum of floors: 5 of 30 frames a second
 
 
-class Equal(Weighted):
+class Equal(Strategy):
     """The same share for every view."""
 
     def __init__(self, policy: PolicyConfig) -> None:
@@ -28,7 +28,7 @@ class Equal(Weighted):
         return self._weights
 
 
-class Static(Weighted):
+class Static(Strategy):
     """Fixed shares for the whole task."""
 
     def __init__(self, policy: PolicyConfig) -> None:
@@ -39,7 +39,7 @@ class Static(Weighted):
         return self._weights
 
 
-class TaskAware(Weighted):
+class TaskAware(Strategy):
     """TAMS: the row of W of the current phase."""
 
     def __init__(self, policy: PolicyConfig) -> None:

@@ -1,56 +1,35 @@
-"""The interface of strategies: from phase and budget to a target for each view."""
+"""What a strategy is: from phase and budget to a target for each view."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from fractions import Fraction
 from functools import lru_cache
-from typing import Protocol
 
 from tams_app.config import PolicyConfig
 from tams_app.records import Phase
 
-SOURCE_DROP_BELOW_KBPS = 80.0  # a frame of 30 a second then has 330 bytes: less shows nothing
 
-
-class Strategy(Protocol):
-    """The rule that shares the budget among the views."""
-
-    source_drop_below_kbps: float
-    """Target [kbit/s] below which whole frames are left out, so that each keeps the bits that it
-    has at this target and 30 frames a second."""
-
-    def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
-        """Share the budget; called about 20 times a second and at each new phase.
-
-        Args:
-            phase: the phase that was inferred last; while a view is pinned, one whose view it is.
-            budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
-
-        Returns:
-            The target of each configured view, in whole kbit/s; their sum never exceeds the budget.
-        """
-
-
-class Weighted(Strategy):
-    """A strategy that is a share for each view; `allocate` makes targets of them.
+class Strategy:
+    """The rule that shares the budget among the views: a share for each, in each phase.
 
     An own one is a subclass with `weights`, entered in `STRATEGIES` (policy/allocation.py) under
     the name that the configuration's `strategy` then accepts. One with another rule than
     `allocate` overrides `targets`.
     """
 
+    source_drop_below_kbps = 80.0  # a frame of 30 a second then has 330 bytes: less shows nothing
+    """Target [kbit/s] below which whole frames are left out, so that each keeps the bits that it
+    has at this target and 30 frames a second."""
+
     def __init__(self, policy: PolicyConfig) -> None:
-        """Take over the floor and the limit of whole frames.
+        """Take over the floor.
 
         Args:
             policy: `policy` of the configuration.
         """
         self.floor_kbps = policy.allocation.floor_kbps
-        self.source_drop_below_kbps = SOURCE_DROP_BELOW_KBPS
 
-    @abstractmethod
     def weights(self, phase: Phase) -> Mapping[str, float]:
         """The shares in `phase`: W_{p,v} of the paper's section III-C.
 
@@ -60,8 +39,18 @@ class Weighted(Strategy):
         Returns:
             One non-negative share for each configured view; they sum to 1 (paper, equation 2).
         """
+        raise NotImplementedError
 
     def targets(self, phase: Phase, budget_kbps: float) -> dict[str, int]:
+        """Share the budget; called about 20 times a second and at each new phase.
+
+        Args:
+            phase: as of `weights`.
+            budget_kbps: B_t, what all views may use together [kbit/s of IP datagram bytes].
+
+        Returns:
+            The target of each configured view, in whole kbit/s; their sum never exceeds the budget.
+        """
         return allocate(self.weights(phase), budget_kbps, self.floor_kbps)
 
 

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig
-from tams_app.policy.strategy import Weighted
+from tams_app.policy.strategy import Strategy
 from tams_app.records import Phase
 
 
-class Last(Weighted):
+class Last(Strategy):
     def __init__(self, policy: PolicyConfig) -> None:
         super().__init__(policy)
         self._views = list(policy.weights.matrix[Phase.REACH])
