@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 
 from tams_app.capacity import Capacity
@@ -94,12 +94,12 @@ def ladder(weights: Mapping[str, float], budget_kbps: float, floor_kbps: float) 
     return targets
 
 
-STRATEGIES: Registry[Callable[[PolicyConfig], Strategy]] = Registry(
+STRATEGIES: Registry[type[Strategy]] = Registry(
     "strategy",
     "tams.strategies",
     {"equal": Equal, "static": Static, "tams": TaskAware, "tams+": TamsPlus},
 )
-"""Makers of a strategy by their word for `strategy`; entry points of `tams.strategies`."""
+"""The strategies by their word for `strategy`; entry points of `tams.strategies`."""
 
 
 def make_strategy(name: str, policy: PolicyConfig) -> Strategy:

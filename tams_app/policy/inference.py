@@ -1,32 +1,27 @@
-"""Inference of the phase of the task: its interface and the implementations by name."""
+"""Inference of the phase of the task: what one is, and the implementations by name."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from tams_app.config import PhasesConfig
 from tams_app.records import ArmState, Phase, PhaseChange
 from tams_app.registry import Registry
 
 
-class Inference(Protocol):
+class Inference:
     """From the arm's motion to the phase of the task.
 
-    A new one is a class entered in `INFERENCES`, or an entry point of `tams.inference`.
+    A new one is a subclass with `step`, entered in `INFERENCES`, or an entry point of
+    `tams.inference`.
     """
 
-    @property
-    def phase(self) -> Phase:
-        """The phase now."""
-
-    @property
-    def speed(self) -> float:
-        """Smoothed speed of the TCP [m/s]."""
-
-    @property
-    def vertical_speed(self) -> float:
-        """Smoothed vertical speed of the TCP [m/s], upwards."""
+    phase: Phase = Phase.REACH
+    """The phase now."""
+    speed = 0.0
+    """Smoothed speed of the TCP [m/s]."""
+    vertical_speed = 0.0
+    """Smoothed vertical speed of the TCP [m/s], upwards."""
 
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
         """Take in the arm's newest report; called in each control tick, so it must not block.
@@ -38,6 +33,7 @@ class Inference(Protocol):
         Returns:
             The change if another phase has begun, else None.
         """
+        raise NotImplementedError
 
 
 INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 from tams_app.config import PhasesConfig
+from tams_app.policy.inference import Inference
 from tams_app.records import ArmState, Phase, PhaseChange, Vector
 from tams_app.units import NS_PER_S
 from tams_app.vectors import floats, norm
@@ -143,28 +144,16 @@ class SmoothedSpeed:
         self.vertical_speed += alpha * (vertical_speed - self.vertical_speed)
 
 
-class PhaseInference:
-    """Algorithm 1 on an arm's reports: smooths the TCP's speed and keeps the phase."""
+class PhaseInference(Inference):
+    """Algorithm 1 on an arm's reports: smooths the TCP's speed and keeps the phase.
+
+    `phase` is s_t, `speed` v̄_t and `vertical_speed` v̄_{z,t}.
+    """
 
     def __init__(self, config: PhasesConfig) -> None:
         self._tracker = PhaseTracker(config)
         self._smoothed = SmoothedSpeed(config.smoothing_ms / 1000)
         self._last_ns: int | None = None
-
-    @property
-    def phase(self) -> Phase:
-        """s_t, the phase inferred last."""
-        return self._tracker.phase
-
-    @property
-    def speed(self) -> float:
-        """v̄_t [m/s]."""
-        return self._smoothed.speed
-
-    @property
-    def vertical_speed(self) -> float:
-        """v̄_{z,t} [m/s], positive upwards."""
-        return self._smoothed.vertical_speed
 
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
         """One control period; Δt is counted from the step before."""
@@ -172,13 +161,15 @@ class PhaseInference:
         self._last_ns = now_ns
         if arm is not None:
             self._smoothed.update(arm.tcp.position, arm.received_ns)
-        before = self._tracker.phase
+            self.speed = self._smoothed.speed
+            self.vertical_speed = self._smoothed.vertical_speed
         decision = self._tracker.step(
-            speed=self._smoothed.speed,
-            vertical_speed=self._smoothed.vertical_speed,
+            speed=self.speed,
+            vertical_speed=self.vertical_speed,
             closed=arm.gripper_closed if arm is not None else None,
             period_s=period_s,
         )
-        if decision.phase is before:
+        if decision.phase is self.phase:
             return None
+        self.phase = decision.phase
         return PhaseChange(now_ns, decision.phase, decision.reason)
