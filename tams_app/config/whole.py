@@ -191,7 +191,7 @@ _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that 
     "policy.allocation.source_drop_below_kbps": (80.0, "tams_app.policy.strategy"),
     "policy.budget.start_kbps": (3000.0, "tams_app.policy.budget.sender"),
     "policy.budget.window_ms": (1000.0, "tams_app.policy.budget.sender"),
-    "policy.budget.trace_window_ms": (100.0, "tams_app.policy.budget.oracle"),
+    "policy.budget.trace_window_ms": (100.0, "tams_app.policy.budget"),
     "arm.pose_gain_per_s": (4.0, "tams_app.teleop.drive"),
     "clutch.engage_above": (0.6, "tams_app.presses"),
     "clutch.release_below": (0.4, "tams_app.presses"),

@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
 from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.budget import BUDGETS, OracleBudget, SenderBudget, make_budget
+from tams_app.policy.budget import BUDGETS, OracleBudget, make_budget
+from tams_app.policy.budget.sender import SenderBudget
 from tams_app.records import Phase, Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 

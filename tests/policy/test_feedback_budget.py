@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.config import BudgetConfig
-from tams_app.policy.budget import FeedbackBudget
+from tams_app.policy.budget.feedback import FeedbackBudget
 from tams_app.policy.budget.queueing_delay import QueueingDelay
 from tams_app.records import PacketArrival, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -1,24 +1,26 @@
-"""Estimates of the uplink's capacity, before the safety factor: one module for each mode."""
+"""Estimates of the uplink's capacity, before the safety factor: one for each mode."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from tams_app.capacity import Capacity
-from tams_app.config import PolicyConfig
-from tams_app.policy.budget.feedback import FeedbackBudget
-from tams_app.policy.budget.oracle import OracleBudget
-from tams_app.policy.budget.sender import SenderBudget
-from tams_app.records import Phase, UplinkReport
+from tams_app.config import BudgetConfig, PolicyConfig
+from tams_app.records import UplinkReport
 from tams_app.registry import Registry
+from tams_app.units import NS_PER_MS
+
+_TRACE_WINDOW_NS = 100 * NS_PER_MS  # two steps of the policy loop
 
 
-class Budget(Protocol):
+class Budget:
     """A source of capacity estimates; `observe` comes before `capacity_kbps` and the flight limit.
 
-    A new one is a `BudgetKind` entered in `BUDGETS`, or an entry point of `tams.budgets`.
+    This one observes nothing, pads nothing and limits nothing: a new one overrides `capacity_kbps`
+    and what else it does. It is a `BudgetKind` entered in `BUDGETS`, or an entry point of
+    `tams.budgets`.
     """
 
     def observe(self, report: UplinkReport) -> None:
@@ -39,6 +41,7 @@ class Budget(Protocol):
             The estimate [kbit/s of IP datagram bytes], finite and not negative. The policy
             multiplies it with the safety factor (0.92 in the paper, section IV-C).
         """
+        raise NotImplementedError
 
     def padding_bytes(self, now_ns: int) -> int:
         """Padding to send at once as a probe; called between steps too, if `receives_packets`.
@@ -49,6 +52,7 @@ class Budget(Protocol):
         Returns:
             Bytes of IP datagrams, sent once for each call; 0: none.
         """
+        return 0
 
     def flight_limit_bytes(self, now_ns: int) -> float:
         """The limit of bytes under way that have not been reported; beyond it frames are left out.
@@ -59,6 +63,21 @@ class Budget(Protocol):
         Returns:
             Bytes of IP datagrams; infinite: no limit.
         """
+        return math.inf
+
+
+class OracleBudget(Budget):
+    """The emulated link's own rate, of a trace the mean of its last window, without look-ahead.
+
+    The reference for experiments.
+    """
+
+    def __init__(self, capacity: Capacity, config: BudgetConfig) -> None:
+        self._capacity = capacity
+        self._max_kbps = config.max_kbps
+
+    def capacity_kbps(self, now_ns: int) -> float:
+        return min(self._max_kbps, self._capacity.mean_kbps(now_ns - _TRACE_WINDOW_NS, now_ns))
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +93,6 @@ class BudgetKind:
     """It also receives the fate of each packet, and may pad and bound what is under way."""
 
 
-def _feedback(policy: PolicyConfig, _capacity: Capacity) -> Budget:
-    views = len(policy.weights.matrix[Phase.REACH])
-    return FeedbackBudget(policy.budget, views * policy.allocation.floor_kbps)
-
-
 BUDGETS: Registry[BudgetKind] = Registry(
     "policy.budget.mode",
     "tams.budgets",
@@ -86,8 +100,8 @@ BUDGETS: Registry[BudgetKind] = Registry(
         "oracle": BudgetKind(
             lambda policy, capacity: OracleBudget(capacity, policy.budget), receives_reports=False
         ),
-        "sender": BudgetKind(lambda policy, _capacity: SenderBudget(policy.budget)),
-        "feedback": BudgetKind(_feedback, receives_packets=True),
+        "sender": "tams_app.policy.budget.sender:KIND",
+        "feedback": "tams_app.policy.budget.feedback:KIND",
     },
 )
 """Kinds of budget by their word for `policy.budget.mode`; entry points of `tams.budgets`."""

@@ -7,10 +7,12 @@ from collections import deque
 from enum import Enum
 from itertools import pairwise
 
-from tams_app.config import BudgetConfig
+from tams_app.capacity import Capacity
+from tams_app.config import BudgetConfig, PolicyConfig
+from tams_app.policy.budget import Budget, BudgetKind
 from tams_app.policy.budget.deliveries import Deliveries
 from tams_app.policy.budget.queueing_delay import WINDOW_NS, QueueingDelay
-from tams_app.records import UplinkReport
+from tams_app.records import Phase, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 _SHOWS = 1.5  # times the target: a queue, not jitter
@@ -44,7 +46,7 @@ class _Phase(Enum):
     SHARE = "another flow fills the queue: as TCP does"
 
 
-class FeedbackBudget:
+class FeedbackBudget(Budget):
     """Keeps in flight what the path carries in its base round trip, and a small target delay.
 
     What it carries is the rate of delivery while packets arrive slower than they were sent, and at
@@ -326,3 +328,11 @@ class FeedbackBudget:
 
 def _clamped(trip_ns: float) -> float:
     return min(max(trip_ns, 0.0), 1.0 * NS_PER_S)
+
+
+def _feedback(policy: PolicyConfig, _capacity: Capacity) -> Budget:
+    views = len(policy.weights.matrix[Phase.REACH])
+    return FeedbackBudget(policy.budget, views * policy.allocation.floor_kbps)
+
+
+KIND = BudgetKind(_feedback, receives_packets=True)

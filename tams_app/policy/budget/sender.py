@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Sequence
 
 from tams_app.config import BudgetConfig
+from tams_app.policy.budget import Budget, BudgetKind
 from tams_app.records import Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -21,7 +21,7 @@ _SILENCE = 5  # windows without a report before it counts as congestion
 _TRIPS = 10  # windows that are remembered for the smallest round trip
 
 
-class SenderBudget:
+class SenderBudget(Budget):
     """Additive increase and multiplicative decrease by what the receivers report, window by window.
 
     The paper (section III-D) takes the capacity from the sender's statistics in a sliding window.
@@ -84,8 +84,5 @@ class SenderBudget:
     def capacity_kbps(self, now_ns: int) -> float:
         return self._kbps
 
-    def padding_bytes(self, now_ns: int) -> int:
-        return 0
 
-    def flight_limit_bytes(self, now_ns: int) -> float:
-        return math.inf
+KIND = BudgetKind(lambda policy, _capacity: SenderBudget(policy.budget))
