@@ -30,8 +30,8 @@ from tams_app.faces.registry import FacedSession, SessionDisplay, ShownReplay, S
 from tams_app.records import SessionState, without_figures
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.worker import Worker
-from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of_hand
+from tams_app.teleop.reasons import what_to_do
 from tams_app.units import NS_PER_S
 
 EVERY_NS = NS_PER_S // 10  # facts for the face

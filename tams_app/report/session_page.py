@@ -21,8 +21,8 @@ from tams_app.report.pages import page_environment
 from tams_app.report.plots import NamedStretch, to_svg
 from tams_app.report.timeline import stops_of, timeline_figure
 from tams_app.summary.tables import LogTables, primary_at
-from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import words_of
+from tams_app.teleop.reasons import what_to_do
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.stages import STAGES, slowest_stage, stage_words
 

@@ -13,8 +13,8 @@ from tams_app.robot.control import Signals, describe, lasting_label
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.task.judge import TrialJudge
-from tams_app.teleop.advice import advice, refusal
 from tams_app.teleop.hands import words_of_hand
+from tams_app.teleop.reasons import advice, refusal
 from tams_app.teleop.records import TeleopInput, TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_S

@@ -40,8 +40,8 @@ from tams_app.telemetry.scene import (
     tcp_frame,
     thing_frames,
 )
-from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import HAND_FACT, HandWords, words_of
+from tams_app.teleop.reasons import advice
 from tams_app.teleop.safety import ArmingState
 
 BASE_LINK = "base_link"

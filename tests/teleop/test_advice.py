@@ -3,9 +3,8 @@
 import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.teleop.advice import advice, refusal, what_to_do
 from tams_app.teleop.hands import HANDS, hand_of, words_of, words_of_hand
-from tams_app.teleop.reasons import Reason
+from tams_app.teleop.reasons import Reason, advice, refusal, what_to_do
 
 pytestmark = pytest.mark.untimed
 

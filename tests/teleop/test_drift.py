@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 from tams_app.config import Config, HandConfig
 from tams_app.rotation import Rotation
 from tams_app.teleop import motion as of_hand
-from tams_app.teleop.drift import Drift
-from tams_app.teleop.motion import HandMotion
+from tams_app.teleop.motion import Drift, HandMotion
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS
 from tests.teleop.rig import Bench, hand_for, make_config

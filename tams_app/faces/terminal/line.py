@@ -15,8 +15,8 @@ from tams_app.faces.shown import hand_rows, slowest_text
 from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received, silence_of
 from tams_app.printing import Console, known
 from tams_app.records import LINK_LOST, SessionState, ViewState
-from tams_app.teleop.advice import advice
 from tams_app.teleop.hands import words_of_hand
+from tams_app.teleop.reasons import advice
 
 LIVE_EVERY_S = 0.2
 PLAIN_EVERY_S = 5.0  # where the output is no terminal

@@ -13,9 +13,8 @@ from tams_app.faces.messages import FaceFacts, Notice, TrialFacts
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.shown import PanelWords, shown_of
 from tams_app.records import EpisodesState
-from tams_app.teleop.advice import what_to_do
 from tams_app.teleop.hands import HANDS
-from tams_app.teleop.reasons import Reason
+from tams_app.teleop.reasons import Reason, what_to_do
 from tests.faces.played_session import STATE
 from tests.faces.window.facts import FACTS, OPENING, changed
 
