@@ -187,6 +187,8 @@ _CAMERAS = (
 _FPS = "cameras give what the machine can, of video.fps (--fps) at most; leave it out"
 _STROKES = "the wizard asks for strokes, and hand.translation_scale is yours to set; leave it out"
 _MARKS = "mark each LOG with `replay LOG --mark`, and give the marked ones with --from"
+_CALIBRATED = "the figure is beside the file that it writes; leave it out"
+_FIGURES = "its figures are in the file that it writes; leave it out"
 _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that has it
     "policy.allocation.source_drop_below_kbps": (80.0, "tams_app.policy.strategy"),
     "policy.budget.start_kbps": (3000.0, "tams_app.policy.budget.sender"),
@@ -211,72 +213,72 @@ _CONSTANTS: dict[str, tuple[object, str]] = {  # the value, and the module that 
     "trial.max_drops": (2, "tams_app.task.judge"),
     "video.vbv_ms": (33.0, "tams_app.video.core.codecs"),
 }
-REMOVED = {
-    "--metrics": _METRICS,
-    "recording.metrics": _METRICS,
-    "doctor --speed": f"a session says at its end where frames were missing: {_FPS}",
-    "replay --recompute": "what the code makes of a recorded session is compared by its tests "
-    "alone (tests/session/test_recompute.py); leave it out to see the session",
-    "rig.fixed_fps": _FPS,
-    "arm.servo": "the arm follows velocities; leave it out",
-    "controller.input": "SteamVR's actions are read where it has them; leave it out",
-    "policy.tams_plus": "`tams+` has no parts to switch any more; leave it out",
-    "sounds": "window, headset and terminal show each hold and fault; leave it out",
-    "gamepad": _PADS,
-    "spacemouse": _PADS,
-    "controller.desk.dead_zone": _PADS,
-    "controller.desk.name": _PADS,
-    "controller.desk.wireless": _PADS,
-    "controller.desk.unchanged_ms": _PADS,
-    "focus": _CAMERAS,
-    "exposure": _CAMERAS,
-    "rate": _CAMERAS,
-    "calibrate cameras --from": _CAMERAS,
-    "calibrate --figure": "the figure is beside the file that it writes; leave it out",
-    "calibrate --picture": "the figure is beside the file that it writes; leave it out",
-    "calibrate frame --from": "recorded strokes cannot be tried out: leave it out, and make them",
-    "calibrate frame --touch": _STROKES,
-    "calibrate frame --keep-scale": _STROKES,
-    "calibrate weights --panel": "the simulated raters are one panel, for trying the wizard out; "
-    "leave it out",
-    "calibrate phases --mark": _MARKS,
-    "calibrate phases --goal-height-mm": _MARKS,
-    "calibrate phases --yes": "it writes without a question; leave it out",
-    "calibrate phases --figure": "its figures are in the file that it writes; leave it out",
-    "calibrate phases --picture": "its figures are in the file that it writes; leave it out",
+_REMOVED: dict[
+    str, tuple[Any, ...]
+] = {  # what takes its place; values that ask for nothing, ...: any
+    "--metrics": (_METRICS,),
+    "recording.metrics": (_METRICS, ""),
+    "doctor --speed": (f"a session says at its end where frames were missing: {_FPS}",),
+    "replay --recompute": (
+        "what the code makes of a recorded session is compared by its tests alone "
+        "(tests/session/test_recompute.py); leave it out to see the session",
+    ),
+    "rig.fixed_fps": (_FPS, False, True),
+    "arm.servo": ("the arm follows velocities; leave it out", "velocity"),
+    "controller.input": (
+        "SteamVR's actions are read where it has them; leave it out",
+        "auto",
+        "actions",
+    ),
+    "policy.tams_plus": ("`tams+` has no parts to switch any more; leave it out", ...),
+    "sounds": ("window, headset and terminal show each hold and fault; leave it out",),
+    "gamepad": (_PADS,),
+    "spacemouse": (_PADS,),
+    "controller.desk.dead_zone": (_PADS, 0.12),
+    "controller.desk.name": (_PADS, ""),
+    "controller.desk.wireless": (_PADS,),
+    "controller.desk.unchanged_ms": (_PADS, 500.0),
+    "focus": (_CAMERAS,),
+    "exposure": (_CAMERAS,),
+    "rate": (_CAMERAS,),
+    "calibrate cameras --from": (_CAMERAS,),
+    "calibrate --figure": (_CALIBRATED,),
+    "calibrate --picture": (_CALIBRATED,),
+    "calibrate frame --from": (
+        "recorded strokes cannot be tried out: leave it out, and make them",
+    ),
+    "calibrate frame --touch": (_STROKES,),
+    "calibrate frame --keep-scale": (_STROKES,),
+    "calibrate weights --panel": (
+        "the simulated raters are one panel, for trying the wizard out; leave it out",
+    ),
+    "calibrate phases --mark": (_MARKS,),
+    "calibrate phases --goal-height-mm": (_MARKS,),
+    "calibrate phases --yes": ("it writes without a question; leave it out",),
+    "calibrate phases --figure": (_FIGURES,),
+    "calibrate phases --picture": (_FIGURES,),
     **{
-        key: f"is a constant of {module} now, {value}: leave it out"
+        key: (f"is a constant of {module} now, {value}: leave it out", value)
         for key, (value, module) in _CONSTANTS.items()
     },
-    "clutch": "its keys are constants of tams_app.presses now; leave it out",
-}
-"""By key, option (of one command, or of several) or word for a key or an option."""
-_ASK_NOTHING: dict[str, tuple[object, ...] | None] = {  # as stored configurations have them; any
-    "policy.tams_plus": None,
     "clutch": (
+        "its keys are constants of tams_app.presses now; leave it out",
         {},
         {"engage_above": 0.6},
         {"release_below": 0.4},
         {"engage_above": 0.6, "release_below": 0.4},
     ),
-    "recording.metrics": ("",),
-    "rig.fixed_fps": (False, True),
-    "arm.servo": ("velocity",),
-    "controller.input": ("auto", "actions"),
-    "controller.desk.dead_zone": (0.12,),
-    "controller.desk.name": ("",),
-    "controller.desk.unchanged_ms": (500.0,),
-    **{key: (value,) for key, (value, _) in _CONSTANTS.items()},
 }
+REMOVED: dict[str, str] = {key: instead for key, (instead, *_) in _REMOVED.items()}
+"""By key, option (of one command, or of several) or word for a key or an option."""
 
 
 def removed_keys(content: dict[str, Any]) -> dict[str, str]:
     """The removed keys that ask for something, and what takes their places."""
     return {
         key: instead
-        for key, instead in REMOVED.items()
-        if (former := _ASK_NOTHING.get(key, ())) is not None
-        and _at(content, key) not in (None, *former)
+        for key, (instead, *former) in _REMOVED.items()
+        if ... not in former and _at(content, key) not in (None, *former)
     }
 
 
