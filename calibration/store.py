@@ -20,8 +20,7 @@ from tams_app.config.calibrated import (
     overstepping_key,
     set_folder,
 )
-from tams_app.config.places import DEFAULT_CONFIG
-from tams_app.config.yaml_file import read_yaml
+from tams_app.config.yaml_file import DEFAULT_CONFIG, read_yaml
 from tams_app.errors import ConfigError, TamsError
 from tams_app.outputs import made_folder, write_file
 

@@ -16,7 +16,6 @@ from tams_app.config.motion import (
     ProfileConfig,
     stop_time_s,
 )
-from tams_app.config.places import CONFIG_DIRECTORY, DEFAULT_CONFIG
 from tams_app.config.reader import dump_config, load_config
 from tams_app.config.streaming import (
     BudgetConfig,
@@ -33,6 +32,7 @@ from tams_app.config.whole import (
     OperatorKind,
     TrialConfig,
 )
+from tams_app.config.yaml_file import CONFIG_DIRECTORY, DEFAULT_CONFIG
 
 __all__ = [
     "CONFIG_DIRECTORY",

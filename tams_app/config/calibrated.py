@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tams_app.config.places import writable_directory
-from tams_app.config.yaml_file import read_yaml
+from tams_app.config.yaml_file import read_yaml, writable_directory
 from tams_app.errors import ConfigError, not_one_of
 
 FOLDER = "calibration"

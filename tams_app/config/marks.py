@@ -9,7 +9,7 @@ from pathlib import Path
 import yaml
 from yaml.nodes import MappingNode, Node
 
-from tams_app.config.places import CONFIG_DIRECTORY
+from tams_app.config.yaml_file import CONFIG_DIRECTORY
 
 TEMPLATE = CONFIG_DIRECTORY / "lite6.yaml"
 """The file to copy: every key that depends on the place is marked in it."""

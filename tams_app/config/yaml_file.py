@@ -1,4 +1,4 @@
-"""A YAML file of any origin as keys and values, bounded in time and memory."""
+"""A YAML file of any origin as keys and values, bounded in time and memory; where ours are."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ LONGEST_NUMBER = 100  # characters
 MOST_REPEATED = 10_000  # values that all aliases of a file together stand for
 _TEXT_OF_A_VALUE = 64  # characters; longer text counts as more than one value
 _INTEGERS = range(-(2**63), 2**63)  # what a log can hold
+_PACKAGE = Path(__file__).resolve().parents[1]
 
 
 class _RefusedError(yaml.YAMLError):
@@ -151,3 +152,27 @@ def _text(path: Path) -> str:
     if len(content) > LONGEST_FILE_BYTES:
         raise ConfigError(f"{path}: is larger than {LONGEST_FILE_BYTES // 1000} kB")
     return content.decode("utf-8")
+
+
+def find_config_directory(package: Path) -> Path:
+    """`config/` of the checkout that the folder `package` is in, else the installed package data.
+
+    A folder `config` beside an installed package may be of another program: run_tams.py knows.
+    """
+    checkout = package.parent
+    if (checkout / "run_tams.py").is_file() and (checkout / "config").is_dir():
+        return checkout / "config"
+    return package / "default_config"
+
+
+def writable_directory(config_path: Path, installed: Path = _PACKAGE / "default_config") -> Path:
+    """The folder of files that belong to a configuration file: its own.
+
+    For an installed one, which is not the user's to change, it is `config/` in the working
+    directory.
+    """
+    return Path("config") if config_path.parent == installed else config_path.parent
+
+
+CONFIG_DIRECTORY = find_config_directory(_PACKAGE)
+DEFAULT_CONFIG = CONFIG_DIRECTORY / "tams.yaml"

@@ -15,7 +15,7 @@ import pytest
 
 from tams_app import palette
 from tams_app.config import load_config
-from tams_app.config.places import CONFIG_DIRECTORY
+from tams_app.config.yaml_file import CONFIG_DIRECTORY
 from tams_app.records import FrameQuality, Note, Pose, SceneTruth
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
