@@ -20,10 +20,12 @@ from calibration.cli import app as calibrate
 from tams_app import __version__
 from tams_app.config import load_config
 from tams_app.console import options
+from tams_app.console.explain import config
 from tams_app.console.export_cli import export
 from tams_app.console.logs_cli import log_app, replay, report
+from tams_app.console.phases import phases
 from tams_app.console.session_cli import key_app, operate, robot, run
-from tams_app.console.tools_cli import allocate, config, network, phases
+from tams_app.console.tools_cli import allocate, network
 from tams_app.errors import ConfigError, TamsError
 
 app = typer.Typer(

@@ -470,7 +470,7 @@ COMMANDS = {
     "doctor": ([], "tams_app.cli.load_config"),
     "report": (["somewhere"], "tams_app.console.report.report_session"),
     "network": (["s2", "--interface", "eth0"], "tams_app.console.tools_cli.load_config"),
-    "phases": (["some.csv"], "tams_app.console.tools_cli.load_config"),
+    "phases": (["some.csv"], "tams_app.console.phases.load_config"),
     "allocate": (
         ["--phase", "ALIGN", "--budget-kbps", "1"],
         "tams_app.console.tools_cli.load_config",

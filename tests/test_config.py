@@ -16,8 +16,8 @@ from tams_app.config import (
     load_config,
     stop_time_s,
 )
-from tams_app.config.reference import all_sections, explain, meaning
 from tams_app.config.yaml_file import find_config_directory, writable_directory
+from tams_app.console.explain import all_sections, explain, meaning
 from tams_app.errors import ConfigError
 from tams_app.records import Phase
 

@@ -1,10 +1,9 @@
-"""`config`, `network`, `phases` and `allocate`: commands that need neither an arm nor a session."""
+"""`network` and `allocate`: an uplink's conditions on real hardware, and what a strategy gives."""
 
 from __future__ import annotations
 
 import json
 import math
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -18,7 +17,6 @@ from tams_app.console.options import (
     overriding,
 )
 from tams_app.errors import ConfigError, not_one_of
-from tams_app.outputs import write_file
 from tams_app.policy.allocation import make_strategy
 
 MAX_KBPS = 1e9
@@ -34,17 +32,6 @@ def _kbps(text: str) -> float:
         name = "NaN" if math.isnan(rate) else "infinity" if math.isinf(rate) else text
         raise typer.BadParameter(f"{name} is not a rate: give 0 to {MAX_KBPS:.0f} kbit/s")
     return rate
-
-
-def config(
-    explain: Annotated[
-        str, typer.Option(metavar="KEY", help="A key or a section, such as link; all: every key.")
-    ],
-) -> None:
-    """Print what a key means, its default and what it may be."""
-    from tams_app.config.reference import explain as explained
-
-    typer.echo(explained(explain), nl=False)
 
 
 def _actions() -> list[str]:
@@ -78,39 +65,6 @@ def network(
     from tams_app.video.live.netem import run_network
 
     run_network(load_config(config), name, interface, action, typer.echo)
-
-
-@overriding(
-    "file out no_smoothing v_eps_mm_s vz_min_mm_s align_dwell_s pre_release_dwell_s preset config",
-    {
-        name: Override(f"policy.phases.{name}")
-        for name in ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
-    },
-)
-def phases(
-    overrides: dict[str, Any],
-    file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
-    out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
-    no_smoothing: Annotated[
-        bool, typer.Option("--no-smoothing", help="The speeds are already smoothed.")
-    ] = False,
-    config: ConfigOption = None,
-) -> None:
-    """Label the task phases in a table of speeds (Algorithm 1).
-
-    Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
-    """
-    from tams_app.policy.offline import label_phases
-
-    settings = load_config(config, overrides).policy.phases
-    if out is not None and out.exists() and file.exists() and out.samefile(file):
-        raise ConfigError(f"--out: {out} is the table that is read: give another file")
-    smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
-    labelled = label_phases(_read(file), str(file), settings, smoothing_s)
-    if out is None:
-        typer.echo(labelled, nl=False)
-    else:
-        write_file(out, labelled)
 
 
 def _phases() -> list[str]:
@@ -167,12 +121,3 @@ def allocate(
     else:
         for view, kbps in targets.items():
             typer.echo(f"{view}  {kbps} kbit/s")
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise ConfigError(f"{path}: is not UTF-8 text") from error

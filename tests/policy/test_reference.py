@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 
 from tams_app.cli import app
 from tams_app.config import dump_config, load_config
+from tams_app.console.phases import label_phases
 from tams_app.errors import ConfigError
 from tams_app.policy.allocation import make_strategy
-from tams_app.policy.offline import label_phases
 from tams_app.policy.phases import PhaseInference
 from tams_app.records import Phase
 from tests.synthetic_session import tick

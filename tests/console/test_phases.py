@@ -6,8 +6,8 @@ import io
 import pytest
 
 from tams_app.config import PhasesConfig
+from tams_app.console.phases import label_phases
 from tams_app.errors import ConfigError
-from tams_app.policy.offline import label_phases
 
 pytestmark = pytest.mark.untimed
 

@@ -14,8 +14,9 @@ from collections.abc import Iterator
 from datetime import date
 from difflib import get_close_matches
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any
 
+import typer
 from annotated_types import BaseMetadata
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -75,6 +76,18 @@ _WORDS = {
     bool: "true, false",
     date: "a day",
 }
+
+
+def config(
+    key: Annotated[
+        str,
+        typer.Option(
+            "--explain", metavar="KEY", help="A key or a section, such as link; all: every key."
+        ),
+    ],
+) -> None:
+    """Print what a key means, its default and what it may be."""
+    typer.echo(explain(key), nl=False)
 
 
 def reference() -> str:

@@ -1,4 +1,4 @@
-"""Algorithm 1 over a table of speeds (`run_tams.py phases`): text in, text out."""
+"""`phases`: Algorithm 1 over a table of speeds."""
 
 from __future__ import annotations
 
@@ -7,13 +7,59 @@ import io
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
-from tams_app.config import PhasesConfig
+import typer
+
+from tams_app.config import PhasesConfig, load_config
+from tams_app.console.options import ConfigOption, Override, overriding
 from tams_app.errors import ConfigError
+from tams_app.outputs import write_file
 from tams_app.policy.phases import PhaseTracker
 
 COLUMNS = ("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper")
 ADDED_COLUMNS = ("phase", "reason")
+
+
+@overriding(
+    "file out no_smoothing v_eps_mm_s vz_min_mm_s align_dwell_s pre_release_dwell_s preset config",
+    {
+        name: Override(f"policy.phases.{name}")
+        for name in ("v_eps_mm_s", "vz_min_mm_s", "align_dwell_s", "pre_release_dwell_s")
+    },
+)
+def phases(
+    overrides: dict[str, Any],
+    file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
+    out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
+    no_smoothing: Annotated[
+        bool, typer.Option("--no-smoothing", help="The speeds are already smoothed.")
+    ] = False,
+    config: ConfigOption = None,
+) -> None:
+    """Label the task phases in a table of speeds (Algorithm 1).
+
+    Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
+    """
+    settings = load_config(config, overrides).policy.phases
+    if out is not None and out.exists() and file.exists() and out.samefile(file):
+        raise ConfigError(f"--out: {out} is the table that is read: give another file")
+    smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
+    labelled = label_phases(_text(file), str(file), settings, smoothing_s)
+    if out is None:
+        typer.echo(labelled, nl=False)
+    else:
+        write_file(out, labelled)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not UTF-8 text") from error
 
 
 @dataclass(frozen=True, slots=True)
