@@ -2,17 +2,38 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tams_app.console.options import JsonOption
-from tams_app.errors import LogError
+from tams_app.errors import ConfigError, LogError, not_one_of
 from tams_app.outputs import refuse_existing
+
+if TYPE_CHECKING:
+    from tams_app.recording.topics import Topic
+
+_HEAD = """\
+# The fields of the log
+
+Every field of each topic whose messages are JSON, made from the records in `tams_app/records/`,
+`tams_app/recording/topics.py` and `tams_app/recording/rates.py` by `run_tams.py log fields`.
+[LOG.md](LOG.md#topics) says what a topic has a message for, and the conventions of units, frames
+and clocks. *By name*: an object with a value for each name, such as each view. Fields behind a dot
+are those of the object, or of each object of the list.
+"""
+_WORDS = {
+    "integer": "whole number",
+    "number": "number",
+    "boolean": "true, false",
+    "string": "text",
+    "object": "object",
+}
 
 log_app = typer.Typer(
     no_args_is_help=True, rich_markup_mode=None, help="List and read session logs."
@@ -150,9 +171,7 @@ def fields(
     ] = "",
 ) -> None:
     """Print what each field of a topic means, or of all topics."""
-    from tams_app.console.log_reference import reference
-
-    typer.echo(reference(topic), nl=False)
+    typer.echo(_reference(topic), nl=False)
 
 
 @log_app.command("csv")
@@ -238,3 +257,43 @@ def _cell(value: Any) -> str:
     if value is None:
         return "–"
     return f"{value:.0f}" if isinstance(value, float) else str(value)
+
+
+def _reference(topic: str = "") -> str:
+    """What each field of the log means, from the records; ConfigError for a topic that has none."""
+    from tams_app.recording.rates import RATES
+    from tams_app.recording.topics import TOPICS
+
+    topics = {topic.name: topic for topic in (*TOPICS.values(), RATES)}
+    if topic:
+        if topic not in topics:
+            raise ConfigError(f"TOPIC: {not_one_of(topic, topics)}")
+        return _fields_table(topics[topic])
+    return "\n".join([_HEAD, *map(_fields_table, topics.values())])
+
+
+def _fields_table(topic: Topic[Any]) -> str:
+    rows = [
+        f"| `{name}` | {_type(part)} | {part['description']} |"
+        for name, part in _fields(json.loads(topic.schema()))
+    ]
+    about = " ".join((inspect.getdoc(topic.record_type) or "").split("\n\n")[0].split())
+    columns = "| Field | Type | Meaning |\n|---|---|---|"
+    return "\n".join([f"## `{topic.name}`", "", about, "", columns, *rows, ""])
+
+
+def _fields(schema: dict[str, Any], before: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each field with its dotted name, an object's own behind it."""
+    for name, part in schema.get("properties", {}).items():
+        yield before + name, part
+        yield from _fields(part.get("items", part), f"{before}{name}.")
+
+
+def _type(schema: dict[str, Any]) -> str:
+    if items := schema.get("items"):
+        return f"list: {_type(items)}"
+    if values := schema.get("additionalProperties"):
+        return f"by name: {_type(values)}"
+    if values := schema.get("enum"):
+        return ", ".join(f"`{value}`" if value else "empty" for value in values)
+    return _WORDS[schema["type"]]
