@@ -14,7 +14,7 @@ from hw.make_controller import DEVICES
 from hw.v4l2.devices import CameraInfo, choose_mode, list_cameras
 from tams_app.config import Config, load_config
 from tams_app.config.marks import TEMPLATE, filled, unset_keys
-from tams_app.console.device_checks import controller
+from tams_app.console.devices import controller
 from tams_app.errors import ConfigError, DeviceError, not_one_of
 from tams_app.outputs import write_file
 from tams_app.robot.build import check_names

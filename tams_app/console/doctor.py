@@ -17,7 +17,7 @@ from dataclasses import asdict
 from pathlib import Path
 
 from tams_app.config import Config
-from tams_app.console.device_checks import arm, cameras, controller, headset
+from tams_app.console.devices import arm, cameras, controller, headset
 from tams_app.console.findings import (
     Check,
     Finding,

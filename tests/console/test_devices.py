@@ -13,7 +13,7 @@ from hw.gstreamer.capture import PatternSource
 from hw.openvr.devices import ControllerInfo
 from hw.v4l2.devices import CameraInfo, CameraMode
 from tams_app.config import CONFIG_DIRECTORY, CameraConfig, Config, load_config
-from tams_app.console import device_checks, devices
+from tams_app.console import devices
 from tams_app.console.devices import camera_lines, controller_lines, show_devices
 from tams_app.errors import DeviceError
 from tams_app.printing import Console
@@ -99,9 +99,9 @@ def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -
         settings = hardware(
             arm__host="127.0.0.1", arm__control_port=ports.control, arm__report_port=ports.report
         )
-        (old,) = device_checks.arm(settings)
+        (old,) = devices.arm(settings)
         rig.model.firmware = "2.6.0"
-        (new,) = device_checks.arm(settings)
+        (new,) = devices.arm(settings)
     assert not old.ok
     assert "1.8.0" in old.fix
     assert new.ok
@@ -109,7 +109,7 @@ def test_the_doctor_finds_the_arm_of_the_file_and_says_what_is_wrong_with_it() -
 
 
 def test_the_doctor_names_each_view_without_a_camera() -> None:
-    missing = list(device_checks.cameras(hardware()))
+    missing = list(devices.cameras(hardware()))
     assert [finding.what for finding in missing] == ["Camera eih", "Camera gt", "Camera gs"]
     assert all("SET-" in finding.fix for finding in missing)
 
@@ -118,7 +118,7 @@ def test_a_camera_whose_frames_arrive_damaged_fails_with_their_number(tmp_path: 
     mjpeg(tmp_path / "bad.mkv", 30, cut, range(1, 30, 2))
     bad, pattern = {"source": "file", "file": str(tmp_path / "bad.mkv")}, {"source": "pattern"}
     settings = hardware(cameras={"eih": pattern, "gt": bad, "gs": pattern})
-    eih, gt, gs = device_checks.cameras(settings)
+    eih, gt, gs = devices.cameras(settings)
     assert (eih.ok, gt.ok, gs.ok) == (True, False, True)
     assert gt.detail.endswith("of its frames arrived damaged")
     assert "JPEG pictures lack their end" in gt.fix
@@ -130,7 +130,7 @@ def test_what_a_camera_did_not_take_is_told_though_it_works(
     kept = "keeps exposure at 10 although 80 was set"
     monkeypatch.setattr(PatternSource, "complaints", lambda _: [kept])
     cameras = {view: {"source": "pattern"} for view in ("eih", "gt", "gs")}
-    for finding in device_checks.cameras(hardware(cameras=cameras)):
+    for finding in devices.cameras(hardware(cameras=cameras)):
         assert finding.ok
         assert kept in finding.detail
         assert not finding.detail.startswith("camera")
@@ -139,9 +139,9 @@ def test_what_a_camera_did_not_take_is_told_though_it_works(
 def test_the_doctor_finds_the_controller_of_the_hand() -> None:
     runtime = FakeRuntime()
     with runtime.in_place_of_the_library():
-        (there,) = device_checks.controller(hardware())
+        (there,) = devices.controller(hardware())
         runtime.devices[RIGHT_HAND].connected = False
-        (away,) = device_checks.controller(hardware())
+        (away,) = devices.controller(hardware())
     assert (there.ok, there.detail) == (True, "vive_focus3_controller")
     assert (away.ok, away.detail) == (False, "none for the right hand")
 
@@ -149,11 +149,11 @@ def test_the_doctor_finds_the_controller_of_the_hand() -> None:
 def test_a_mapping_that_run_would_refuse_is_found() -> None:
     mapping = {"vive_focus3_controller": {"a": "no_such/click"}}
     with FakeRuntime().in_place_of_the_library():
-        (finding,) = device_checks.controller(hardware(controller__mapping=mapping))
+        (finding,) = devices.controller(hardware(controller__mapping=mapping))
     assert not finding.ok
     assert "no_such/click" in finding.fix
 
 
 def test_the_simulated_rig_needs_no_devices() -> None:
-    for check in (device_checks.arm, device_checks.controller, device_checks.cameras):
+    for check in (devices.arm, devices.controller, devices.cameras):
         assert list(check(load_config())) == []

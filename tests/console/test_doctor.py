@@ -20,7 +20,7 @@ import pytest
 
 from tams_app import gst
 from tams_app.config import CONFIG_DIRECTORY, Config, load_config
-from tams_app.console import device_checks, doctor, findings
+from tams_app.console import devices, doctor, findings
 from tams_app.console.findings import Check, Finding
 from tams_app.faces.window import toolkit
 from tams_app.printing import Console
@@ -279,12 +279,12 @@ def test_a_display_that_does_not_answer_is_none(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setenv("DISPLAY", ":4711")
     (finding,) = doctor.display(config())
     assert (finding.ok, finding.detail) == (False, "the display does not answer")
-    (finding,) = device_checks.headset(config(headset__show="always"))
+    (finding,) = devices.headset(config(headset__show="always"))
     assert not finding.ok
     assert finding.detail.startswith("the headset needs OpenGL on an X display")
     assert "headset.show" in finding.fix
-    assert not list(device_checks.headset(config(headset__show="never")))
-    assert not list(device_checks.headset(config(headset__show="always", headless=True)))
+    assert not list(devices.headset(config(headset__show="never")))
+    assert not list(devices.headset(config(headset__show="always", headless=True)))
 
 
 def test_a_display_without_gtk_names_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
