@@ -174,9 +174,8 @@ def doctor(
         if config is not None:
             raise ConfigError("--config: --link needs none; leave it out")
         from tams_app.console.link_check import run_link_check
-        from tams_app.console.two_sided import endpoint_of
 
-        raise typer.Exit(run_link_check(endpoint_of("--link", link, key), as_json))
+        raise typer.Exit(run_link_check(options.endpoint_of("--link", link, key), as_json))
     settings = load_config(config)
     if devices:
         from tams_app.console.devices import show_devices

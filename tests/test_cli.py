@@ -46,7 +46,7 @@ WHERE = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.
 def started(monkeypatch):
     """The configurations of the sessions that would have begun."""
     settings = []
-    for name in ("app.run_session", "two_sided.run_robot", "two_sided.run_operate"):
+    for name in ("app.run_session", "app.run_robot", "app.run_operate"):
         monkeypatch.setattr(
             f"tams_app.console.{name}", lambda config, *_, **__: settings.append(config) or 0
         )

@@ -1,4 +1,4 @@
-"""`run` on the terminal: a live line, the window, the headset, and a table at the end."""
+"""Sessions on the terminal: a live line, the window, the headset, and a table at the end."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from tams_app.config import Config
 from tams_app.console.end_screen import ask_at_end
@@ -29,7 +29,7 @@ from tams_app.faces.terminal.keys import KeyPresses, TerminalKeys, handled_signa
 from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.faces.terminal.output import unblocked_output
 from tams_app.printing import Console
-from tams_app.robot.build import check_names, check_ready_pose, check_views
+from tams_app.robot.build import check_hand, check_names, check_ready_pose, check_views
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.runtime.shared_ring import require_room
 from tams_app.runtime.worker import Worker
@@ -37,10 +37,13 @@ from tams_app.session.folder import create_session_folder, remove_session_folder
 from tams_app.session.run import run
 from tams_app.session.sentences import Sentences
 from tams_app.session.session import Session
-from tams_app.session.shared_memory import session_bytes
+from tams_app.session.shared_memory import robot_bytes, session_bytes, station_bytes
 from tams_app.session.viewing import check_viewers
 from tams_app.station.seat import require_local_seat
 from tams_app.teleop.hands import hand_of, words_of_hand
+
+if TYPE_CHECKING:
+    from tams_app.link.gateway_client import Endpoint
 
 POLL_S = 0.05
 Conclude: TypeAlias = Callable[[Sequence[SessionDisplay]], None]
@@ -74,6 +77,35 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int
     check_session(config, dry_run, session_bytes(config))
     make = partial(run, config, MonotonicClock(), arm_at_once=arm_at_once, dry_run=dry_run)
     return run_and_report(config, make, may_repeat=config.rig.enabled)
+
+
+def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
+    """Run the robot's side of two until its session ends; the exit code."""
+    from tams_app.link.keys import accepted_keys
+    from tams_app.session.robot import robot
+
+    check_session(config, dry_run, robot_bytes(config))
+
+    def make(folder: Path) -> Session:
+        session = robot(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
+        names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
+        keys = f" with the key of {' or '.join(names)}" if names else ""
+        session.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
+        return session
+
+    return run_and_report(config, make)
+
+
+def run_operate(config: Config, endpoint: Endpoint) -> int:
+    """Run the operator's side of two until either ends the session; the exit code."""
+    from tams_app.session.operate import operate
+
+    check_hand(config)
+    check_faces(config)
+    require_room(station_bytes(config))
+    notify = partial(Console().print, soft_wrap=True)
+    make = partial(operate, config, MonotonicClock(), endpoint=endpoint, notify=notify)
+    return run_and_report(config, make)
 
 
 def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:

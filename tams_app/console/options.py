@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, TypeAlias, get_args
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, get_args
 
 import typer
 
@@ -16,6 +16,9 @@ from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, TamsError
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
+
+if TYPE_CHECKING:
+    from tams_app.link.gateway_client import Endpoint
 
 _FOXGLOVE, _ROS2 = "127.0.0.1:8765", "0"
 
@@ -201,6 +204,40 @@ def overriding(
 def _value(given: Any) -> Any:
     """The value laid over a key: the text of a path, and nothing for a flag that is not set."""
     return str(given) if isinstance(given, Path) else None if given is False else given
+
+
+def endpoint_of(
+    option: str, given: str, key: Path | None, accepts_several: bool = False
+) -> Endpoint:
+    """HOST:PORT (IPv6: [HOST]:PORT) and the key; ConfigError unless they can be used together.
+
+    `accepts_several`: on the robot's side the key may be a folder of keys.
+    """
+    from tams_app.link.addresses import addresses_of, is_loopback
+    from tams_app.link.gateway_client import Endpoint
+    from tams_app.link.keys import accepted_keys, read_key
+    from tams_app.telemetry import Address
+
+    at = Address.of(given, option, "192.168.1.20:7300")
+    host, port = at.host, at.port
+    try:
+        _, addresses = addresses_of(host, port)
+    except (OSError, UnicodeError) as error:
+        raise ConfigError(f"{option}: {host} is not known: give a name or an address") from error
+    if key is None and not all(map(is_loopback, addresses)):
+        raise ConfigError(
+            f"{option}: {host} can be reached from other computers, so --key is needed: "
+            "make one with: key new FILE"
+        )
+    if key is None:
+        # what listens does so at what was judged, not what it is later; who calls judges it again
+        return Endpoint(addresses[0][0] if accepts_several else host, port, None)
+    # what is wrong with it is reported before anything is started
+    if accepts_several:
+        accepted_keys(key)
+    else:
+        read_key(key)
+    return Endpoint(host, port, key)
 
 
 def with_values(arguments: list[str]) -> list[str]:

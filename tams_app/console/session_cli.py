@@ -12,6 +12,7 @@ from tams_app.console.options import (
     ConfigOption,
     KeyOption,
     Override,
+    endpoint_of,
     network_names,
     overriding,
 )
@@ -78,7 +79,7 @@ def robot(
     settings = load_config(config, overrides | of_this_side)
     _check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
-    from tams_app.console.two_sided import endpoint_of, run_robot
+    from tams_app.console.app import run_robot
 
     raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run))
 
@@ -106,7 +107,7 @@ def operate(
         overrides["controller.device"] = overrides["controller.device"] or "sim"
     settings = load_config(config, overrides)
     typer.echo("loading …")  # takes a second or two
-    from tams_app.console.two_sided import endpoint_of, run_operate
+    from tams_app.console.app import run_operate
 
     raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from tams_app.console.link_check import findings, measured, run_link_check
-from tams_app.console.two_sided import endpoint_of
+from tams_app.console.options import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
 from tams_app.link.gateway_client import Endpoint, Gateway
 from tams_app.link.keys import new_key

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from tams_app.console.two_sided import endpoint_of
+from tams_app.console.options import endpoint_of
 from tams_app.errors import ConfigError
 from tams_app.link import addresses
 from tams_app.link.addresses import addresses_of, called, is_loopback, named

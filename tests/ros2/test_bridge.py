@@ -271,6 +271,7 @@ def test_without_dds_it_is_one_sentence(tmp_path: Path, monkeypatch: pytest.Monk
 def test_the_application_itself_loads_no_dds() -> None:
     load = (
         "import sys; sys.modules['cyclonedds'] = sys.modules['rosbags'] = None\n"
-        "import tams_app.cli, tams_app.console.app, tams_app.console.two_sided\n"
+        "import tams_app.cli, tams_app.console.app\n"
+        "import tams_app.session.robot, tams_app.session.operate\n"
     )
     subprocess.run([sys.executable, "-c", load], check=True, timeout=100)
