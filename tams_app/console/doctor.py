@@ -9,7 +9,6 @@ from __future__ import annotations
 import errno
 import json
 import os
-import platform
 import shutil
 import socket
 from collections.abc import Iterator, Sequence
@@ -222,24 +221,6 @@ def predictive_display(config: Config) -> Iterator[Finding]:
         )
 
 
-def network_emulation(_: Config) -> Iterator[Finding]:
-    """`tc` and netem, which only `run_tams.py network` on hardware needs."""
-    yield Finding(
-        "Network emulation: tc",
-        shutil.which("tc", path=f"{os.environ.get('PATH', '')}:/sbin:/usr/sbin") is not None,
-        "",
-        "apt-get install iproute2; only `run_tams.py network` needs it",
-        essential=False,
-    )
-    yield Finding(
-        "Network emulation: netem in the kernel",
-        kernel_has_netem(Path("/")),
-        platform.release(),
-        "use a kernel with sch_netem; only `run_tams.py network` needs it",
-        essential=False,
-    )
-
-
 def marked_keys(path: Path) -> Check:
     """The check of the keys marked SET in a file of one's hardware that are still as in ours."""
 
@@ -274,7 +255,6 @@ CHECKS: tuple[Check, ...] = (
     realtime,
     display,
     predictive_display,
-    network_emulation,
     arm,
     controller,
     headset,
@@ -301,15 +281,6 @@ def run_doctor(
     else:
         console.print(verdict(broken))
     return 1 if broken else 0
-
-
-def kernel_has_netem(root: Path) -> bool:
-    """True if sch_netem is loaded, built in, or can be loaded."""
-    if (root / "sys/module/sch_netem").exists():
-        return True
-    modules = root / "lib/modules" / platform.release()
-    lists = (modules / "modules.builtin", modules / "modules.dep")
-    return any(path.exists() and "sch_netem" in path.read_text() for path in lists)
 
 
 def _bind_refusal(host: str, port: int) -> OSError | None:

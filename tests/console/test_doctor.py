@@ -6,7 +6,6 @@ import errno
 import io
 import json
 import os
-import platform
 import socket
 import subprocess
 import sys
@@ -328,16 +327,6 @@ def test_of_each_view_it_is_told_whether_it_can_be_predicted_and_how_well_or_wha
         assert not finding.essential
         assert finding.detail == reason
         assert finding.fix.startswith("it is shown as received; to measure it: run_tams.py calib")
-
-
-def test_netem_is_found_where_it_can_be_loaded_or_is(tmp_path: Path) -> None:
-    assert not doctor.kernel_has_netem(tmp_path)
-    modules = tmp_path / "lib/modules" / platform.release()
-    modules.mkdir(parents=True)
-    (modules / "modules.dep").write_text("kernel/net/sched/sch_netem.ko:\n")
-    assert doctor.kernel_has_netem(tmp_path)
-    (tmp_path / "loaded/sys/module/sch_netem").mkdir(parents=True)
-    assert doctor.kernel_has_netem(tmp_path / "loaded")
 
 
 @pytest.mark.parametrize(("free_mb", "ok"), [(16, False), (64, False), (256, True)])
