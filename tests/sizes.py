@@ -16,7 +16,7 @@ import typer
 from pydantic import BaseModel
 
 from tams_app.cli import app
-from tams_app.config.problems import sections
+from tams_app.config.section import sections
 from tams_app.config.whole import Config
 
 ROOT = Path(__file__).parent.parent

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from calibration.store import write_text
 from tams_app import gst
-from tams_app.config.problems import describe_validation_error
+from tams_app.config.section import describe_validation_error
 from tams_app.config.yaml_file import read_yaml
 from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display

@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from calibration.kit import Progress
 from calibration.weights.clips import ClipFolder, ClipTimes, ClipWriter, CutSession
 from tams_app.config import VideoConfig
-from tams_app.config.problems import describe_validation_error
+from tams_app.config.section import describe_validation_error
 from tams_app.config.whole import without_removed
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, UnreadableLogError

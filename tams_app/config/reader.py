@@ -9,7 +9,7 @@ import yaml
 from pydantic import ValidationError
 
 from tams_app.config.calibrated import Calibrated, files_in_force, read_calibrated, set_folder, sets
-from tams_app.config.problems import find_problems
+from tams_app.config.section import find_problems
 from tams_app.config.whole import Config, removed_keys
 from tams_app.config.yaml_file import CONFIG_DIRECTORY, DEFAULT_CONFIG, read_yaml
 from tams_app.errors import ConfigError

@@ -21,8 +21,7 @@ from annotated_types import BaseMetadata
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from tams_app.config.problems import sections
-from tams_app.config.section import WORD
+from tams_app.config.section import WORD, sections
 from tams_app.config.whole import REMOVED, Config
 from tams_app.errors import ConfigError
 

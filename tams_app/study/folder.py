@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from tams_app.config import Config, dump_config, load_config
-from tams_app.config.problems import describe_validation_error
+from tams_app.config.section import describe_validation_error
 from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import inner_folder, open_lock, write_file
 from tams_app.study.plan import Attempt, AttemptState, ParticipantState, Plan
