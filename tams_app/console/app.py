@@ -161,7 +161,7 @@ def _run_once(
 
     try:
         session = make(folder)
-        show_session(session, console, interrupted=signals.append, conclude=conclude)
+        show_session(session, console, signals=signals, conclude=conclude)
     except TamsError as error:
         if session is None or not session.started:
             remove_session_folder(folder, str(error))
@@ -179,22 +179,22 @@ def show_session(
     session: ShownSession,
     console: Console,
     words_of: WordsOf = status_words,
-    interrupted: Callable[[str], None] = lambda _reason: None,
+    signals: list[str] | None = None,
     trial: ShownTrial | None = None,
     replay: ShownReplay | None = None,
     conclude: Conclude | None = None,
 ) -> None:
     """Start a session, show it until it ends, close it. TamsError if it cannot start.
 
-    No screen holds it up. `interrupted` is notified of a signal that ends it, in the thread that
-    stops the arm then. `trial`: of a study; nothing else may be notified of its session. `replay`:
-    the session, where it is one. `conclude`: called once it is closed, with the faces, of which
-    those that show an end are still there.
+    No screen holds it up. `signals`: takes those that end it. `trial`: of a study; nothing else may
+    be notified of its session. `replay`: the session, where it is one. `conclude`: called once it
+    is closed, with the faces, of which those that show an end are still there.
     """
     runs, over = threading.Event(), threading.Event()
 
     def end(reason: str) -> None:
-        interrupted(reason)
+        if signals is not None:
+            signals.append(reason)
         session.request_end(reason)
         if runs.is_set() and not over.is_set():
             session.stop_arm()

@@ -63,7 +63,7 @@ class LiveTrialRunner:
         session = run(config, MonotonicClock(), folder)
         try:
             shown = LiveTrial(trial, config.trial.limit_s, session)
-            show_session(session, self._console, shown.words, signals.append, trial=shown)
+            show_session(session, self._console, shown.words, signals, trial=shown)
             session.require_whole_log()
             with waiting("writing the summary", self._console):
                 write_summary(folder)

@@ -136,7 +136,7 @@ class InterruptedSession(EndedSession):
 def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
     monkeypatch.setattr(app, "_read_keys", keys(False))
     session, told = InterruptedSession(), []
-    app.show_session(session, Console(quiet=True), interrupted=told.append)
+    app.show_session(session, Console(quiet=True), signals=told)
     assert told == ["ended by SIGINT"]
     assert session.asked == ["ended by SIGINT", "closed"]
 
@@ -341,7 +341,7 @@ def test_only_a_session_of_the_rig_may_be_started_anew_from_its_window(name, rep
 def ran(monkeypatch):
     """Runs sessions that are over at once; the answers at their ends, and the folders of all."""
 
-    def run(answers, signals=(), may_repeat=True, **overrides):
+    def run(answers, came=(), may_repeat=True, **overrides):
         left, folders = list(answers), []
         monkeypatch.setattr(app, "create_session_folder", lambda config: f"folder {len(folders)}")
         monkeypatch.setattr(app, "report_session", lambda folder, console: {})
@@ -351,9 +351,8 @@ def ran(monkeypatch):
             folders.append(folder)
             return SimpleNamespace(failure="", started=True)
 
-        def show_session(session, console, interrupted, conclude):
-            for signal_name in signals:
-                interrupted(signal_name)
+        def show_session(session, console, signals, conclude):
+            signals += came
             conclude(())
 
         monkeypatch.setattr(app, "show_session", show_session)
@@ -372,4 +371,4 @@ def test_a_session_is_run_for_as_long_as_the_operator_asks_for_another(answers, 
 def test_a_session_that_is_limited_or_was_interrupted_asks_nobody_at_its_end(ran):
     assert ran((), seconds=30) == ["folder 0"]
     with pytest.raises(SignalledError):
-        ran((), signals=["ended by SIGINT"])
+        ran((), came=["ended by SIGINT"])

@@ -89,9 +89,9 @@ def test_ctrl_c_ends_the_sitting_and_is_no_failed_trial(
     played: Callable[..., None], tmp_path: Path, has_started: bool
 ) -> None:
     def show(
-        session: Session, console: Console, lines: object, interrupted: Any, **_: object
+        session: Session, console: Console, lines: object, signals: list[str], **_: object
     ) -> None:
-        interrupted("ended by SIGINT")
+        signals.append("ended by SIGINT")
         if not has_started:
             raise TamsError("ended by SIGINT before it had started")
 

@@ -60,7 +60,7 @@ def run_replay(
             )
         if log.damage:
             console.print(log.damage, style="bold", soft_wrap=True)
-        show_session(session, console, interrupted=signals.append, replay=session)
+        show_session(session, console, signals=signals, replay=session)
     if session.failure:
         raise TamsError(session.failure)
     if signals:
