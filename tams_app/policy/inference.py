@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from tams_app.config import PhasesConfig
 from tams_app.records import ArmState, Phase, PhaseChange
 from tams_app.registry import Registry
@@ -16,12 +14,19 @@ class Inference:
     `tams.inference`.
     """
 
-    phase: Phase = Phase.REACH
+    phase = Phase.REACH
     """The phase now."""
     speed = 0.0
     """Smoothed speed of the TCP [m/s]."""
     vertical_speed = 0.0
     """Smoothed vertical speed of the TCP [m/s], upwards."""
+
+    def __init__(self, config: PhasesConfig) -> None:
+        """Begin at the first phase of the task.
+
+        Args:
+            config: `policy.phases` of the configuration.
+        """
 
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
         """Take in the arm's newest report; called in each control tick, so it must not block.
@@ -36,14 +41,12 @@ class Inference:
         raise NotImplementedError
 
 
-INFERENCES: Registry[Callable[[PhasesConfig], Inference]] = Registry(
+INFERENCES: Registry[type[Inference]] = Registry(
     "policy.phases.inference",
     "tams.inference",
     dict.fromkeys(("motion", "reference"), "tams_app.policy.phases:PhaseInference"),
 )
-"""Makers of an inference by their word for `policy.phases.inference`; entry points of
-`tams.inference`.
-"""
+"""The inferences by their word for `policy.phases.inference`; entry points of `tams.inference`."""
 
 
 def make_inference(config: PhasesConfig) -> Inference:

@@ -151,6 +151,7 @@ class PhaseInference(Inference):
     """
 
     def __init__(self, config: PhasesConfig) -> None:
+        super().__init__(config)
         self._tracker = PhaseTracker(config)
         self._smoothed = SmoothedSpeed(config.smoothing_ms / 1000)
         self._last_ns: int | None = None

@@ -1,14 +1,10 @@
 """An inference that takes everything for Transport."""
 
-from tams_app.config import PhasesConfig
 from tams_app.policy.inference import Inference
 from tams_app.records import ArmState, Phase, PhaseChange
 
 
 class Always(Inference):
-    def __init__(self, config: PhasesConfig) -> None:
-        """Ignore the thresholds."""
-
     def step(self, now_ns: int, arm: ArmState | None) -> PhaseChange | None:
         if self.phase is Phase.TRANSPORT:
             return None
