@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
@@ -155,7 +155,6 @@ class ReplaySession:
             self.outline = msgspec.structs.replace(self.outline, phases=())
         self.playback = Playback(log.header.started_ns, log.ended_ns, speed)
         self.signals = PlaybackRequests(self.playback)
-        self._actions = self._actions_by_key()
         if marking is not None:
             self.playback.pause()
             if marking.marks:
@@ -214,16 +213,15 @@ class ReplaySession:
         return ReplayFacts(playback.speed, paused, playback.jumps, marks, self._past)
 
     def on_keys(self, keys: Keys) -> None:
-        """Do what each new press asks for; others change nothing. From one thread."""
+        """Do what each new press asks for. From one thread."""
         for key, count in keys.presses.items():
             for _ in range(count - self._presses.get(key, 0)):
-                if action := self._actions.get(key):
-                    self.signals.ask(action)
+                self.signals.ask(partial(self._do, key))
         self._presses = keys.presses
 
     def seek(self, t_s: float) -> None:
         """Go to that moment of the log [s], in any thread."""
-        self.signals.ask(lambda: self._go_to(t_s))
+        self.signals.ask(partial(self._go_to, t_s))
 
     def request_end(self, reason: str) -> None:
         self.end(reason)
@@ -248,29 +246,32 @@ class ReplaySession:
         finally:
             self.screen.close()
 
-    def _actions_by_key(self) -> dict[str, Action]:
-        """The actions of keys that are no commands, by their names in GDK."""
-        playback = self.playback
-        actions: dict[str, Action] = {
-            "Left": partial(playback.move, -_STEP_NS),
-            "Right": partial(playback.move, _STEP_NS),
-            "Home": partial(playback.move, -_LONG_NS),
-            "End": partial(playback.move, _LONG_NS),
-            "Up": partial(playback.faster, 1),
-            "Down": partial(playback.faster, -1),
-            "Page_Up": partial(self._go_a_little, -_FINE_NS),
-            "Page_Down": partial(self._go_a_little, _FINE_NS),
-            "g": self._go_to_gripper,
-        }
-        if (marking := self._marking) is not None:
-
-            def mark(change: Callable[[float], str]) -> None:
-                self.sentences.note(change(self.elapsed_s()))
-
-            actions["BackSpace"] = partial(mark, marking.undo)
-            for key, phase in PHASE_KEYS.items():
-                actions[key] = partial(mark, partial(marking.begin, phase))
-        return actions
+    def _do(self, key: str) -> None:
+        """Do what a key is for that is no command, by its name in GDK; others change nothing."""
+        playback, marking = self.playback, self._marking
+        match key:
+            case "Left":
+                playback.move(-_STEP_NS)
+            case "Right":
+                playback.move(_STEP_NS)
+            case "Home":
+                playback.move(-_LONG_NS)
+            case "End":
+                playback.move(_LONG_NS)
+            case "Up":
+                playback.faster(1)
+            case "Down":
+                playback.faster(-1)
+            case "Page_Up":
+                self._go_a_little(-_FINE_NS)
+            case "Page_Down":
+                self._go_a_little(_FINE_NS)
+            case "g":
+                self._go_to_gripper()
+            case "BackSpace" if marking is not None:
+                self.sentences.note(marking.undo(self.elapsed_s()))
+            case _ if marking is not None and key in PHASE_KEYS:
+                self.sentences.note(marking.begin(PHASE_KEYS[key], self.elapsed_s()))
 
     def _go_to(self, t_s: float) -> None:
         self.playback.seek(self._log.header.started_ns + round(t_s * NS_PER_S))
