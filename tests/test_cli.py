@@ -92,44 +92,6 @@ def test_a_floor_that_cannot_be_kept_is_said_beside_the_targets(capsys):
     assert run(capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 450)[2] == ""
 
 
-def labels(capsys, tmp_path, rows, *options):
-    """The phases that the command gives the rows: speeds [mm/s] along x, y and z, gripper open."""
-    table = tmp_path / "speeds.csv"
-    lines = [f"{number / 10},{x},{y},{z},0\n" for number, (x, y, z) in enumerate(rows)]
-    table.write_text("t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n" + "".join(lines))
-    code, out, _ = run(capsys, "phases", table, "--no-smoothing", *options)
-    assert code == 0
-    return [(row["phase"], row["reason"]) for row in csv.DictReader(io.StringIO(out))]
-
-
-HELD = "pause: phase held"
-
-
-@pytest.mark.parametrize("v_eps", [5, 0.1, 7.3, 12.345])
-def test_without_smoothing_a_speed_at_the_threshold_is_held_whatever_came_before(
-    capsys, tmp_path, v_eps
-):
-    speeds = [3 * v_eps, v_eps, 1.1 * v_eps, v_eps, 77.7, v_eps, 0, v_eps, v_eps * 1.0000001]
-    rows = [(speed, 0, 0) for speed in speeds] + [(0, 0, -v_eps), (-v_eps, 0, 0)]
-    found = [reason for _, reason in labels(capsys, tmp_path, rows, "--v-eps-mm-s", v_eps)]
-    assert [reason == HELD for reason in found] == [max(map(abs, row)) <= v_eps for row in rows]
-
-
-def test_without_smoothing_the_norm_of_whole_speeds_is_exact(capsys, tmp_path):
-    rows = [(30, 40, 0), (3, 4, 0), (0, -3, 4), (3, 4, 0.001)]
-    found = [reason for _, reason in labels(capsys, tmp_path, rows)]
-    assert [reason == HELD for reason in found] == [False, True, True, False]
-
-
-@pytest.mark.parametrize("vz_min", [15, 0.3, 14.7])
-def test_without_smoothing_a_descent_at_the_threshold_is_none(capsys, tmp_path, vz_min):
-    options = ("--vz-min-mm-s", vz_min, "--v-eps-mm-s", 0.1, "--align-dwell-s", 0.05)
-    at, below = [(50, 0, -vz_min)] * 4, [(50, 0, -vz_min * 1.0000001)] * 4
-    assert {phase for phase, _ in labels(capsys, tmp_path, at, *options)} == {"REACH"}
-    phases = [phase for phase, _ in labels(capsys, tmp_path, below, *options)]
-    assert phases == ["REACH", "ALIGN", "ALIGN", "ALIGN"]
-
-
 @pytest.mark.parametrize("make_link", [None, Path.symlink_to, Path.hardlink_to])
 def test_phases_does_not_write_over_its_input(capsys, tmp_path, make_link):
     table, out = tmp_path / "speeds.csv", tmp_path / "speeds.csv"

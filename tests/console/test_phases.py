@@ -4,6 +4,8 @@ import csv
 import io
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app.config import PhasesConfig
 from tams_app.console.phases import label_phases
@@ -15,14 +17,42 @@ THRESHOLDS = PhasesConfig()
 HEADER = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n"
 
 
-def phases(text, smoothing_s=0.0):
-    labelled = label_phases(text, "t.csv", THRESHOLDS, smoothing_s)
-    return [row["phase"] for row in csv.DictReader(io.StringIO(labelled))]
+HELD = "pause: phase held"
 
 
-def test_a_descent_becomes_align_once_it_has_lasted_the_dwell_time():
-    rows = "".join(f"{i / 10},0,0,-50,0\n" for i in range(6))
-    assert phases(HEADER + rows) == ["REACH"] * 3 + ["ALIGN"] * 3
+def labels(text, smoothing_s=0.0, thresholds=THRESHOLDS):
+    """Phase and reason of each row."""
+    labelled = label_phases(text, "t.csv", thresholds, smoothing_s)
+    return [(row["phase"], row["reason"]) for row in csv.DictReader(io.StringIO(labelled))]
+
+
+def phases(text, *given):
+    return [phase for phase, _ in labels(text, *given)]
+
+
+FACTORS = st.sampled_from([0.0, 0.5, 1 - 1e-7, 1.0, 1 + 1e-7, 3.0])  # of the threshold
+AXES = st.sampled_from([(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, 0, -1)])
+
+
+@given(st.floats(0.01, 100.0), st.lists(st.tuples(FACTORS, AXES), min_size=1))
+def test_without_smoothing_a_speed_at_the_threshold_is_held_whatever_came_before(v_eps, speeds):
+    rows = [[factor * v_eps * part for part in axis] for factor, axis in speeds]
+    text = HEADER + "".join(f"{t},{x},{y},{z},0\n" for t, (x, y, z) in enumerate(rows))
+    found = labels(text, 0.0, PhasesConfig(v_eps_mm_s=v_eps))
+    assert [reason == HELD for _, reason in found] == [max(map(abs, row)) <= v_eps for row in rows]
+
+
+def test_without_smoothing_the_norm_of_whole_speeds_is_exact():
+    found = labels(HEADER + "0,30,40,0,0\n1,3,4,0,0\n2,0,-3,4,0\n3,3,4,0.001,0\n")
+    assert [reason == HELD for _, reason in found] == [False, True, True, False]
+
+
+@given(st.floats(0.3, 100.0), st.sampled_from([(1.0, "REACH"), (1.0000001, "ALIGN")]))
+def test_without_smoothing_a_descent_at_the_threshold_is_none(vz_min, case):
+    factor, phase = case
+    thresholds = PhasesConfig(vz_min_mm_s=vz_min, v_eps_mm_s=0.1, align_dwell_s=0.05)
+    rows = "".join(f"{n / 10},50,0,{-vz_min * factor},0\n" for n in range(4))
+    assert phases(HEADER + rows, 0.0, thresholds) == ["REACH", *[phase] * 3]
 
 
 def test_the_first_row_has_no_gripper_edge():
