@@ -110,20 +110,6 @@ def test_odd_yaml_is_one_sentence_in_bounded_time_and_memory(tmp_path: Path, nam
     assert int(more_mb) < MEMORY_MB
 
 
-def test_odd_yaml_given_to_a_command_is_one_line_and_exit_code_2(tmp_path: Path) -> None:
-    path = tmp_path / "odd.yaml"
-    path.write_text(laughs(8))
-    done = subprocess.run(
-        [sys.executable, "run_tams.py", "doctor", "--config", str(path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 2
-    assert done.stderr.startswith(f"tams: {path}: line 5: aliases stand for")
-    assert done.stderr.count("\n") == 1
-
-
 def test_a_pipe_is_refused_and_not_waited_for(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe.yaml"
     os.mkfifo(pipe)

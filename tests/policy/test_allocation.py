@@ -49,12 +49,6 @@ def test_more_budget_never_means_less_for_any_view(weights, one, other, floor):
     assert all(small[view] <= large[view] for view in weights)
 
 
-def test_the_paper_s_formula_for_align_under_s2():
-    # B = 6000 * 0.92 = 5520; 150 + w (5520 - 450)
-    targets = allocate({"eih": 0.60, "gt": 0.20, "gs": 0.20}, 5520, 150)
-    assert targets == {"eih": 3192, "gt": 1164, "gs": 1164}
-
-
 def test_weights_that_are_exact_decimals_are_not_rounded_below_their_share():
     assert allocate({"a": 0.1, "b": 0.2, "c": 0.7}, 1000, 0) == {"a": 100, "b": 200, "c": 700}
 
@@ -134,11 +128,9 @@ def matrices(draw: st.DrawFn) -> WeightMatrix:
     matrices(),
     st.sampled_from(Phase),
     st.sampled_from(["", "v0", "v1", "v2", "v3", "nonsense"]),
-    budgets,
-    floors,
 )
-def test_budget_and_floors_hold_whatever_is_pinned_and_its_row_is_one_of_the_matrix(
-    matrix: WeightMatrix, phase: Phase, pinned: str, budget: float, floor: float
+def test_whatever_is_pinned_its_row_is_one_of_the_matrix(
+    matrix: WeightMatrix, phase: Phase, pinned: str
 ) -> None:
     row = matrix.row(matrix.row_phase(phase, pinned))
     primary = matrix.primary_view(phase, pinned)
@@ -148,10 +140,6 @@ def test_budget_and_floors_hold_whatever_is_pinned_and_its_row_is_one_of_the_mat
         assert row[primary] == max(row.values())
     else:
         assert row[primary] == max(matrix.row(one)[primary] for one in Phase)
-    targets = allocate(row, budget, floor)
-    assert sum(targets.values()) <= budget
-    if budget >= len(row) * floor:
-        assert min(targets.values()) >= int(floor)
 
 
 # --- what `tams+` adds to `tams` -----------------------------------------------------------------
