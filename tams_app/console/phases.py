@@ -16,7 +16,7 @@ from tams_app.config import PhasesConfig, load_config
 from tams_app.console.options import ConfigOption, Override, overriding
 from tams_app.errors import ConfigError
 from tams_app.outputs import write_file
-from tams_app.policy.phases import PhaseTracker
+from tams_app.policy.phases import PhaseTracker, SmoothedSpeed
 
 COLUMNS = ("t_s", "vx_mm_s", "vy_mm_s", "vz_mm_s", "gripper")
 ADDED_COLUMNS = ("phase", "reason")
@@ -113,21 +113,15 @@ def _check_header(header: Sequence[str], name: str) -> None:
 def _label(
     rows: Iterable[_Row], thresholds: PhasesConfig, smoothing_s: float
 ) -> Iterator[dict[str, str]]:
-    tracker = PhaseTracker(thresholds)
-    speed_mm_s = vertical_mm_s = 0.0
+    tracker, smoothed = PhaseTracker(thresholds), SmoothedSpeed(smoothing_s)
     last_s: float | None = None
     for row in rows:
         period_s = 0.0 if last_s is None else row.t_s - last_s
-        if not smoothing_s or last_s is None:
-            speed_mm_s, vertical_mm_s = row.speed_mm_s, row.vertical_mm_s
-        else:
-            alpha = 1.0 - math.exp(-period_s / smoothing_s)
-            speed_mm_s += alpha * (row.speed_mm_s - speed_mm_s)
-            vertical_mm_s += alpha * (row.vertical_mm_s - vertical_mm_s)
         last_s = row.t_s
+        smoothed.smooth(row.speed_mm_s, row.vertical_mm_s, period_s)
         decision = tracker.step(
-            speed=speed_mm_s / 1000,  # divided as the thresholds are: equal stays equal
-            vertical_speed=vertical_mm_s / 1000,
+            speed=smoothed.speed / 1000,  # divided as the thresholds are: equal stays equal
+            vertical_speed=smoothed.vertical_speed / 1000,
             closed=row.closed,
             period_s=period_s,
         )

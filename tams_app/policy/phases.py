@@ -133,9 +133,10 @@ class SmoothedSpeed:
             return
         way = floats(position - self._position)
         self._position, self._received_ns = position, received_ns
-        self._smooth(norm(way) / interval_s, way[2] / interval_s, interval_s)
+        self.smooth(norm(way) / interval_s, way[2] / interval_s, interval_s)
 
-    def _smooth(self, speed: float, vertical_speed: float, interval_s: float) -> None:
+    def smooth(self, speed: float, vertical_speed: float, interval_s: float) -> None:
+        """Take in speeds, in any unit, that were measured `interval_s` after those before."""
         if not (self._started and self._time_constant_s):
             self.speed, self.vertical_speed, self._started = speed, vertical_speed, True
             return
