@@ -88,10 +88,12 @@ class TrialJudge:
 
     def contains(self, container: Pose, block: Pose) -> bool:
         """Is the block's centre between the container's walls and below their upper edge?"""
+        height = float(block.position[2] - container.position[2])
+        return self._is_over(container, block) and height <= self._geometry.container_height
+
+    def _is_over(self, container: Pose, block: Pose) -> bool:
         offset = container.rotation.inv().apply(block.position - container.position)
-        half = self._geometry.container_inner / 2
-        below_edge = block.position[2] - container.position[2] <= self._geometry.container_height
-        return bool(np.all(np.abs(offset[:2]) <= half) and below_edge)
+        return bool(np.all(np.abs(offset[:2]) <= self._geometry.container_inner / 2))
 
     def _count_drops(
         self, now_ns: int, truth: SceneTruth, closed: bool | None, inside: bool
@@ -106,18 +108,13 @@ class TrialJudge:
             self._lifted = True
         if not self._lifted:
             return
-        over_container = inside or self._above_container(truth)
+        over_container = self._is_over(truth.container, truth.block)
         fell = closed is True and height <= ON_TABLE_M and not inside
         if fell or (opened and not over_container):
             self.drops += 1
             self._lifted = False
         elif opened:
             self._lifted = False
-
-    def _above_container(self, truth: SceneTruth) -> bool:
-        rotation = truth.container.rotation.inv()
-        offset = rotation.apply(truth.block.position - truth.container.position)
-        return bool(np.all(np.abs(offset[:2]) <= self._geometry.container_inner / 2))
 
     def _is_placed(self, now_ns: int, truth: SceneTruth, closed: bool | None, inside: bool) -> bool:
         resting = inside and closed is False and truth.block_speed < PLACED_SPEED_M_S
