@@ -122,7 +122,7 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
         f"period error p99 {known(control['period_error_ms']['p99'], '{:.2f} ms')}",
         "Arm": f"round trip {_p50_p99(arm['round_trip_ms'], '{:.1f} ms')}; "
         f"stops: {len(arm['stops'])}" + (f", longest {max(stops):.0f} ms" if stops else ""),
-        "Stops": _stops_table(arm["stops"]) if arm["stops"] else "",
+        "Stops": _listed(stop_texts(arm["stops"])) if arm["stops"] else "",
         "Uplink": f"{known(uplink['sent_kbps_mean'], '{:.0f}')} of "
         f"{known(uplink['capacity_kbps'], '{:.0f}')} kbit/s, "
         f"used {_percent(uplink['utilisation'], 0)}, "
@@ -139,15 +139,12 @@ def _session_table(summary: Mapping[str, Any], seen_elsewhere: bool) -> Table:
 
 def _episodes(episodes: Sequence[Mapping[str, Any]]) -> str | Table:
     """Each episode: when it began, its length, and what has become of it; empty without any."""
-    if not episodes:
-        return ""
-    table = Table.grid(padding=(0, 1))
-    table.add_column(justify="right")
+    rows = []
     for one in episodes:
         episode = EpisodeState(one["number"], one["length_s"], one["kept"], one["success"])
         outcome = f"at {one['t_s']:.1f} s, {one['length_s']:.1f} s long: {verdict(episode)}"
-        table.add_row(str(one["number"]), outcome)
-    return table
+        rows.append((str(one["number"]), outcome))
+    return _listed(rows) if rows else ""
 
 
 def stop_texts(stops: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
@@ -162,11 +159,11 @@ def stop_texts(stops: Sequence[Mapping[str, Any]]) -> list[tuple[str, str]]:
     return texts
 
 
-def _stops_table(stops: Sequence[Mapping[str, Any]]) -> Table:
+def _listed(rows: Sequence[tuple[str, str]]) -> Table:
     table = Table.grid(padding=(0, 1))
     table.add_column(justify="right")
-    for when, why in stop_texts(stops):
-        table.add_row(when, Text(why))
+    for first, text in rows:
+        table.add_row(first, Text(text))
     return table
 
 
