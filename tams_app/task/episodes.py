@@ -7,6 +7,7 @@ keeps it. What would be lost is discarded by the second of two requests only.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -115,16 +116,8 @@ class Episodes:
             doing, since_ns = "countdown", self._due_ns
         elif self._start_ns is not None:
             doing, since_ns = "recording", self._start_ns
-        kept = sum(one.kept for one in self._ended)
-        return EpisodesState(
-            number=self.number,
-            doing=doing,
-            seconds=abs(now_ns - since_ns) / NS_PER_S,
-            armed="" if self._armed is None else self._armed.request.value,
-            kept=kept,
-            discarded=len(self._ended) - kept,
-            last=tuple(map(shown_episode, self._ended[-SHOWN:])),
-        )
+        armed = "" if self._armed is None else self._armed.request.value
+        return shown_episodes(self._ended, doing, abs(now_ns - since_ns) / NS_PER_S, armed)
 
     def close(self) -> str:
         """End the session; a sentence if an episode was running, which is not kept, else ""."""
@@ -192,7 +185,15 @@ def verdict(episode: Episode | EpisodeState) -> str:
     return {None: "kept", True: "kept, success", False: "kept, failure"}[episode.success]
 
 
-def shown_episode(episode: Episode) -> EpisodeState:
-    """An episode as the operator is shown it."""
-    length_s = (episode.end_ns - episode.start_ns) / NS_PER_S
-    return EpisodeState(episode.number, length_s, episode.kept, episode.success)
+def shown_episodes(
+    ended: Sequence[Episode], doing: str, seconds: float, armed: str = ""
+) -> EpisodesState:
+    """Episodes as the operator is shown them: all that have `ended`, and what is done now."""
+    last = (
+        EpisodeState(one.number, (one.end_ns - one.start_ns) / NS_PER_S, one.kept, one.success)
+        for one in ended[-SHOWN:]
+    )
+    kept = sum(one.kept for one in ended)
+    return EpisodesState(
+        len(ended) + 1, doing, seconds, armed, kept, len(ended) - kept, tuple(last)
+    )

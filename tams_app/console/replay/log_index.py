@@ -17,7 +17,7 @@ from tams_app.records import EpisodesState, Newest, Note, Placed, Record, Sessio
 from tams_app.robot.uplink_meter import WINDOW_NS
 from tams_app.state import StateMaker
 from tams_app.summary.tables import Integers, known_packets
-from tams_app.task.episodes import SHOWN, shown_episode
+from tams_app.task.episodes import shown_episodes
 from tams_app.task.judge import PLACED
 from tams_app.teleop.hands import HAND_FACT
 from tams_app.teleop.safety import ArmingState
@@ -114,15 +114,9 @@ class LogIndex:
         known = self._log.judged_episodes
         ended = [one for one in known if one.end_ns <= t_ns]
         running = [one for one in known if one.start_ns <= t_ns < one.end_ns]
-        kept = sum(one.kept for one in ended)
-        return EpisodesState(
-            number=len(ended) + 1,
-            doing="recording" if running else "idle",
-            seconds=(t_ns - running[0].start_ns) / NS_PER_S if running else 0.0,
-            kept=kept,
-            discarded=len(ended) - kept,
-            last=tuple(map(shown_episode, ended[-SHOWN:])),
-        )
+        if not running:
+            return shown_episodes(ended, "idle", 0.0)
+        return shown_episodes(ended, "recording", (t_ns - running[0].start_ns) / NS_PER_S)
 
     def _view(self, view: str, t_ns: int) -> ViewState:
         """The view as it was shown; a frame that is not whole does not count for its age."""
