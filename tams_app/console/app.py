@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import threading
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol
 
 from tams_app.config import Config
 from tams_app.console.end_screen import ask_at_end
@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from tams_app.link.gateway_client import Endpoint
 
 POLL_S = 0.05
-Conclude: TypeAlias = Callable[[Sequence[SessionDisplay]], None]
 
 
 class ShownSession(FacedSession, Protocol):
@@ -143,25 +142,20 @@ def _run_once(
     session: Session | None = None
     signals: list[str] = []
     closed = again = False
-
-    def conclude(faces: Sequence[SessionDisplay]) -> None:
-        nonlocal closed, again
-        closed = True
-        summary: Mapping[str, Any] | None = None
-        assert session is not None, "there is one that has ended"
-        try:
-            summary = report_session(folder, console)
-        except TamsError:
-            if not session.failure:  # else that is what matters, and the reason for this
-                raise
-        if not signals and config.seconds is None:
-            again = ask_at_end(
-                faces, console, config, session.failure, summary, folder, signals, may_repeat
-            )
-
     try:
         session = make(folder)
-        show_session(session, console, signals=signals, conclude=conclude)
+        with showing(session, console, signals=signals, shows_end=True) as faces:
+            closed = True
+            summary: Mapping[str, Any] | None = None
+            try:
+                summary = report_session(folder, console)
+            except TamsError:
+                if not session.failure:  # else that is what matters, and the reason for this
+                    raise
+            if not signals and config.seconds is None:
+                again = ask_at_end(
+                    faces, console, config, session.failure, summary, folder, signals, may_repeat
+                )
     except TamsError as error:
         if session is None or not session.started:
             remove_session_folder(folder, str(error))
@@ -182,13 +176,27 @@ def show_session(
     signals: list[str] | None = None,
     trial: ShownTrial | None = None,
     replay: ShownReplay | None = None,
-    conclude: Conclude | None = None,
 ) -> None:
-    """Start a session, show it until it ends, close it. TamsError if it cannot start.
+    """Show a session from start to end; no face stays for what follows. As of `showing`."""
+    with showing(session, console, words_of, signals, trial, replay):
+        pass
+
+
+@contextmanager
+def showing(
+    session: ShownSession,
+    console: Console,
+    words_of: WordsOf = status_words,
+    signals: list[str] | None = None,
+    trial: ShownTrial | None = None,
+    replay: ShownReplay | None = None,
+    shows_end: bool = False,
+) -> Iterator[Sequence[SessionDisplay]]:
+    """Start a session, show it until it ends, close it; then its faces. TamsError without a start.
 
     No screen holds it up. `signals`: takes those that end it. `trial`: of a study; nothing else may
-    be notified of its session. `replay`: the session, where it is one. `conclude`: called once it
-    is closed, with the faces, of which those that show an end are still there.
+    be notified of its session. `replay`: the session, where it is one. `shows_end`: of the faces
+    those that can stay until the context is left, and show that it is over.
     """
     runs, over = threading.Event(), threading.Event()
 
@@ -214,13 +222,12 @@ def show_session(
         session.start()
         try:
             runs.set()
-            _watch(session, console, words_of, faces, trial, conclude is not None)
+            _watch(session, console, words_of, faces, trial, shows_end)
             console.print("ending …")
         finally:
             session.close()
             over.set()
-        if conclude is not None:
-            conclude(faces)
+        yield faces
 
 
 def _watch(

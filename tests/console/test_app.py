@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from types import SimpleNamespace
 
 import pytest
@@ -351,11 +351,12 @@ def ran(monkeypatch):
             folders.append(folder)
             return SimpleNamespace(failure="", started=True)
 
-        def show_session(session, console, signals, conclude):
+        @contextmanager
+        def showing(session, console, signals, shows_end):
             signals += came
-            conclude(())
+            yield ()
 
-        monkeypatch.setattr(app, "show_session", show_session)
+        monkeypatch.setattr(app, "showing", showing)
         config = load_config(CONFIG_DIRECTORY / "tams.yaml", overrides)
         assert app.run_and_report(config, make, may_repeat=may_repeat) == 0
         return folders

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import msgspec
@@ -14,7 +14,6 @@ from tams_app.console import app
 from tams_app.errors import SetupError
 from tams_app.faces.commands import Command
 from tams_app.faces.messages import Ended, Pin, TrialFacts
-from tams_app.faces.registry import SessionDisplay
 from tams_app.faces.session_face import SessionWindow, facts_of
 from tams_app.printing import Console
 from tams_app.records import ControllerSample, ControllerStatus, SessionState, ViewState
@@ -80,24 +79,18 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
     screen: Screen, session: PlayedSession
 ) -> None:
     session.do = lambda: session.end("the trial is over")
-    found = []
-
-    def conclude(faces: Sequence[SessionDisplay]) -> None:
-        (face,) = faces
+    with app.showing(session, Console(quiet=True), shows_end=True) as (face,):
         assert face.is_there
         face.show_end(Ended("Completed", ("Report: here",), "Q: close"))
         screen.focus("TAMS")
         screen.xdotool("key", "space")  # that was meant for the session
         time.sleep(0.5)
-        found.append(face.answer)
+        assert face.answer is None
         time.sleep(1.0)
         screen.xdotool("key", "Return")
         assert wait_for(lambda: face.answer is Command.CONFIRM)
         screen.xdotool("mousemove", "1210", "43", "click", "1")
         assert wait_for(lambda: face.answer is Command.QUIT)
-
-    app.show_session(session, Console(quiet=True), conclude=conclude)
-    assert found == [None]
     assert session.done == ["arm stopped, window open"]
     assert session.failure == ""
     assert window_processes() == []
@@ -107,14 +100,8 @@ def test_closing_the_window_ends_the_session_whose_end_it_does_not_show(
     screen: Screen, session: PlayedSession
 ) -> None:
     session.do = lambda: screen.ask_to_close("TAMS")
-    found = []
-
-    def conclude(faces: Sequence[SessionDisplay]) -> None:
-        (face,) = faces
-        found.append((face.is_there, window_processes()))
-
-    app.show_session(session, Console(quiet=True), conclude=conclude)
-    assert found == [(False, [])]
+    with app.showing(session, Console(quiet=True), shows_end=True) as (face,):
+        assert (face.is_there, window_processes()) == (False, [])
     assert session.reason == "the operator closed the window"
     assert session.failure == ""
     assert session.done == ["arm stopped, window open"]
