@@ -206,12 +206,11 @@ class LimitsConfig(Section):
             raise ValueError("box_min_mm must be below box_max_mm on every axis")
         if self.floor_mm >= self.box_max_mm[2]:
             raise ValueError("floor_mm must be below the top of the box, box_max_mm")
-        if self.leash_mm >= self.leash_fault_mm:
-            raise ValueError("leash_mm must be smaller than leash_fault_mm")
-        if self.leash_rad >= self.leash_fault_rad:
-            raise ValueError("leash_rad must be smaller than leash_fault_rad")
-        if self.radius_min_mm >= self.radius_max_mm:
-            raise ValueError("radius_min_mm must be smaller than radius_max_mm")
+        self.require_order(
+            ("leash_mm", "leash_fault_mm"),
+            ("leash_rad", "leash_fault_rad"),
+            ("radius_min_mm", "radius_max_mm"),
+        )
         for key in ProfileConfig.model_fields:
             if getattr(self.stop, key) < getattr(self.motion, key):
                 raise ValueError(f"stop.{key} must not be below motion.{key}")
@@ -270,10 +269,7 @@ class FreshnessConfig(Section):
 
     @model_validator(mode="after")
     def _order(self) -> Self:
-        if self.video_slow_ms >= self.video_hold_ms:
-            raise ValueError("video_slow_ms must be smaller than video_hold_ms")
-        if self.hold_pose_ms >= self.pose_frozen_ms:
-            raise ValueError("hold_pose_ms must be smaller than pose_frozen_ms")
+        self.require_order(("video_slow_ms", "video_hold_ms"), ("hold_pose_ms", "pose_frozen_ms"))
         return self
 
 

@@ -52,6 +52,12 @@ class Section(BaseModel):
             raise ValueError("must be text: write it in quotes")
         return value
 
+    def require_order(self, *pairs: tuple[str, str]) -> None:
+        """ValueError unless the value of the first key of each pair is smaller."""
+        for less, more in pairs:
+            if getattr(self, less) >= getattr(self, more):
+                raise ValueError(f"{less} must be smaller than {more}")
+
 
 @dataclass(frozen=True, slots=True)
 class Problem:

@@ -246,8 +246,7 @@ class LinkConfig(Section):
 
     @model_validator(mode="after")
     def _order(self) -> Self:
-        if self.lost_after_ms >= self.fault_after_ms:
-            raise ValueError("lost_after_ms must be smaller than fault_after_ms")
+        self.require_order(("lost_after_ms", "fault_after_ms"))
         return self
 
     def longest_age_ms(self, round_trip_ms: float | None = None) -> float:
