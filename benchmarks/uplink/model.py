@@ -181,7 +181,9 @@ class _Sender:
         self._flight = FlightBound(VIEWS)
         kind = BUDGETS[policy.budget.mode]
         self._pacer = Pacer(START_KBPS) if kind.receives_packets else None
-        self._drop = {view: SourceDrop(self._policy.source_drop_below_kbps) for view in VIEWS}
+        self._drop = {
+            view: SourceDrop(self._policy.strategy.source_drop_below_kbps) for view in VIEWS
+        }
         self._start_ns = self._end_ns = 0
         self._targets: dict[str, float] = dict.fromkeys(VIEWS, 0.0)
         self._owed = dict.fromkeys(VIEWS, 0.0)  # what keyframes took in advance [bytes]
@@ -218,7 +220,7 @@ class _Sender:
         self._arrivals, self._receptions = [], []
         allocation = self._policy.step(Phase.REACH, report)
         self._targets = dict(allocation.target_kbps)
-        self._flight.set(self._policy.flight_limit_bytes(now_ns), allocation.target_kbps)
+        self._flight.set(self._policy.budget.flight_limit_bytes(now_ns), allocation.target_kbps)
         if self._pacer is not None:
             self._pacer.set(allocation.capacity_kbps)
         self.trace.targets.append((now_ns, sum(self._targets.values())))

@@ -122,10 +122,9 @@ class Policy:
     """Capacity by the budget, targets by the strategy."""
 
     def __init__(self, strategy: Strategy, budget: Budget, config: PolicyConfig) -> None:
-        self._strategy = strategy
-        self._budget = budget
+        self.strategy = strategy
+        self.budget = budget
         self._safety_factor = config.budget.safety_factor
-        self.source_drop_below_kbps = strategy.source_drop_below_kbps
 
     @staticmethod
     def of(config: Config, capacity: Capacity) -> Policy:
@@ -143,16 +142,8 @@ class Policy:
         `report`: what the senders know now; its time must not decrease from call to call.
         """
         now_ns = report.now_ns
-        self._budget.observe(report)
-        capacity_kbps = self._budget.capacity_kbps(now_ns)
+        self.budget.observe(report)
+        capacity_kbps = self.budget.capacity_kbps(now_ns)
         budget_kbps = capacity_kbps * self._safety_factor
-        targets = self._strategy.targets(phase, budget_kbps)
+        targets = self.strategy.targets(phase, budget_kbps)
         return Allocation(now_ns, phase, capacity_kbps, budget_kbps, targets)
-
-    def padding_bytes(self, now_ns: int) -> int:
-        """Bytes of padding [IP datagrams] to send at once, beside the views."""
-        return self._budget.padding_bytes(now_ns)
-
-    def flight_limit_bytes(self, now_ns: int) -> float:
-        """The limit of bytes under way that have not been reported."""
-        return self._budget.flight_limit_bytes(now_ns)

@@ -83,7 +83,7 @@ class PolicyLoop(Listener):
             self._step(now_ns)
         if now_ns >= self._pad_ns:
             self._pad_ns = now_ns + _PADDING_NS
-            if size_bytes := self._policy.padding_bytes(now_ns):
+            if size_bytes := self._policy.budget.padding_bytes(now_ns):
                 self._video.pad(size_bytes)
 
     def _step(self, now_ns: int) -> None:
@@ -95,7 +95,7 @@ class PolicyLoop(Listener):
             self._hand_on(PolicyInputs.of(report))
         allocation = self._policy.step(self._weights.row_phase(self._phase, self._pinned), report)
         self._video.protect(report, allocation.target_kbps)
-        limit_bytes = self._policy.flight_limit_bytes(now_ns)
+        limit_bytes = self._policy.budget.flight_limit_bytes(now_ns)
         self._video.bound_flight(limit_bytes, allocation.target_kbps, allocation.capacity_kbps)
         self._video.set_targets(allocation.target_kbps)
         self._hand_on(allocation)

@@ -61,8 +61,8 @@ class Video(ABC):
                 view,
                 video,
                 self._rule.rtx,
-                start_kbps[view],
-                policy.source_drop_below_kbps,
+                kbps,
+                policy.strategy.source_drop_below_kbps,
                 codecs.encoder,
             )
             for view in video.views
