@@ -5,7 +5,7 @@ import gc
 import re
 import signal
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -91,6 +91,19 @@ def turn(request):
 def real_time():
     """The machine keeps real time at this moment; a test that needs that is skipped elsewhere."""
     require_real_time()
+
+
+@pytest.fixture
+def tams(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """Runs a command in this process: exit code, what it printed, and its errors."""
+    from tams_app.cli import _main  # most tests need none
+
+    def run(*arguments: object) -> tuple[int, str, str]:
+        capsys.readouterr()  # what was printed before is none of it
+        code = _main([*map(str, arguments)])
+        return code, *capsys.readouterr()
+
+    return run
 
 
 @pytest.fixture(autouse=True)

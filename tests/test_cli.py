@@ -33,12 +33,6 @@ README = PROJECT_DIRECTORY / "README.md"
 AT_MOST_LOADING = re.compile(r"(no command given, .*\n)?(loading …\n)?")
 
 
-def run(capsys, *arguments):
-    code = _main([str(argument) for argument in arguments])
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
 WHERE = {"robot": ("--listen", "127.0.0.1:7499"), "operate": ("--robot", "127.0.0.1:7499")}
 
 
@@ -53,74 +47,72 @@ def started(monkeypatch):
     return settings
 
 
-def refused(capsys, tmp_path, command, *options):
+def refused(tams, tmp_path, command, *options):
     """Exit code and the one sentence of a session that is refused before it leaves anything."""
     where = ("--out", tmp_path / "logs", *WHERE.get(command, ()))
-    code, out, err = run(capsys, command, *options, *where)
+    code, out, err = tams(command, *options, *where)
     assert AT_MOST_LOADING.fullmatch(out)
     assert len(err.splitlines()) == 1
     assert not (tmp_path / "logs").exists()
     return code, err
 
 
-def test_allocate_prints_whole_kbits_as_json(capsys):
-    code, out, _ = run(
-        capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 5520, "--json"
-    )  # 150 + w (5520 - 450)
+def test_allocate_prints_whole_kbits_as_json(tams):
+    code, out, _ = tams("allocate", "--phase", "ALIGN", "--budget-kbps", 5520, "--json")
     assert code == 0
-    assert json.loads(out) == {"eih": 3192, "gt": 1164, "gs": 1164}
+    assert json.loads(out) == {"eih": 3192, "gt": 1164, "gs": 1164}  # 150 + w (5520 - 450)
 
 
-def test_allocate_takes_strategy_and_floor(capsys):
+def test_allocate_takes_strategy_and_floor(tams):
     options = ("--strategy", "static", "--floor-kbps", 0, "--json")
-    _, out, _ = run(capsys, "allocate", "--phase", "REACH", "--budget-kbps", 1000, *options)
+    _, out, _ = tams("allocate", "--phase", "REACH", "--budget-kbps", 1000, *options)
     assert json.loads(out) == {"eih": 500, "gt": 250, "gs": 250}
 
 
 @pytest.mark.parametrize("name", ["PRE_RELEASE", "pre_release", "Pre-release", "pre release"])
-def test_a_phase_may_be_named_as_in_the_paper(capsys, name):
-    code, out, _ = run(capsys, "allocate", "--phase", name, "--budget-kbps", 5520, "--json")
+def test_a_phase_may_be_named_as_in_the_paper(tams, name):
+    code, out, _ = tams("allocate", "--phase", name, "--budget-kbps", 5520, "--json")
     assert code == 0
     assert json.loads(out) == {"eih": 2938, "gt": 1417, "gs": 1164}
 
 
-def test_a_floor_that_cannot_be_kept_is_said_beside_the_targets(capsys):
-    code, out, err = run(capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 449, "--json")
+def test_a_floor_that_cannot_be_kept_is_said_beside_the_targets(tams):
+    code, out, err = tams("allocate", "--phase", "ALIGN", "--budget-kbps", 449, "--json")
     assert code == 0
     assert json.loads(out) == {"eih": 149, "gt": 149, "gs": 149}
     assert "449 kbit/s are less than the floor of 150 kbit/s for each of 3 views" in err
-    assert run(capsys, "allocate", "--phase", "ALIGN", "--budget-kbps", 450)[2] == ""
+    assert tams("allocate", "--phase", "ALIGN", "--budget-kbps", 450)[2] == ""
 
 
 @pytest.mark.parametrize("make_link", [None, Path.symlink_to, Path.hardlink_to])
-def test_phases_does_not_write_over_its_input(capsys, tmp_path, make_link):
+def test_phases_does_not_write_over_its_input(tams, tmp_path, make_link):
     table, out = tmp_path / "speeds.csv", tmp_path / "speeds.csv"
     text = "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n0,0,0,0,0\n"
     table.write_text(text)
     if make_link is not None:
         out = tmp_path / "other.csv"
         make_link(out, table)
-    code, _, err = run(capsys, "phases", table, "--out", out)
+    code, _, err = tams("phases", table, "--out", out)
     assert code == 2
     assert "is the table that is read" in err
     assert table.read_text() == text
 
 
-def test_phases_labels_a_file_and_writes_where_told(capsys, tmp_path):
+def test_phases_labels_a_file_and_writes_where_told(tams, tmp_path):
     table = tmp_path / "speeds.csv"
     table.write_text(
         "t_s,vx_mm_s,vy_mm_s,vz_mm_s,gripper\n" + "".join(f"{i / 10},0,0,-50,0\n" for i in range(6))
     )
     target = tmp_path / "labelled.csv"
-    assert run(capsys, "phases", table, "--no-smoothing", "--out", target)[0] == 0
+    assert tams("phases", table, "--no-smoothing", "--out", target)[0] == 0
     rows = list(csv.DictReader(io.StringIO(target.read_text())))
     assert [row["phase"] for row in rows] == ["REACH"] * 3 + ["ALIGN"] * 3
-    _, out, _ = run(capsys, "phases", table, "--no-smoothing", "--align-dwell-s", 0.1)
+    _, out, _ = tams("phases", table, "--no-smoothing", "--align-dwell-s", 0.1)
     assert [row["phase"] for row in csv.DictReader(io.StringIO(out))][1] == "ALIGN"
 
 
-def test_the_version_is_told(capsys):
-    assert run(capsys, "--version") == (0, f"TAMS {__version__}\n", "")
+def test_the_version_is_told(tams):
+    assert tams("--version") == (0, f"TAMS {__version__}\n", "")
 
 
 @pytest.mark.parametrize(
@@ -191,11 +183,11 @@ def test_the_version_is_told(capsys):
     ],
 )
 def test_wrong_use_is_one_sentence_exit_code_two_and_leaves_nothing_behind(
-    capsys, monkeypatch, tmp_path, arguments, sentence
+    tams, monkeypatch, tmp_path, arguments, sentence
 ):
     monkeypatch.chdir(tmp_path)
     is_run = arguments[0] in ("run", "--seed")
-    code, out, err = run(capsys, *arguments, *(("--out", tmp_path) if is_run else ()))
+    code, out, err = tams(*arguments, *(("--out", tmp_path) if is_run else ()))
     assert code == 2
     assert AT_MOST_LOADING.fullmatch(out)
     assert sentence in err
@@ -231,18 +223,18 @@ def test_wrong_use_is_one_sentence_exit_code_two_and_leaves_nothing_behind(
     ],
 )
 def test_an_option_sets_its_key_and_without_it_the_configuration_counts(
-    capsys, started, arguments, key, value
+    tams, started, arguments, key, value
 ):
-    assert run(capsys, *arguments)[0] == 0
+    assert tams(*arguments)[0] == 0
     assert [attrgetter(key)(one) for one in started] == [value]
 
 
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])
 def test_without_the_extra_of_ros_2_it_is_one_sentence_before_a_session_leaves_anything(
-    capsys, monkeypatch, tmp_path, command
+    tams, monkeypatch, tmp_path, command
 ):
     monkeypatch.setattr("tams_app.errors.find_spec", lambda name: None)
-    code, err = refused(capsys, tmp_path, command, "--ros2")
+    code, err = refused(tams, tmp_path, command, "--ros2")
     assert code == 1
     assert "--ros2 needs cyclonedds and rosbags: make extras" in err
 
@@ -271,10 +263,10 @@ def test_a_removed_key_is_left_out_of_stored_configurations_and_told_where_it_as
 
 
 @pytest.mark.parametrize("command", ["run", "robot", "operate"])
-def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(capsys, tmp_path, command):
+def test_a_port_in_use_is_one_sentence_before_a_session_leaves_anything(tams, tmp_path, command):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         address = f"127.0.0.1:{taken.getsockname()[1]}"
-        code, err = refused(capsys, tmp_path, command, "--foxglove", address)
+        code, err = refused(tams, tmp_path, command, "--foxglove", address)
     assert code == 1
     assert f"--foxglove: nothing can connect at {address}" in err
 
@@ -312,11 +304,11 @@ UNKNOWN = "controller.device: 'pedal' is not one of auto, openvr, keyboard, sim"
     ],
 )
 def test_a_word_that_stands_for_nothing_is_one_sentence_before_a_session_leaves_anything(
-    capsys, tmp_path, command, content, sentence
+    tams, tmp_path, command, content, sentence
 ):
     config = tmp_path / "lab.yaml"
     config.write_text(f"include: [{DEFAULT_CONFIG}]\n{content}\n")
-    assert refused(capsys, tmp_path, command, "--config", config) == (2, f"tams: {sentence}\n")
+    assert refused(tams, tmp_path, command, "--config", config) == (2, f"tams: {sentence}\n")
 
 
 def with_keyboard(folder):
@@ -325,11 +317,11 @@ def with_keyboard(folder):
     return path
 
 
-def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, started, tmp_path):
+def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(tams, started, tmp_path):
     command = ("run", "--sim", "--config", with_keyboard(tmp_path))
-    assert run(capsys, *command)[0] == 0
-    assert run(capsys, *command, "--hand", "sim")[0] == 0
-    assert run(capsys, "run", "--sim", "--config", HARDWARE)[0] == 0
+    assert tams(*command)[0] == 0
+    assert tams(*command, "--hand", "sim")[0] == 0
+    assert tams("run", "--sim", "--config", HARDWARE)[0] == 0
     assert [
         (one.rig.enabled, one.controller.device, one.operator_is_simulated) for one in started
     ] == [(True, "keyboard", False), (True, "sim", True), (True, "auto", True)]
@@ -344,27 +336,27 @@ def test_the_simulated_rig_is_driven_by_the_hand_that_is_configured(capsys, star
         ([], "Exit codes: 0 done; 1 the job failed; 2 wrong use"),
     ],
 )
-def test_help_says_what_it_promises(capsys, command, promise):
-    code, out, _ = run(capsys, *command, "--help")
+def test_help_says_what_it_promises(tams, command, promise):
+    code, out, _ = tams(*command, "--help")
     assert code == 0
     assert promise in " ".join(out.split())
     assert "leaves by" not in out
 
 
 def test_operate_with_sim_has_the_simulated_operator_unless_a_hand_is_named(
-    capsys, started, tmp_path
+    tams, started, tmp_path
 ):
     command = ("operate", *WHERE["operate"], "--config", with_keyboard(tmp_path))
-    assert run(capsys, *command)[0] == 0
-    assert run(capsys, *command, "--sim")[0] == 0
-    assert run(capsys, *command, "--sim", "--hand", "keyboard")[0] == 0
+    assert tams(*command)[0] == 0
+    assert tams(*command, "--sim")[0] == 0
+    assert tams(*command, "--sim", "--hand", "keyboard")[0] == 0
     assert [one.operator_is_simulated for one in started] == [False, True, False]
 
 
-def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
+def test_an_unreadable_trace_names_file_and_line(tams, tmp_path):
     trace = tmp_path / "bad.csv"
     trace.write_text("t_ms,kbps\n0,1000\nsoon,1000\n")
-    code, _, err = run(capsys, "run", "--network", trace, "--out", tmp_path)
+    code, _, err = tams("run", "--network", trace, "--out", tmp_path)
     assert code == 2
     assert str(trace) in err
     assert "line 3" in err
@@ -373,38 +365,38 @@ def test_an_unreadable_trace_names_file_and_line(capsys, tmp_path):
 ABSENT = {"host": "127.0.0.1", "control_port": 1, "report_port": 2}  # an arm that is not there
 
 
-def test_an_arm_that_is_not_there_is_one_sentence_and_leaves_no_session_folder(capsys, tmp_path):
+def test_an_arm_that_is_not_there_is_one_sentence_and_leaves_no_session_folder(tams, tmp_path):
     config = tmp_path / "hardware.yaml"
     config.write_text(f"version: 1\ninclude: [{HARDWARE}]\narm: {json.dumps(ABSENT)}\n")
-    code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", tmp_path / "logs")
+    code, _, err = tams("run", "--config", config, "--headless", "--out", tmp_path / "logs")
     assert code == 1
     assert len(err.splitlines()) == 1
     assert "127.0.0.1:1" in err
     assert not list((tmp_path / "logs").iterdir())
 
 
-def test_hardware_needs_a_camera_for_every_view(capsys, tmp_path):
+def test_hardware_needs_a_camera_for_every_view(tams, tmp_path):
     config = tmp_path / "hardware.yaml"
     config.write_text(f"version: 1\ninclude: [{DEFAULT_CONFIG}]\nrig: {{enabled: false}}\n")
-    code, _, err = run(capsys, "run", "--config", config, "--out", tmp_path)
+    code, _, err = tams("run", "--config", config, "--out", tmp_path)
     assert code == 2
     assert "cameras lacks eih, gt, gs of video.views" in err
 
 
 @pytest.mark.parametrize("camera", [{"source": "pattern"}, {"source": "file", "file": "a.mkv"}])
-def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(capsys, tmp_path, camera):
+def test_a_real_arm_is_not_driven_by_frames_that_do_not_show_it(tams, tmp_path, camera):
     cameras = {"eih": {"path": "/dev/video0"}, "gt": {"path": "/dev/video2"}, "gs": camera}
     station = {"include": [str(DEFAULT_CONFIG)], "rig": {"enabled": False}}
     config = tmp_path / "station.yaml"
     config.write_text(json.dumps({"version": 1, **station, "arm": ABSENT, "cameras": cameras}))
     logs = tmp_path / "logs"
-    code, _, err = run(capsys, "run", "--config", config, "--headless", "--out", logs)
+    code, _, err = tams("run", "--config", config, "--headless", "--out", logs)
     assert code == 2
     assert f"cameras.gs.source is {camera['source']}" in err
     assert len(err.splitlines()) == 1
     assert not logs.exists()
     dry = ("run", "--config", config, "--dry-run", "--headless", "--out", logs)
-    assert "127.0.0.1:1" in run(capsys, *dry)[2], "a dry run goes on, to an arm that is not there"
+    assert "127.0.0.1:1" in tams(*dry)[2], "a dry run goes on, to an arm that is not there"
 
 
 def interrupt(*_):
@@ -482,8 +474,8 @@ ALL_COMMANDS = list(every_command(typer.main.get_command(app)))
 
 
 @pytest.mark.parametrize("command", ALL_COMMANDS, ids=" ".join)
-def test_every_command_has_help_by_both_names(capsys, command):
-    short, long = run(capsys, *command, "-h"), run(capsys, *command, "--help")
+def test_every_command_has_help_by_both_names(tams, command):
+    short, long = tams(*command, "-h"), tams(*command, "--help")
     assert short == long
     assert short[0] == 0
     assert "Usage:" in short[1]
@@ -538,8 +530,8 @@ def completed(words):
 
 
 @pytest.mark.parametrize("group", [(), ("calibrate",), ("key",), ("log",), ("study",)])
-def test_the_list_of_commands_cuts_no_description(capsys, group):
-    _, out, _ = run(capsys, *group, "--help")
+def test_the_list_of_commands_cuts_no_description(tams, group):
+    _, out, _ = tams(*group, "--help")
     assert "..." not in out.partition("Commands:")[2]
 
 
@@ -565,13 +557,13 @@ def test_a_full_standard_output_is_one_sentence(tmp_path):
     assert result.stderr == "tams: standard output cannot be written: No space left on device\n"
 
 
-def test_keys_are_made_listed_and_revoked_by_name(capsys, tmp_path):
+def test_keys_are_made_listed_and_revoked_by_name(tams, tmp_path):
     for name in ("kim", "kay"):
-        code, out, _ = run(capsys, "key", "new", tmp_path, "--for", name)
+        code, out, _ = tams("key", "new", tmp_path, "--for", name)
         assert code == 0
         assert f"{name}.key: a new key" in out
-    assert run(capsys, "key", "list", tmp_path)[:2] == (0, "kay\nkim\n")
-    code, out, _ = run(capsys, "key", "revoke", tmp_path, "kim")
+    assert tams("key", "list", tmp_path)[:2] == (0, "kay\nkim\n")
+    code, out, _ = tams("key", "revoke", tmp_path, "kim")
     assert code == 0
     assert "kim.key: deleted" in out
-    assert run(capsys, "key", "list", tmp_path)[:2] == (0, "kay\n")
+    assert tams("key", "list", tmp_path)[:2] == (0, "kay\n")

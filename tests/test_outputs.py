@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
-from tams_app.cli import _main
 from tams_app.config import DEFAULT_CONFIG
 from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import inner_folder, is_plain_name, new_file, write_file
@@ -40,11 +39,10 @@ def session(tmp_path: Path) -> Path:
     return moving_session(tmp_path / "foreign" / "session")
 
 
-def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, str]:
-    """Exit code and what was said on standard error."""
-    capsys.readouterr()
-    code = _main([*map(str, arguments)])
-    return code, capsys.readouterr().err
+@pytest.fixture
+def told(tams: Callable[..., tuple[int, str, str]]) -> Callable[..., tuple[int, str]]:
+    """Exit code of a command, and what was said on standard error."""
+    return lambda *arguments: tams(*arguments)[::2]
 
 
 @pytest.mark.parametrize("name", ["summary.json", "report.html", "bitrates.png"])
@@ -52,23 +50,23 @@ def told(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[int, s
 def test_report_writes_through_no_link(
     session: Path,
     victim: Path,
-    capsys: pytest.CaptureFixture[str],
+    told: Callable[..., tuple[int, str]],
     name: str,
     dangling: bool,
 ) -> None:
     (session / name).symlink_to(victim.with_name("new") if dangling else victim)
-    code, said = told(capsys, "report", session)
+    code, said = told("report", session)
     assert (code, said) == (2, f"tams: {session / name}: {LINKED}\n")
 
 
 def test_a_summary_kept_from_before_is_not_written_through_a_link(
-    session: Path, victim: Path, capsys: pytest.CaptureFixture[str]
+    session: Path, victim: Path, told: Callable[..., tuple[int, str]]
 ) -> None:
-    assert told(capsys, "report", session) == (0, "")
+    assert told("report", session) == (0, "")
     log = session / "session.mcap"
     log.write_bytes(log.read_bytes()[:-200])  # cut off: the complete summary is kept
     (session / "summary.json.before").symlink_to(victim)
-    assert told(capsys, "report", session) == (
+    assert told("report", session) == (
         2,
         f"tams: {session / 'summary.json.before'}: {LINKED}\n",
     )
@@ -77,14 +75,14 @@ def test_a_summary_kept_from_before_is_not_written_through_a_link(
 
 @pytest.mark.parametrize("name", ["tables", "report", "tables/trials.csv", "report/report.html"])
 def test_a_study_s_report_follows_no_link(
-    tmp_path: Path, victim: Path, capsys: pytest.CaptureFixture[str], name: str
+    tmp_path: Path, victim: Path, told: Callable[..., tuple[int, str]], name: str
 ) -> None:
     study = make_study(tmp_path / "study")
     fill_study(study, PlantedRunner())
     link = study.path / name
     link.parent.mkdir(exist_ok=True)
     link.symlink_to(victim if "/" in name else victim.parent)
-    code, said = told(capsys, "study", "report", study.path)
+    code, said = told("study", "report", study.path)
     assert code == 2
     assert said.splitlines()[-1] == f"tams: {link}: {LINKED}"
 
@@ -132,7 +130,7 @@ def test_forgetting_deletes_nothing_behind_a_link(tmp_path: Path, victim: Path, 
     ],
 )
 def test_a_plan_names_nothing_outside_of_its_study(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], change: dict[str, object]
+    tmp_path: Path, told: Callable[..., tuple[int, str]], change: dict[str, object]
 ) -> None:
     study = make_study(tmp_path / "study")
     file = study.path / "plan.json"
@@ -140,7 +138,7 @@ def test_a_plan_names_nothing_outside_of_its_study(
     plan["trials"][0] |= change
     file.write_text(json.dumps(plan))
     for command in ("show", "run"):
-        code, said = told(capsys, "study", command, study.path, *["--sim"] * (command == "run"))
+        code, said = told("study", command, study.path, *["--sim"] * (command == "run"))
         assert (code, said.count("\n")) == (2, 1)
         assert said.startswith(f"tams: {file}: trials.0.")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["study"]
@@ -148,14 +146,12 @@ def test_a_plan_names_nothing_outside_of_its_study(
 
 @pytest.mark.parametrize("view", ["x/../../../../escaped", "/escaped", "..", "", "a\nb"])
 def test_an_exported_view_names_no_path(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], view: str
+    tmp_path: Path, told: Callable[..., tuple[int, str]], view: str
 ) -> None:
     weights = {phase: {"eih": 0.5, view: 0.5} for phase in Phase}
     header = head(views=["eih", view], weights=weights)
     log = write_session(tmp_path / "in" / "session", header_of=header)
-    code, said = told(
-        capsys, "export", log, "--format", "lerobot", "--out", tmp_path / "in/deep/dataset"
-    )
+    code, said = told("export", log, "--format", "lerobot", "--out", tmp_path / "in/deep/dataset")
     assert (code, said.count("\n")) == (2, 1)
     assert f"a view is named {view!r}: cannot be a folder" in said
     assert [path.name for path in tmp_path.rglob("*")] == ["in", "session", "session.mcap"]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -33,16 +34,9 @@ def logs(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def out(logs: Path, capsys: pytest.CaptureFixture[str]):
-    """What a command prints, and its exit code."""
-
-    def run(*arguments: str) -> tuple[int, str, str]:
-        capsys.readouterr()
-        code = _main(["log", *arguments])
-        printed = capsys.readouterr()
-        return code, printed.out, printed.err
-
-    return run
+def out(tams):
+    """Exit code, output and errors of a command of logs."""
+    return partial(tams, "log")
 
 
 def test_every_session_is_listed_with_what_it_came_to(logs: Path, out) -> None:
