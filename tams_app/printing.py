@@ -53,7 +53,7 @@ class Console(RichConsole):
             yield segment
 
     def print(self, *objects: Any, soft_wrap: bool | None = None, **how: Any) -> None:
-        """As rich does it, but on a terminal soft lines end between words.
+        """Print as rich does, but end soft lines between words on a terminal.
 
         What is to be copied whole, such as a command, is printed with `no_wrap` as well.
         """
@@ -70,7 +70,7 @@ class Console(RichConsole):
         return "\n".join(textwrap.fill(line, self.width, **_WHOLE_WORDS) for line in lines)
 
     def render_str(self, text: str, **how: Any) -> Text:
-        """As rich does it; measured without what will not be printed."""
+        """Render as rich does, measured without what will not be printed."""
         return super().render_str(plain(text), **how)
 
 

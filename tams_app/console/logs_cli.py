@@ -260,7 +260,7 @@ def _cell(value: Any) -> str:
 
 
 def _reference(topic: str = "") -> str:
-    """What each field of the log means, from the records; ConfigError for a topic that has none."""
+    """The reference of the log's fields, from the records; ConfigError for an unknown topic."""
     from tams_app.recording.rates import RATES
     from tams_app.recording.topics import TOPICS
 

@@ -65,7 +65,7 @@ class Episodes:
 
     @property
     def number(self) -> int:
-        """Of the one that is recorded, or comes next."""
+        """The number of the episode that is recorded, or comes next."""
         return len(self._ended) + 1
 
     def step(self, now_ns: int) -> str:
@@ -110,7 +110,7 @@ class Episodes:
         return self._label(now_ns, request)
 
     def state(self, now_ns: int) -> EpisodesState:
-        """As the operator is shown it."""
+        """The episodes as the operator is shown them."""
         doing, since_ns = "idle", now_ns
         if self._due_ns is not None:
             doing, since_ns = "countdown", self._due_ns
@@ -179,7 +179,7 @@ class Episodes:
 
 
 def verdict(episode: Episode | EpisodeState) -> str:
-    """What has become of an episode, in words."""
+    """The verdict on an episode, in words."""
     if not episode.kept:
         return "discarded"
     return {None: "kept", True: "kept, success", False: "kept, failure"}[episode.success]

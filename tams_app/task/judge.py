@@ -87,7 +87,7 @@ class TrialJudge:
         return Outcome(completed, success, time_s, self.drops, "placed")
 
     def contains(self, container: Pose, block: Pose) -> bool:
-        """Is the block's centre between the container's walls and below their upper edge?"""
+        """Whether the block's centre is between the container's walls and below their edge."""
         height = float(block.position[2] - container.position[2])
         return self._is_over(container, block) and height <= self._geometry.container_height
 

@@ -92,7 +92,7 @@ class _Button:
         return self.down is not None and presses > self._presses
 
     def update(self, down: bool | None, presses: int) -> int:
-        """How many there were since the last sample; 0 if that or this one is not known."""
+        """The number of presses since the last sample; 0 if that or this one is not known."""
         was, counted = self.down, presses - self._presses
         self.down, self._presses = down, presses
         if was is None or down is None:

@@ -48,7 +48,7 @@ class Drive:
 
     @property
     def fault(self) -> Reason | None:
-        """What the engaged hand or arm did that is a fault."""
+        """The fault that the engaged hand or arm has made, if any."""
         if self._anchored and self._hand.impossible:
             return Reason.HAND_TOO_FAST
         if self._anchored and self._target.is_out_of_reach:
@@ -92,7 +92,7 @@ class Drive:
         self.twist = Twist.zero()
 
     def rest(self, interval_s: float) -> None:
-        """Not engaged: brake to exactly zero, and stay there."""
+        """Brake to exactly zero and stay there, for a hand that is not engaged."""
         self._forget()
         self.twist = self._limits.come_to_rest(interval_s)
 

@@ -1,4 +1,4 @@
-"""What drives the arm, in the words in which the operator is told what to do; data."""
+"""Words for what drives the arm, in which the operator is told what to do; data."""
 
 from __future__ import annotations
 
@@ -97,7 +97,7 @@ HANDS = {
 
 
 def hand_of(config: Config) -> str:
-    """What drives the arm at this computer, as `HANDS` has it."""
+    """The key in `HANDS` of what drives the arm at this computer."""
     if config.operator_is_simulated:
         return SIMULATED
     device = config.controller.device
@@ -105,10 +105,10 @@ def hand_of(config: Config) -> str:
 
 
 def words_of_hand(hand: str) -> HandWords:
-    """Of `hand`; of a tracked controller for what is not in `HANDS`."""
+    """The words of `hand`; those of a tracked controller for what is not in `HANDS`."""
     return HANDS.get(hand, HANDS["openvr"])
 
 
 def words_of(facts: Mapping[str, str]) -> HandWords:
-    """Of what drove the arm in a log with these facts; an older one does not say."""
+    """The words of what drove the arm in a log with these facts; an older one does not name it."""
     return words_of_hand(facts.get(HAND_FACT, ""))

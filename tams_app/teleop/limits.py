@@ -1,4 +1,4 @@
-"""What is left of a wanted twist: by norm, by frame age, by place, by posture."""
+"""The limits of a wanted twist: by norm, by frame age, by place, by posture."""
 
 from __future__ import annotations
 
@@ -151,7 +151,7 @@ class Limits:
     def _joint_scale(
         self, linear: Floats3, angular: Floats3, joints: Vector, law: _JointLaw
     ) -> float:
-        """How much of a twist, or how many times it, keeps `law` at these joints and on its way.
+        """The factor by which a twist just keeps `law`, at these joints and on its way.
 
         The time left at this twist is that until a joint is at its limit, or until a singularity:
         towards one joint speeds grow like 1/√t, so it is where the line through 1/share² now and a
@@ -186,7 +186,7 @@ class Limits:
         return 1.0 / (half + math.hypot(half, share / law.share))
 
     def _share(self, speeds: Iterable[float]) -> float:
-        """Of the limits, the largest."""
+        """The largest share of the joints' speed limits."""
         share: float = max(map(truediv, map(abs, speeds), self._joint_speeds))
         return share
 

@@ -176,7 +176,7 @@ class Teleop:
         )
 
     def _refusal(self) -> Refusal | None:
-        """What keeps a confirmation from counting; None where there is nothing to confirm."""
+        """The reason that a confirmation does not count; None where there is nothing to confirm."""
         arming = self._arming
         if arming.state.is_armed:
             return None

@@ -149,7 +149,7 @@ def _banded(velocity: Floats3, clamp: float, reject: float) -> Floats3 | None:
 
 
 class Drift:
-    """How far the arm was asked to go that the hand did not, or was not that the hand did.
+    """The motion that the arm was asked for beyond that of the hand, or less than it.
 
     That is its velocities as they were used, integrated, less the motion that it really made. A
     pose that comes late or not at all makes the two differ: a velocity is used for longer or
@@ -170,19 +170,19 @@ class Drift:
         self._ahead = ZERO
 
     def used(self, velocity: Floats3, interval_s: float) -> None:
-        """This velocity was in force for `interval_s`."""
+        """Take in that `velocity` was in force for `interval_s`."""
         kept = times(self._ahead, math.exp(-interval_s / _FORGETS_S))
         self._ahead = plus_times(kept, self._at_most(velocity), interval_s)
 
     def moved(self, change: Floats3, interval_s: float) -> None:
-        """The hand moved by this from a pose to the next, made `interval_s` later."""
+        """Take in that the hand moved by `change` to the next pose, made `interval_s` later."""
         if interval_s > 0.0:
             velocity = self._at_most(times(change, 1.0 / interval_s))
             self._ahead = minus(self._ahead, times(velocity, interval_s))
 
     @property
     def size(self) -> float:
-        """How far the two are apart."""
+        """The distance between the two."""
         return norm(self._ahead)
 
     @property

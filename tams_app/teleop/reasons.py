@@ -268,7 +268,7 @@ class Reason(Enum):
         self.left = left or lasting
 
     def sentence(self, hand: HandWords, lasts: bool = True) -> str:
-        """What the operator does, in the words of `hand`; `lasts`: its cause is still there."""
+        """The operator's next step, in the words of `hand`; `lasts`: its cause is still there."""
         return hand.fill(self.lasting if lasts else self.left)
 
 
@@ -277,12 +277,12 @@ _GO_ON = "{release}, then confirm."
 
 
 def advice(held: str, lasting: str | None, hand: HandWords) -> str:
-    """What happened, as it is recorded, and what to do."""
+    """A stop as it is recorded, and what the operator does about it."""
     return f"{held}{'' if held.endswith('.') else '.'} {what_to_do(held, lasting, hand)}".strip()
 
 
 def what_to_do(held: str, lasting: str | None, hand: HandWords) -> str:
-    """For a reason's label and its detail (`robot.control.describe`); "" for no reason.
+    """The operator's next step after a stop as `robot.control.describe` has it; "" for no reason.
 
     `lasting`: label of the reason whose cause is still there, the same or one that came besides;
     "": it is gone; None: not known, as in a log of an older version. A detail that is a sentence

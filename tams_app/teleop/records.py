@@ -1,4 +1,4 @@
-"""What the session gives the teleoperation each tick, and what it gets."""
+"""The input and the output of the teleoperation, of one tick."""
 
 from __future__ import annotations
 

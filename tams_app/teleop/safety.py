@@ -66,7 +66,7 @@ _ARMED = (ArmingState.READY, ArmingState.ENGAGED, ArmingState.HOLDING)
 
 
 class Request(StrEnum):
-    """What the session is asked to do outside the control loop, once."""
+    """A request to the session, to be carried out once, outside the control loop."""
 
     NONE = "none"
     ENABLE = "enable"
@@ -74,7 +74,7 @@ class Request(StrEnum):
 
 
 class ArmingEvents(NamedTuple):
-    """What one tick brings, with the reasons that hold now in order of precedence."""
+    """The events of one tick, with the reasons that hold now in order of precedence."""
 
     now_ns: int
     faults: tuple[Reason, ...]

@@ -41,7 +41,7 @@ class Tcp(NamedTuple):
 
 
 class TcpPredictor:
-    """Where the TCP is now, from an old report and the velocities sent since."""
+    """Predicts the TCP's present pose from an old report and the velocities sent since."""
 
     def __init__(self) -> None:
         self._linear = ZERO
@@ -77,7 +77,7 @@ class TcpPredictor:
 
 
 class _Leash:
-    """How far a target may be from the arm, in one measure [m or rad]."""
+    """The limits of a target's distance from the arm, in one measure [m or rad]."""
 
     def __init__(self, length: float, fault: float) -> None:
         self._length = length

@@ -58,7 +58,7 @@ class VelocityShaper:
             self._begin_braking()
 
     def braking_trajectory(self, velocity: Floats3, acceleration: Floats3) -> VelocityTrajectory:
-        """How `brake` would come to rest from that state."""
+        """The trajectory by which `brake` would come to rest from that state."""
         return VelocityTrajectory(velocity, acceleration, ZERO, self._stop, self._planner)
 
     def braking_reach(self, velocity: Floats3, acceleration: Floats3, held_s: float) -> float:

@@ -125,7 +125,7 @@ class VelocityTrajectory:
 def one_by_one_s(
     velocity: Floats3, acceleration: Floats3, target: Floats3, profile: Profile
 ) -> float:
-    """How long [s] to take the acceleration away and then go straight to `target` takes."""
+    """Time [s] to take the acceleration away and then to go straight to `target`."""
     coast_s = norm(acceleration) / profile.jerk
     change = plus_times(minus(target, velocity), acceleration, -coast_s / 2.0)
     return coast_s + stop_time_s(norm(change), profile.acceleration, profile.jerk)

@@ -1,4 +1,4 @@
-"""What is lost, stale or out of order right now, in order of precedence."""
+"""The reasons to stop that hold right now: something is lost, stale or out of order."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ class Workspace:
         self._outward = _cap(motion, deadman_s, gain_per_s)
 
     def excess(self, position: Floats3) -> tuple[float, ...]:
-        """How far a position [m] is outside each of the 8 bounds [m], negative inside.
+        """The distance [m] of a position beyond each of the 8 bounds, negative inside.
 
         Lower and upper edges of the box along x, y, z, then the inner and outer radius.
         """
@@ -179,7 +179,7 @@ class RotationCone:
 
 
 def _displacements(braking: VelocityTrajectory) -> Iterator[Floats3]:
-    """Where braking leads, relative to its start, at a few instants of it."""
+    """The displacements of a trajectory from its start, at a few instants of it."""
     for sample in range(_BRAKING_SAMPLES + 1):
         yield braking.at(braking.duration_s * sample / _BRAKING_SAMPLES).displacement
 

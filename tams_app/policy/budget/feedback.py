@@ -130,7 +130,7 @@ class FeedbackBudget(Budget):
         return max(self._kbps, self._allowed_kbps) * trip_ns / 8e6
 
     def _padding_kbps(self) -> float:
-        """What a probe lacks beside the views: more of it the longer the link seems free."""
+        """The padding that a probe needs beside the views, more the longer the link seems free."""
         if self._silent:
             return self._spare * self._allowed_kbps
         if self._began_ns is None or self._phase is not _Phase.PROBE:
@@ -162,7 +162,7 @@ class FeedbackBudget(Budget):
         return self._sent_bytes_by(long_ago_ns) > reported_bytes
 
     def _decay(self, elapsed_ns: int) -> None:
-        """What is sent halves in each window, what is remembered of the link in each second."""
+        """Halve what is sent in each window, and what is remembered of the link in each second."""
         self._silent = True
         self._deliveries.forget_arrivals()
         self._kbps = self._bounded(self._kbps * 0.5 ** (elapsed_ns / NS_PER_S))
@@ -311,14 +311,14 @@ class FeedbackBudget(Budget):
 
     @property
     def _rate_ns(self) -> int:
-        """What rates are taken over: a burst more or less is a fourteenth of what arrives in it."""
+        """The time that rates are taken over: one burst more or less in it is a fourteenth."""
         return self._window_ns * 3 // 2
 
     def _bounded(self, kbps: float) -> float:
         return min(max(kbps, _LEAST_KBPS), self._max_kbps)
 
     def _sent_bytes_by(self, t_ns: float) -> float:
-        """What had been sent by then, evenly between the steps."""
+        """The bytes that had been sent by then, evenly between the steps."""
         for later, earlier in pairwise(reversed(self._sent)):
             if earlier[0] <= t_ns:
                 passed = min(1.0, (t_ns - earlier[0]) / (later[0] - earlier[0]))

@@ -25,7 +25,7 @@ _KEPT = 128  # bursts: more than come in the longest level
 
 @dataclass(frozen=True, slots=True)
 class _Level:
-    """What one step saw."""
+    """The observation of one step."""
 
     t_ns: int
     level_ns: int
