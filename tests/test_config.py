@@ -60,7 +60,6 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"video.repair.plo": True}, r"did you mean video.repair.pli\? .given: true.$"),
         ({"limits.box_max_mm": [1, 2, NAN]}, r"box_max_mm.2: must be a finite .* .given: NaN.$"),
         ({"video.quality.enabled": "maybe"}, r"enabled: must be a valid boolean.* .given: 'maybe'"),
-        ({"hand.max_drift_mm": NAN}, "max_drift_mm: is a constant of tams_app.teleop.motion now"),
         ({"hand.max_rejects": 7}, "max_rejects: is a constant of tams_app.teleop.motion now, 6"),
         ({"clutch.release_below": 0.3}, "clutch.release_below: is a constant of tams_app.presses"),
         ({"limits": 3}, r"limits: must hold keys and values .given: 3.$"),
@@ -69,8 +68,6 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"limits.max_rotation_rad_s": 3}, "max_rotation_rad_s needs .* ms to stop"),
         ({"limits.motion.jerk_m_s3": 0}, "limits.motion.jerk_m_s3: .*greater than 0"),
         ({"arm.velocity_deadman_s": 0}, "arm.velocity_deadman_s: .*greater than 0"),
-        ({"arm.velocity_deadman_s": -1}, "arm.velocity_deadman_s: .*greater than 0"),
-        ({"arm.velocity_deadman_s": NAN}, r"arm.velocity_deadman_s: must be .* .given: NaN.$"),
         ({"arm.velocity_deadman_s": math.inf}, r"velocity_deadman_s: .* .given: infinity.$"),
         (
             {"arm.velocity_deadman_s": 1.01},
