@@ -419,15 +419,15 @@ def test_ctrl_c_among_the_imports_is_one_sentence_and_exit_code_130(capsys, monk
 
 # Each command, with what it needs on its command line and what it calls first.
 COMMANDS = {
-    "run": ([], "tams_app.console.session_cli.load_config"),
+    "run": ([], "tams_app.console.options.load_config"),
     "home": ([], "tams_app.cli.load_config"),
     "doctor": ([], "tams_app.cli.load_config"),
     "report": (["somewhere"], "tams_app.console.report.report_session"),
-    "network": (["s2", "--interface", "eth0"], "tams_app.console.tools_cli.load_config"),
-    "phases": (["some.csv"], "tams_app.console.phases.load_config"),
+    "network": (["s2", "--interface", "eth0"], "tams_app.console.options.load_config"),
+    "phases": (["some.csv"], "tams_app.console.options.load_config"),
     "allocate": (
         ["--phase", "ALIGN", "--budget-kbps", "1"],
-        "tams_app.console.tools_cli.load_config",
+        "tams_app.console.options.load_config",
     ),
 }
 

@@ -167,19 +167,26 @@ OPTIONS = {
 
 
 def overriding(
-    order: str, others: Mapping[str, Override] | None = None
+    order: str,
+    others: Mapping[str, Override] | None = None,
+    laid: Mapping[str, Any] | None = None,
 ) -> Callable[[CommandFunction], CommandFunction]:
-    """Make a command of a function of `overrides`, of the configuration, and what it declares.
+    """Make a command of a function of `settings`, the configuration, and what it declares itself.
 
     order: all that the command takes, as its --help lists it. What the function does not declare
-    itself is looked up in `others`, then in `OPTIONS`, and is in `overrides` by its key: None if it
-    was not given.
+    itself is looked up in `others`, then in `OPTIONS`, and is laid over the file of --config, and
+    `laid` over that. A function of `overrides` gets these in place of the configuration, by key:
+    None if it was not given.
     """
     known = {**OPTIONS, **(others or {})}
+    file = inspect.Parameter(
+        "config", inspect.Parameter.KEYWORD_ONLY, default=None, annotation=ConfigOption
+    )
 
     def decorated(function: CommandFunction) -> CommandFunction:
-        own = inspect.signature(function, eval_str=True).parameters
-        assert {*own} <= {"overrides", *order.split()}, "an option that --help would not list"
+        declared = inspect.signature(function, eval_str=True).parameters
+        takes_settings = "settings" in declared
+        own = {"config": file, **declared} if takes_settings else {**declared}
         options = {name: known[name] for name in order.split() if name not in own}
 
         @wraps(function)
@@ -187,7 +194,11 @@ def overriding(
             overrides = {one.key: _value(given.pop(name)) for name, one in options.items()}
             if overrides.get("recording.episode_count") is not None:
                 overrides["recording.episodes"] = True
-            function(overrides=overrides, **given)
+            if takes_settings:
+                settings = load_config(given.pop("config"), {**overrides, **(laid or {})})
+                function(settings=settings, **given)
+            else:
+                function(overrides=overrides, **given)
 
         parameters = [
             own[name].replace(kind=inspect.Parameter.KEYWORD_ONLY)

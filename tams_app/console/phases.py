@@ -8,12 +8,12 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from tams_app.config import PhasesConfig, load_config
-from tams_app.console.options import ConfigOption, Override, overriding
+from tams_app.config import Config, PhasesConfig
+from tams_app.console.options import Override, overriding
 from tams_app.errors import ConfigError
 from tams_app.outputs import write_file
 from tams_app.policy.phases import PhaseTracker, SmoothedSpeed
@@ -30,23 +30,22 @@ ADDED_COLUMNS = ("phase", "reason")
     },
 )
 def phases(
-    overrides: dict[str, Any],
+    settings: Config,
     file: Annotated[Path, typer.Argument(metavar="FILE.csv")],
     out: Annotated[Path | None, typer.Option(help="Default: standard output.")] = None,
     no_smoothing: Annotated[
         bool, typer.Option("--no-smoothing", help="The speeds are already smoothed.")
     ] = False,
-    config: ConfigOption = None,
 ) -> None:
     """Label the task phases in a table of speeds (Algorithm 1).
 
     Its columns: t_s, vx_mm_s, vy_mm_s, vz_mm_s, gripper (0 open, 1 closed).
     """
-    settings = load_config(config, overrides).policy.phases
+    thresholds = settings.policy.phases
     if out is not None and out.exists() and file.exists() and out.samefile(file):
         raise ConfigError(f"--out: {out} is the table that is read: give another file")
-    smoothing_s = 0.0 if no_smoothing else settings.smoothing_ms / 1000
-    labelled = label_phases(_text(file), str(file), settings, smoothing_s)
+    smoothing_s = 0.0 if no_smoothing else thresholds.smoothing_ms / 1000
+    labelled = label_phases(_text(file), str(file), thresholds, smoothing_s)
     if out is None:
         typer.echo(labelled, nl=False)
     else:

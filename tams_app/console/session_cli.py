@@ -27,14 +27,8 @@ key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of
     "config sim strategy preset network budget seconds seed fps headless hand operator predict "
     "arm dry_run record_reference episodes foxglove ros2 out"
 )
-def run(
-    overrides: dict[str, Any],
-    config: ConfigOption = None,
-    arm: ArmOption = False,
-    dry_run: DryRunOption = False,
-) -> None:
+def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False) -> None:
     """Run a session; by default one simulated pick-and-place."""
-    settings = load_config(config, overrides)
     _check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_session
@@ -53,15 +47,21 @@ def run(
             autocompletion=network_names,
         )
     },
+    {
+        "headless": True,
+        "controller.device": "auto",  # the operator's side has the device
+        "name": "robot",
+        "video.bind_host": "127.0.0.1",
+        "video.quality.enabled": False,
+    },
 )
 def robot(
-    overrides: dict[str, Any],
+    settings: Config,
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address on which to listen.")],
     key: Annotated[
         Path | None,
         typer.Option(help="The operator's key file, or a folder of them; not needed on loopback."),
     ] = None,
-    config: ConfigOption = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
 ) -> None:
@@ -69,14 +69,6 @@ def robot(
 
     It has the arm, the cameras, and everything that can stop the arm.
     """
-    of_this_side: dict[str, Any] = {
-        "headless": True,
-        "controller.device": "auto",  # the operator's side has the device
-        "name": "robot",
-        "video.bind_host": "127.0.0.1",
-        "video.quality.enabled": False,
-    }
-    settings = load_config(config, overrides | of_this_side)
     _check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_robot

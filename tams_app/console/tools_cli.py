@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from tams_app.config import load_config
+from tams_app.config import Config
 from tams_app.console.options import (
-    ConfigOption,
     JsonOption,
     Override,
     network_names,
@@ -40,7 +39,9 @@ def _actions() -> list[str]:
     return list(ACTIONS)
 
 
+@overriding("name interface action config")
 def network(
+    settings: Config,
     name: Annotated[
         str,
         typer.Argument(
@@ -55,7 +56,6 @@ def network(
             autocompletion=_actions,
         ),
     ] = "print",
-    config: ConfigOption = None,
 ) -> None:
     """Emulate a network condition on an interface with `tc`.
 
@@ -64,7 +64,7 @@ def network(
     """
     from tams_app.video.live.netem import run_network
 
-    run_network(load_config(config), name, interface, action, typer.echo)
+    run_network(settings, name, interface, action, typer.echo)
 
 
 def _phases() -> list[str]:
@@ -85,7 +85,7 @@ def _phases() -> list[str]:
     },
 )
 def allocate(
-    overrides: dict[str, Any],
+    settings: Config,
     phase: Annotated[
         str,
         typer.Option(
@@ -98,12 +98,10 @@ def allocate(
         typer.Option(parser=_kbps, metavar="KBPS", help="The budget B, after the safety factor."),
     ],
     as_json: JsonOption = False,
-    config: ConfigOption = None,
 ) -> None:
     """Print the bitrate that a strategy gives each view in a phase."""
     from tams_app.records import Phase
 
-    settings = load_config(config, overrides)
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
         raise ConfigError(f"--phase: {not_one_of(phase, _phases())}")
