@@ -175,12 +175,14 @@ def doctor(
             raise ConfigError("--config: --link needs none; leave it out")
         from tams_app.console.link_check import run_link_check
 
-        raise typer.Exit(run_link_check(options.endpoint_of("--link", link, key), as_json))
+        run_link_check(options.endpoint_of("--link", link, key), as_json)
+        return
     settings = load_config(config)
     if devices:
         from tams_app.console.devices import show_devices
 
-        raise typer.Exit(show_devices(settings, as_json))
+        show_devices(settings, as_json)
+        return
     from tams_app.console.doctor import CHECKS, marked_keys, run_doctor
 
     checks = CHECKS if config is None else (*CHECKS, marked_keys(config))

@@ -42,7 +42,7 @@ def started(monkeypatch):
     settings = []
     for name in ("app.run_session", "app.run_robot", "app.run_operate"):
         monkeypatch.setattr(
-            f"tams_app.console.{name}", lambda config, *_, **__: settings.append(config) or 0
+            f"tams_app.console.{name}", lambda config, *_, **__: settings.append(config)
         )
     return settings
 

@@ -68,18 +68,18 @@ class ShownSession(FacedSession, Protocol):
     def close(self) -> None: ...
 
 
-def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> int:
-    """Run one session to its end; the exit code. Everything it leaves is in its own folder.
+def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> None:
+    """Run one session to its end. Everything it leaves is in its own folder.
 
     SignalledError, after all is done, if a signal ended it.
     """
     check_session(config, dry_run, session_bytes(config))
     make = partial(run, config, MonotonicClock(), arm_at_once=arm_at_once, dry_run=dry_run)
-    return run_and_report(config, make, may_repeat=config.rig.enabled)
+    run_and_report(config, make, may_repeat=config.rig.enabled)
 
 
-def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> int:
-    """Run the robot's side of two until its session ends; the exit code."""
+def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> None:
+    """Run the robot's side of two until its session ends."""
     from tams_app.link.keys import accepted_keys
     from tams_app.session.robot import robot
 
@@ -92,11 +92,11 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
         session.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
         return session
 
-    return run_and_report(config, make)
+    run_and_report(config, make)
 
 
-def run_operate(config: Config, endpoint: Endpoint) -> int:
-    """Run the operator's side of two until either ends the session; the exit code."""
+def run_operate(config: Config, endpoint: Endpoint) -> None:
+    """Run the operator's side of two until either ends the session."""
     from tams_app.session.operate import operate
 
     check_hand(config)
@@ -104,7 +104,7 @@ def run_operate(config: Config, endpoint: Endpoint) -> int:
     require_room(station_bytes(config))
     notify = partial(Console().print, soft_wrap=True)
     make = partial(operate, config, MonotonicClock(), endpoint=endpoint, notify=notify)
-    return run_and_report(config, make)
+    run_and_report(config, make)
 
 
 def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
@@ -121,8 +121,8 @@ def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
 
 def run_and_report(
     config: Config, make: Callable[[Path], Session], may_repeat: bool = False
-) -> int:
-    """Run the session that `make` makes of its folder, and report on it; the exit code.
+) -> None:
+    """Run the session that `make` makes of its folder, and report on it.
 
     `may_repeat`: the operator may start it anew from the window, as often as they like.
     """
@@ -131,7 +131,6 @@ def run_and_report(
     console.print("starting …")
     while _run_once(config, make, console, may_repeat):
         console.print("starting again …")
-    return 0
 
 
 def _run_once(

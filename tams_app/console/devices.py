@@ -19,8 +19,8 @@ _TEXTURE = "from tams_app.faces.headset.texture import AtlasTexture; AtlasTextur
 _LOOK_FRAMES, _FRAME_S = 30, 0.1  # at most, of a camera, for damaged ones
 
 
-def show_devices(config: Config, as_json: bool = False, console: Console | None = None) -> int:
-    """Print every device found, one line each, cameras with their modes; always 0.
+def show_devices(config: Config, as_json: bool = False, console: Console | None = None) -> None:
+    """Print every device found, one line each, cameras with their modes.
 
     `as_json`: print one object instead. Nothing is moved, enabled or changed by looking. Whether
     the configuration can use them is what the doctor's checks say.
@@ -40,7 +40,7 @@ def show_devices(config: Config, as_json: bool = False, console: Console | None 
             "cameras": [{**asdict(info), "view": views.get(info.node)} for info in cameras],
         }
         console.out(json.dumps(tree, default=float))  # rates are fractions
-        return 0
+        return
     for title, lines in (
         ("Arm", [arm.description]),
         ("Controllers", [problem] if problem else controller_lines(controllers)),
@@ -49,7 +49,6 @@ def show_devices(config: Config, as_json: bool = False, console: Console | None 
         console.print(title, style="bold")
         for line in lines:
             console.print(f"  {line}", soft_wrap=True)
-    return 0
 
 
 def controller_lines(found: list[ControllerInfo]) -> Iterator[str]:

@@ -55,8 +55,8 @@ class LinkMeasured:
 
 def run_link_check(
     endpoint: Endpoint, as_json: bool = False, console: Console | None = None
-) -> int:
-    """Measure the link to a `robot` that runs, and print what was found; the exit code."""
+) -> None:
+    """Measure the link to a `robot` that runs, and print what was found."""
     console = console or Console()
     if not as_json:
         where = called(endpoint.host, endpoint.port)
@@ -71,7 +71,6 @@ def run_link_check(
         console.out(json.dumps(asdict(found)))
     for line in () if as_json else findings(found):
         console.print(line, soft_wrap=True)
-    return 0
 
 
 def measured(echoes: list[tuple[int, int]]) -> LinkMeasured:

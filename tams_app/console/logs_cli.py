@@ -91,7 +91,7 @@ def replay(
     """Play back a session from its log; the arm does not move."""
     from tams_app.console.replay.run import run_replay
 
-    raise typer.Exit(run_replay(log, speed, headless, mark))
+    run_replay(log, speed, headless, mark)
 
 
 @log_app.command("list")

@@ -33,7 +33,7 @@ def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_session
 
-    raise typer.Exit(run_session(settings, arm_at_once=arm, dry_run=dry_run))
+    run_session(settings, arm_at_once=arm, dry_run=dry_run)
 
 
 @overriding(
@@ -73,7 +73,7 @@ def robot(
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_robot
 
-    raise typer.Exit(run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run))
+    run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run)
 
 
 @overriding(
@@ -101,7 +101,7 @@ def operate(
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_operate
 
-    raise typer.Exit(run_operate(settings, endpoint_of("--robot", robot, key)))
+    run_operate(settings, endpoint_of("--robot", robot, key))
 
 
 @key_app.command("new")

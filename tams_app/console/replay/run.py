@@ -24,13 +24,8 @@ from tams_app.units import NS_PER_S
 FASTEST = 100.0
 
 
-def run_replay(
-    given: Path,
-    speed: float = 1.0,
-    headless: bool = False,
-    mark: bool = False,
-) -> int:
-    """Show the log of a session, or of the folder that has it, until it is ended; the exit code.
+def run_replay(given: Path, speed: float = 1.0, headless: bool = False, mark: bool = False) -> None:
+    """Show the log of a session, or of the folder that has it, until it is ended.
 
     `mark`: its phases are marked by keys; goes on with the marks beside the log.
     """
@@ -65,7 +60,6 @@ def run_replay(
         raise TamsError(session.failure)
     if signals:
         raise SignalledError(signals[0])
-    return 0
 
 
 def _marking(path: Path, log: SessionLog) -> Marking:
