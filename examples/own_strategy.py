@@ -7,7 +7,7 @@ configuration selects it, for live sessions, studies and virtual trials alike.
 from collections.abc import Mapping
 
 from tams_app.config import PolicyConfig, load_config
-from tams_app.policy.allocation import STRATEGIES, make_strategy
+from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.strategy import Strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
@@ -31,7 +31,7 @@ STRATEGIES["primary"] = PrimaryFirst
 policy = load_config().policy
 budget_kbps = 6000 * 0.92  # network s2, less the safety margin
 for name in ("tams", "primary"):
-    strategy = make_strategy(name, policy)
+    strategy = STRATEGIES[name](policy)
     for phase in Phase:
         targets = strategy.targets(phase, budget_kbps)
         print(f"{name:<8} {phase.name:<12}", *(f"{v} {kbps:>5}" for v, kbps in targets.items()))

@@ -23,7 +23,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from tams_app.config import load_config
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.phases import PhaseTracker
 from tams_app.records import Phase
 from tams_app.ros2.messages import String, TwistStamped
@@ -53,7 +53,7 @@ class Nodes:
     def __init__(self) -> None:
         self.policy = load_config(overrides={"preset": "reference"}).policy
         self.tracker = PhaseTracker(self.policy.phases)
-        self.tams = make_strategy("tams", self.policy)
+        self.tams = STRATEGIES["tams"](self.policy)
         self.velocity = (0.0, 0.0, 0.0)  # of the tool [m/s]
         self.closed = False
         self.budget_mbps = BUDGET_MBPS

@@ -9,7 +9,7 @@ from itertools import pairwise
 from benchmarks.uplink.cases import Case
 from benchmarks.uplink.model import Model, Trace, departed_bytes
 from tams_app.config import load_config
-from tams_app.policy.budget import make_budget
+from tams_app.policy.budget import BUDGETS
 from tams_app.records import PacketFate, PacketRecord
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -30,7 +30,9 @@ def run(case: Case, mode: str, delay_target_ms: float | None = None, seed: int =
         None, {"policy.budget.mode": mode, "policy.budget.delay_target_ms": delay_target_ms}
     ).policy
     capacity = case.capacity(Model.START_NS)
-    trace = Model(case.setting, capacity, lambda: make_budget(policy, capacity), policy).run()
+    trace = Model(
+        case.setting, capacity, lambda: BUDGETS[policy.budget.mode].make(policy, capacity), policy
+    ).run()
     standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
     return {**measure(case, trace, Model.START_NS), "standing_p95_ms": _percentile(standing, 0.95)}
 

@@ -21,7 +21,7 @@ from random import Random
 
 from tams_app.capacity import Capacity
 from tams_app.config import Network, PolicyConfig
-from tams_app.policy.allocation import Policy, make_strategy
+from tams_app.policy.allocation import STRATEGIES, Policy
 from tams_app.policy.budget import BUDGETS, Budget
 from tams_app.policy.budget.sender import START_KBPS
 from tams_app.records import (
@@ -175,7 +175,7 @@ class _Sender:
         self._at = events.at
         self._budget = budget
         self._name = name
-        self._policy = Policy(make_strategy(setting.strategy, policy), budget, policy)
+        self._policy = Policy(STRATEGIES[setting.strategy](policy), budget, policy)
         self._random = Random(f"{setting.seed}/sources{name}")
         self._receiver = Random(f"{setting.seed}/receiver{name}")
         self._flight = FlightBound(VIEWS)

@@ -16,7 +16,7 @@ from tams_app.console.options import (
     overriding,
 )
 from tams_app.errors import ConfigError, not_one_of
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import STRATEGIES
 
 MAX_KBPS = 1e9
 
@@ -105,7 +105,7 @@ def allocate(
     name = phase.strip().upper().replace("-", "_").replace(" ", "_")
     if name not in Phase.__members__:
         raise ConfigError(f"--phase: {not_one_of(phase, _phases())}")
-    chosen = make_strategy(settings.strategy, settings.policy)
+    chosen = STRATEGIES[settings.strategy](settings.policy)
     floor = settings.policy.allocation.floor_kbps
     targets = chosen.targets(Phase[name], budget_kbps)
     if budget_kbps < len(targets) * floor:

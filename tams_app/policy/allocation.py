@@ -7,7 +7,7 @@ from fractions import Fraction
 
 from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
-from tams_app.policy.budget import Budget, make_budget
+from tams_app.policy.budget import BUDGETS, Budget
 from tams_app.policy.strategy import Strategy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Phase, UplinkReport
@@ -102,22 +102,6 @@ STRATEGIES: Registry[type[Strategy]] = Registry(
 """The strategies by their word for `strategy`; entry points of `tams.strategies`."""
 
 
-def make_strategy(name: str, policy: PolicyConfig) -> Strategy:
-    """Make the strategy of that name.
-
-    Args:
-        name: a key of `STRATEGIES`.
-        policy: the policy's configuration, of which the strategy takes its weights.
-
-    Returns:
-        A new strategy.
-
-    Raises:
-        ConfigError: there is none of that name; the message lists the valid ones.
-    """
-    return STRATEGIES[name](policy)
-
-
 class Policy:
     """Capacity by the budget, targets by the strategy."""
 
@@ -133,8 +117,9 @@ class Policy:
         `capacity`: the emulated link's, for the budget `oracle`.
         """
         settings = config.policy
-        strategy = make_strategy(config.strategy, settings)
-        return Policy(strategy, make_budget(settings, capacity), settings)
+        strategy = STRATEGIES[config.strategy](settings)
+        budget = BUDGETS[settings.budget.mode].make(settings, capacity)
+        return Policy(strategy, budget, settings)
 
     def step(self, phase: Phase, report: UplinkReport) -> Allocation:
         """One allocation (paper, section III-D): targets, and what they follow from.

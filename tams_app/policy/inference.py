@@ -47,18 +47,3 @@ INFERENCES: Registry[type[Inference]] = Registry(
     dict.fromkeys(("motion", "reference"), "tams_app.policy.phases:PhaseInference"),
 )
 """The inferences by their word for `policy.phases.inference`; entry points of `tams.inference`."""
-
-
-def make_inference(config: PhasesConfig) -> Inference:
-    """Make the configured inference.
-
-    Args:
-        config: `policy.phases` of the configuration; its `inference` is a key of `INFERENCES`.
-
-    Returns:
-        A new one, at the first phase of the task.
-
-    Raises:
-        ConfigError: there is none of that name.
-    """
-    return INFERENCES[config.inference](config)

@@ -15,9 +15,9 @@ from hw.make_controller import DEVICES
 from tams_app.config import Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError, not_one_of
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
-from tams_app.policy.inference import INFERENCES, make_inference
+from tams_app.policy.inference import INFERENCES
 from tams_app.records import Pose
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import ControlLoop, Observer, ShownVideo, Signals
@@ -48,7 +48,7 @@ _BOUNDS = (
 
 def check_names(config: Config) -> None:
     """ConfigError for a word that stands for nothing, before anything is made of it."""
-    make_strategy(config.strategy, config.policy)
+    STRATEGIES[config.strategy](config.policy)
     _ = BUDGETS[config.policy.budget.mode], INFERENCES[config.policy.phases.inference]
     resolve_network(config, config.network)
     check_hand(config)
@@ -147,7 +147,7 @@ def control_loop(
         video,
         signals,
         teleop(config, delay_ns),
-        make_inference(config.policy.phases),
+        INFERENCES[config.policy.phases.inference](config.policy.phases),
         listeners,
         observers,
     )

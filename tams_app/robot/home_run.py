@@ -11,7 +11,7 @@ from hw.arm import Arm
 from hw.controller import Controller
 from tams_app.config import Config
 from tams_app.errors import DeviceError
-from tams_app.policy.inference import make_inference
+from tams_app.policy.inference import INFERENCES
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
@@ -103,7 +103,7 @@ class HomeRun:
             SteadyVideo(),
             signals,
             homing,
-            make_inference(config.policy.phases),
+            INFERENCES[config.policy.phases.inference](config.policy.phases),
             (guard,),
         )
 

@@ -13,7 +13,7 @@ from typing import TypeAlias
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError, not_one_of
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES
 from tams_app.study.plan import Participant, ParticipantState, Plan, PlannedTrial
@@ -30,7 +30,7 @@ def make_plan(config: Config, participants: int) -> Plan:
     if not 1 <= participants <= MAX_PARTICIPANTS:
         raise ConfigError(f"participants: must be 1 to {MAX_PARTICIPANTS}, not {participants}")
     for strategy in study.strategies:
-        make_strategy(strategy, config.policy)
+        STRATEGIES[strategy](config.policy)
     if study.budget not in BUDGETS:
         raise ConfigError(f"study.budget: {not_one_of(study.budget, BUDGETS)}")
     _ = INFERENCES[config.policy.phases.inference]

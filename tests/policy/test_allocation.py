@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from tams_app.config import load_config
 from tams_app.errors import ConfigError
-from tams_app.policy.allocation import STRATEGIES, ladder, make_strategy
+from tams_app.policy.allocation import STRATEGIES, ladder
 from tams_app.policy.strategy import allocate
 from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
@@ -54,14 +54,14 @@ def test_weights_that_are_exact_decimals_are_not_rounded_below_their_share():
 
 
 def test_equal_gives_the_same_to_all_and_static_never_changes():
-    equal, static = make_strategy("equal", POLICY), make_strategy("static", POLICY)
+    equal, static = STRATEGIES["equal"](POLICY), STRATEGIES["static"](POLICY)
     for phase in Phase:
         assert len(set(allocate(equal.weights(phase), 5520, 150).values())) == 1
         assert static.weights(phase) == {"eih": 0.5, "gt": 0.25, "gs": 0.25}
 
 
 def test_tams_gives_most_to_the_primary_view_of_each_phase():
-    tams, matrix = make_strategy("tams", POLICY), WeightMatrix(POLICY.weights.matrix)
+    tams, matrix = STRATEGIES["tams"](POLICY), WeightMatrix(POLICY.weights.matrix)
     for phase in Phase:
         targets = allocate(tams.weights(phase), 5520, 150)
         assert max(targets, key=targets.__getitem__) == matrix.primary_view(phase)
@@ -76,7 +76,7 @@ def test_the_primary_views_are_those_of_table_one():
 @pytest.mark.parametrize("phase", Phase)
 @pytest.mark.parametrize("name", STRATEGIES)
 def test_every_strategy_shares_all_of_the_bits_among_all_views(name, phase):
-    shares = make_strategy(name, POLICY).weights(phase)
+    shares = STRATEGIES[name](POLICY).weights(phase)
     assert set(shares) == set(POLICY.allocation.static_weights)
     assert min(shares.values()) >= 0.0
     assert sum(shares.values()) == pytest.approx(1.0)
@@ -84,7 +84,7 @@ def test_every_strategy_shares_all_of_the_bits_among_all_views(name, phase):
 
 def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
     with pytest.raises(ConfigError) as refused:
-        make_strategy("best", POLICY)
+        STRATEGIES["best"](POLICY)
     assert str(refused.value).endswith(f"'best' is not one of {', '.join(STRATEGIES)}")
 
 
@@ -145,7 +145,7 @@ def test_whatever_is_pinned_its_row_is_one_of_the_matrix(
 # --- what `tams+` adds to `tams` -----------------------------------------------------------------
 
 FLOORS_KBPS = 450.0
-TAMS, PLUS = make_strategy("tams", POLICY), make_strategy("tams+", POLICY)
+TAMS, PLUS = STRATEGIES["tams"](POLICY), STRATEGIES["tams+"](POLICY)
 phases = st.sampled_from(list(Phase))
 small_budgets = st.floats(0, FLOORS_KBPS, exclude_max=True)
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import BudgetConfig, load_config
-from tams_app.policy.allocation import Policy, make_strategy
-from tams_app.policy.budget import BUDGETS, OracleBudget, make_budget
+from tams_app.policy.allocation import STRATEGIES, Policy
+from tams_app.policy.budget import BUDGETS, OracleBudget
 from tams_app.policy.budget.sender import SenderBudget
 from tams_app.records import Phase, Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -52,12 +52,12 @@ def test_every_mode_of_the_configuration_makes_its_budget():
     assert list(BUDGETS) == ["oracle", "sender", "feedback"]
     for mode in BUDGETS:
         policy = load_config(None, {"policy.budget.mode": mode}).policy
-        assert mode in type(make_budget(policy, UnlimitedCapacity())).__name__.lower()
+        assert mode in type(BUDGETS[mode].make(policy, UnlimitedCapacity())).__name__.lower()
 
 
 def test_the_policy_applies_the_safety_factor_before_it_allocates():
     config = load_config().policy
-    policy = Policy(make_strategy("tams", config), OracleBudget(Falling(), config.budget), config)
+    policy = Policy(STRATEGIES["tams"](config), OracleBudget(Falling(), config.budget), config)
     allocation = policy.step(Phase.ALIGN, UplinkReport(4000 * NS_PER_MS, 0))
     assert allocation.budget_kbps == pytest.approx(920)
     assert allocation.target_kbps == {"eih": 432, "gt": 244, "gs": 244}

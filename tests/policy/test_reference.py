@@ -16,7 +16,7 @@ from tams_app.cli import app
 from tams_app.config import dump_config, load_config
 from tams_app.console.phases import label_phases
 from tams_app.errors import ConfigError
-from tams_app.policy.allocation import make_strategy
+from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.phases import PhaseInference
 from tams_app.records import Phase
 from tests.synthetic_session import tick
@@ -102,7 +102,7 @@ def test_in_a_session_the_speed_is_not_smoothed() -> None:
 
 def test_the_bits_are_those_of_the_authors_rule_below_and_above_three_floors() -> None:
     policy = load_config(overrides={"preset": "reference"}).policy
-    tams = make_strategy("tams", policy)
+    tams = STRATEGIES["tams"](policy)
     for phase in Phase:
         for budget_kbps in (0, 1, 449, 899, 900, 901, 3000, 6000, 20_000):
             targets = tams.targets(phase, budget_kbps)

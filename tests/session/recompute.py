@@ -17,7 +17,7 @@ from tams_app.capacity import UnlimitedCapacity
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
-from tams_app.policy.inference import make_inference
+from tams_app.policy.inference import INFERENCES
 from tams_app.recording import SessionLog
 from tams_app.records import Allocation, Tick, UplinkReport
 from tams_app.robot import build
@@ -87,7 +87,7 @@ def _same(logged: Any, computed: Any, tolerance: float) -> bool:
 
 def _computed_ticks(log: SessionLog, config: Config) -> Iterator[tuple[int, Tick, Tick]]:
     teleop = build.teleop(config, int(log.facts[VIDEO_DELAY_FACT]))
-    phases = make_inference(config.policy.phases)
+    phases = INFERENCES[config.policy.phases.inference](config.policy.phases)
     for tick in log.ticks:
         inputs = tick.inputs
         assert inputs is not None

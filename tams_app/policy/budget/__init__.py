@@ -105,19 +105,3 @@ BUDGETS: Registry[BudgetKind] = Registry(
     },
 )
 """Kinds of budget by their word for `policy.budget.mode`; entry points of `tams.budgets`."""
-
-
-def make_budget(policy: PolicyConfig, capacity: Capacity) -> Budget:
-    """Make the budget of `policy.budget.mode`.
-
-    Args:
-        policy: `policy` of the configuration.
-        capacity: the emulated link's, for the oracle.
-
-    Returns:
-        A new budget.
-
-    Raises:
-        ConfigError: there is no such mode.
-    """
-    return BUDGETS[policy.budget.mode].make(policy, capacity)
