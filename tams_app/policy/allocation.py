@@ -9,7 +9,6 @@ from tams_app.capacity import Capacity
 from tams_app.config import Config, PolicyConfig
 from tams_app.policy.budget import BUDGETS, Budget
 from tams_app.policy.strategy import Strategy
-from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Allocation, Phase, UplinkReport
 from tams_app.registry import Registry
 
@@ -19,35 +18,23 @@ LEAST_SHARE = Fraction(1, 6)  # of the floor, below the sum of floors: 5 of 30 f
 class Equal(Strategy):
     """The same share for every view."""
 
-    def __init__(self, policy: PolicyConfig) -> None:
-        super().__init__(policy)
-        views = list(policy.weights.matrix[Phase.REACH])
-        self._weights = dict.fromkeys(views, 1 / len(views))
-
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        return self._weights
+        views = self.policy.weights.matrix[Phase.REACH]
+        return dict.fromkeys(views, 1 / len(views))
 
 
 class Static(Strategy):
     """Fixed shares for the whole task."""
 
-    def __init__(self, policy: PolicyConfig) -> None:
-        super().__init__(policy)
-        self._weights = policy.allocation.static_weights
-
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        return self._weights
+        return self.policy.allocation.static_weights
 
 
 class TaskAware(Strategy):
     """TAMS: the row of W of the current phase."""
 
-    def __init__(self, policy: PolicyConfig) -> None:
-        super().__init__(policy)
-        self._matrix = WeightMatrix(policy.weights.matrix)
-
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        return self._matrix.row(phase)
+        return self.policy.weights.matrix[phase]
 
 
 class TamsPlus(TaskAware):

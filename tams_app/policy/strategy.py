@@ -23,11 +23,12 @@ class Strategy:
     has at this target and 30 frames a second."""
 
     def __init__(self, policy: PolicyConfig) -> None:
-        """Take over the floor.
+        """Take over the policy and its floor.
 
         Args:
             policy: `policy` of the configuration.
         """
+        self.policy = policy
         self.floor_kbps = policy.allocation.floor_kbps
 
     def weights(self, phase: Phase) -> Mapping[str, float]:
