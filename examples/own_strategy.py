@@ -6,23 +6,19 @@ configuration selects it, for live sessions, studies and virtual trials alike.
 
 from collections.abc import Mapping
 
-from tams_app.config import PolicyConfig, load_config
+from tams_app.config import load_config
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.strategy import Strategy
-from tams_app.policy.weights import WeightMatrix
 from tams_app.records import Phase
 
 
 class PrimaryFirst(Strategy):
     """80 % for the primary view of the phase, the largest entry of its row of W."""
 
-    def __init__(self, policy: PolicyConfig) -> None:
-        super().__init__(policy)
-        self._matrix = WeightMatrix(policy.weights.matrix)
-
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        primary = self._matrix.primary_view(phase)
-        others = [view for view in self._matrix.row(phase) if view != primary]
+        row = self.policy.weights.matrix[phase]
+        primary = max(row, key=row.__getitem__)
+        others = [view for view in row if view != primary]
         return {primary: 0.8} | {view: 0.2 / len(others) for view in others}
 
 
