@@ -31,7 +31,7 @@ def run(case: Case, mode: str, delay_target_ms: float | None = None, seed: int =
     ).policy
     capacity = case.capacity(Model.START_NS)
     trace = Model(
-        case.setting, capacity, lambda: BUDGETS[policy.budget.mode].make(policy, capacity), policy
+        case.setting, capacity, lambda: BUDGETS[policy.budget.mode](policy, capacity), policy
     ).run()
     standing = sorted(ns / NS_PER_MS for ns in trace.standing_ns)
     return {**measure(case, trace, Model.START_NS), "standing_p95_ms": _percentile(standing, 0.95)}

@@ -105,7 +105,7 @@ class Policy:
         """
         settings = config.policy
         strategy = STRATEGIES[config.strategy](settings)
-        budget = BUDGETS[settings.budget.mode].make(settings, capacity)
+        budget = BUDGETS[settings.budget.mode](settings, capacity)
         return Policy(strategy, budget, settings)
 
     def step(self, phase: Phase, report: UplinkReport) -> Allocation:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 from tams_app.config import Config
 from tams_app.policy.allocation import Policy
-from tams_app.policy.budget import BUDGETS
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording.journal import Journal
 from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs, Record
@@ -39,7 +38,7 @@ class PolicyLoop(Listener):
         self._policy = Policy.of(config, video.capacity)
         self._period_ns = round(NS_PER_S / config.policy.rate_hz)
         self._step_ns = clock.now_ns()  # when the next one is due, unless a phase begins before
-        budget = BUDGETS[config.policy.budget.mode]
+        budget = self._policy.budget
         self._keeps_inputs = budget.receives_reports
         # when padding is due next
         self._pad_ns = self._step_ns if budget.receives_packets else _NEVER_NS

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.capacity import UnlimitedCapacity
-from tams_app.config import BudgetConfig, load_config
+from tams_app.config import load_config
 from tams_app.policy.allocation import STRATEGIES, Policy
 from tams_app.policy.budget import BUDGETS, OracleBudget
 from tams_app.policy.budget.sender import SenderBudget
@@ -16,6 +16,8 @@ from tams_app.records import Phase, Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 pytestmark = pytest.mark.untimed
+
+POLICY = load_config().policy
 
 
 class Falling:
@@ -29,21 +31,20 @@ class Falling:
 
 
 def test_the_oracle_sees_the_last_window_and_nothing_ahead():
-    budget = OracleBudget(Falling(), BudgetConfig())
+    budget = OracleBudget(POLICY, Falling())
     assert budget.capacity_kbps(5000 * NS_PER_MS) == 1000
     assert budget.capacity_kbps(5050 * NS_PER_MS) == 750
     assert budget.capacity_kbps(5100 * NS_PER_MS) == 500
 
 
 def test_without_a_bottleneck_the_oracle_gives_the_configured_maximum():
-    budget = OracleBudget(UnlimitedCapacity(), BudgetConfig(max_kbps=20_000))
+    budget = OracleBudget(POLICY, UnlimitedCapacity())
     assert budget.capacity_kbps(0) == 20_000
 
 
-@pytest.mark.parametrize(
-    "budget", [OracleBudget(Falling(), BudgetConfig()), SenderBudget(BudgetConfig())]
-)
-def test_without_feedback_on_packets_no_padding_is_asked_for_and_nothing_bound(budget):
+@pytest.mark.parametrize("made", [OracleBudget, SenderBudget])
+def test_without_feedback_on_packets_no_padding_is_asked_for_and_nothing_bound(made):
+    budget = made(POLICY, Falling())
     assert budget.padding_bytes(0) == 0
     assert budget.flight_limit_bytes(0) == math.inf
 
@@ -52,12 +53,11 @@ def test_every_mode_of_the_configuration_makes_its_budget():
     assert list(BUDGETS) == ["oracle", "sender", "feedback"]
     for mode in BUDGETS:
         policy = load_config(None, {"policy.budget.mode": mode}).policy
-        assert mode in type(BUDGETS[mode].make(policy, UnlimitedCapacity())).__name__.lower()
+        assert mode in type(BUDGETS[mode](policy, UnlimitedCapacity())).__name__.lower()
 
 
 def test_the_policy_applies_the_safety_factor_before_it_allocates():
-    config = load_config().policy
-    policy = Policy(STRATEGIES["tams"](config), OracleBudget(Falling(), config.budget), config)
+    policy = Policy(STRATEGIES["tams"](POLICY), OracleBudget(POLICY, Falling()), POLICY)
     allocation = policy.step(Phase.ALIGN, UplinkReport(4000 * NS_PER_MS, 0))
     assert allocation.budget_kbps == pytest.approx(920)
     assert allocation.target_kbps == {"eih": 432, "gt": 244, "gs": 244}
@@ -77,7 +77,7 @@ def run(
     answer: Callable[[float, float], Reception | None], seconds: float, bias: float = 1.0
 ) -> list[float]:
     """The estimate at each step; `answer` is each second's report on what was sent [kbit/s]."""
-    budget, sent_bytes, estimates = SenderBudget(BudgetConfig()), 0.0, []
+    budget, sent_bytes, estimates = SenderBudget(POLICY, UnlimitedCapacity()), 0.0, []
     for step in range(round(seconds * NS_PER_S / STEP_NS)):
         reception = None if step % 10 else answer(step / 10, budget.capacity_kbps(0) * 0.92 * bias)
         told = () if reception is None else (reception,)

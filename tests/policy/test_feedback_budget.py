@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tams_app.config import BudgetConfig
+from tams_app.capacity import UnlimitedCapacity
+from tams_app.config import BudgetConfig, load_config
 from tams_app.policy.budget.feedback import FeedbackBudget
 from tams_app.policy.budget.queueing_delay import QueueingDelay
 from tams_app.records import PacketArrival, UplinkReport
@@ -19,13 +20,15 @@ from tests.policy.uplink_model import Uplink
 
 pytestmark = pytest.mark.untimed
 
+POLICY = load_config().policy
 FLOORS_KBPS = 450.0
 START_KBPS = FLOORS_KBPS / 0.92
 RUNS = settings(max_examples=15, deadline=None)
 
 
 def fresh(**keys: float) -> FeedbackBudget:
-    return FeedbackBudget(BudgetConfig(mode="feedback", **keys), FLOORS_KBPS)
+    budget = BudgetConfig(mode="feedback", **keys)
+    return FeedbackBudget(POLICY.model_copy(update={"budget": budget}), UnlimitedCapacity())
 
 
 def estimates(uplink: Uplink, seconds: float, **keys: float) -> list[float]:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 
 from tams_app.capacity import Capacity
-from tams_app.config import BudgetConfig, PolicyConfig
+from tams_app.config import PolicyConfig
 from tams_app.records import UplinkReport
 from tams_app.registry import Registry
 from tams_app.units import NS_PER_MS
@@ -18,17 +16,31 @@ _TRACE_WINDOW_NS = 100 * NS_PER_MS  # two steps of the policy loop
 class Budget:
     """A source of capacity estimates; `observe` comes before `capacity_kbps` and the flight limit.
 
-    This one observes nothing, pads nothing and limits nothing: a new one overrides `capacity_kbps`
-    and what else it does. It is a `BudgetKind` entered in `BUDGETS`, or an entry point of
+    This one observes nothing, pads nothing and limits nothing: a new one is a subclass with
+    `capacity_kbps` and what else it does, entered in `BUDGETS`, or an entry point of
     `tams.budgets`.
     """
+
+    receives_reports = True
+    """It receives the receivers' RTCP reports."""
+    receives_packets = False
+    """It also receives the fate of each packet, and may pad and bound what is under way."""
+
+    def __init__(self, policy: PolicyConfig, capacity: Capacity) -> None:
+        """Make it of the policy's configuration.
+
+        Args:
+            policy: `policy` of the configuration.
+            capacity: the emulated link's, which only a budget that looks at nothing else (an
+                oracle) may use.
+        """
 
     def observe(self, report: UplinkReport) -> None:
         """Take in what the senders know, at each step of the policy (about 20 times a second).
 
         Args:
             report: bytes sent, arrivals and receptions since the report before, as far as
-                `BudgetKind` requests them; its time never decreases.
+                it receives them; its time never decreases.
         """
 
     def capacity_kbps(self, now_ns: int) -> float:
@@ -72,36 +84,24 @@ class OracleBudget(Budget):
     The reference for experiments.
     """
 
-    def __init__(self, capacity: Capacity, config: BudgetConfig) -> None:
+    receives_reports = False
+
+    def __init__(self, policy: PolicyConfig, capacity: Capacity) -> None:
+        super().__init__(policy, capacity)
         self._capacity = capacity
-        self._max_kbps = config.max_kbps
+        self._max_kbps = policy.budget.max_kbps
 
     def capacity_kbps(self, now_ns: int) -> float:
         return min(self._max_kbps, self._capacity.mean_kbps(now_ns - _TRACE_WINDOW_NS, now_ns))
 
 
-@dataclass(frozen=True, slots=True)
-class BudgetKind:
-    """A way to estimate the capacity, and the feedback that it needs for that."""
-
-    make: Callable[[PolicyConfig, Capacity], Budget]
-    """Makes it of the policy's configuration and the emulated link's capacity, which only a budget
-    that looks at nothing else (an oracle) may use."""
-    receives_reports: bool = True
-    """It receives the receivers' RTCP reports."""
-    receives_packets: bool = False
-    """It also receives the fate of each packet, and may pad and bound what is under way."""
-
-
-BUDGETS: Registry[BudgetKind] = Registry(
+BUDGETS: Registry[type[Budget]] = Registry(
     "policy.budget.mode",
     "tams.budgets",
     {
-        "oracle": BudgetKind(
-            lambda policy, capacity: OracleBudget(capacity, policy.budget), receives_reports=False
-        ),
-        "sender": "tams_app.policy.budget.sender:KIND",
-        "feedback": "tams_app.policy.budget.feedback:KIND",
+        "oracle": OracleBudget,
+        "sender": "tams_app.policy.budget.sender:SenderBudget",
+        "feedback": "tams_app.policy.budget.feedback:FeedbackBudget",
     },
 )
-"""Kinds of budget by their word for `policy.budget.mode`; entry points of `tams.budgets`."""
+"""The budgets by their word for `policy.budget.mode`; entry points of `tams.budgets`."""

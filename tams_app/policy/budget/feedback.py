@@ -8,8 +8,8 @@ from enum import Enum
 from itertools import pairwise
 
 from tams_app.capacity import Capacity
-from tams_app.config import BudgetConfig, PolicyConfig
-from tams_app.policy.budget import Budget, BudgetKind
+from tams_app.config import PolicyConfig
+from tams_app.policy.budget import Budget
 from tams_app.policy.budget.deliveries import Deliveries
 from tams_app.policy.budget.queueing_delay import WINDOW_NS, QueueingDelay
 from tams_app.records import Phase, UplinkReport
@@ -59,8 +59,13 @@ class FeedbackBudget(Budget):
     flow fills it if it moves. What is sent is not limited by floors: these are the views'.
     """
 
-    def __init__(self, config: BudgetConfig, floors_kbps: float) -> None:
-        """`floors_kbps` is what the views have together at least; the estimate begins there."""
+    receives_packets = True
+
+    def __init__(self, policy: PolicyConfig, capacity: Capacity) -> None:
+        """The estimate begins at what the views have together at least."""
+        super().__init__(policy, capacity)
+        config, views = policy.budget, policy.weights.matrix[Phase.REACH]
+        floors_kbps = len(views) * policy.allocation.floor_kbps
         self._max_kbps = config.max_kbps
         self._most_target_ns = config.delay_target_ms * NS_PER_MS
         self._spare = 1.0 - config.safety_factor
@@ -328,11 +333,3 @@ class FeedbackBudget(Budget):
 
 def _clamped(trip_ns: float) -> float:
     return min(max(trip_ns, 0.0), 1.0 * NS_PER_S)
-
-
-def _feedback(policy: PolicyConfig, _capacity: Capacity) -> Budget:
-    views = len(policy.weights.matrix[Phase.REACH])
-    return FeedbackBudget(policy.budget, views * policy.allocation.floor_kbps)
-
-
-KIND = BudgetKind(_feedback, receives_packets=True)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 
-from tams_app.config import BudgetConfig
-from tams_app.policy.budget import Budget, BudgetKind
+from tams_app.capacity import Capacity
+from tams_app.config import PolicyConfig
+from tams_app.policy.budget import Budget
 from tams_app.records import Reception, UplinkReport
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -36,8 +37,9 @@ class SenderBudget(Budget):
     2 and 10 % it cannot distinguish a bad radio from a full queue, and holds.
     """
 
-    def __init__(self, config: BudgetConfig) -> None:
-        self._config = config
+    def __init__(self, policy: PolicyConfig, capacity: Capacity) -> None:
+        super().__init__(policy, capacity)
+        self._config = config = policy.budget
         self._window_ns = WINDOW_MS * NS_PER_MS
         self._kbps = min(START_KBPS, config.max_kbps)
         self._began: tuple[int, int] | None = None  # the window: its time, bytes sent until then
@@ -83,6 +85,3 @@ class SenderBudget(Budget):
 
     def capacity_kbps(self, now_ns: int) -> float:
         return self._kbps
-
-
-KIND = BudgetKind(lambda policy, _capacity: SenderBudget(policy.budget))
