@@ -12,7 +12,7 @@ from typing import Any
 from tams_app import palette
 from tams_app.faces.banner import look_of
 from tams_app.faces.messages import SPAN_S, ShownWorkspace
-from tams_app.faces.shown import HEADINGS, Shown
+from tams_app.faces.shown import HEADINGS, ShownState
 from tams_app.records import SessionState
 
 GROUND, PANEL = "#101418", "#1B2127"
@@ -149,7 +149,7 @@ def _ceiling(kbps: float) -> float:
 
 
 def draw_table(
-    cr: Context, width: float, height: float, shown: Shown, views: Sequence[str]
+    cr: Context, width: float, height: float, shown: ShownState, views: Sequence[str]
 ) -> None:
     """The numbers of each view, and below them the uplink's, and what delays the primary view."""
     fill(cr, PANEL, 0, 0, width, height)
@@ -171,7 +171,7 @@ def draw_table(
         write(cr, text, 8, y, INK if number else FAINT, size)
 
 
-def draw_hand(cr: Context, width: float, height: float, shown: Shown) -> None:
+def draw_hand(cr: Context, width: float, height: float, shown: ShownState) -> None:
     """Deadman, mode, gripper, buttons and where the TCP is."""
     fill(cr, PANEL, 0, 0, width, height)
     step = height / (len(shown.hand) + 0.2)

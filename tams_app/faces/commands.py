@@ -1,10 +1,11 @@
-"""The commands that people give a session by key or button."""
+"""The commands that people give a session by key or button, and the signals that they cause."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
 from types import MappingProxyType
+from typing import Protocol
 
 from tams_app.records import EpisodeRequest, Phase
 
@@ -45,7 +46,6 @@ LETTERS: Mapping[str, Command] = MappingProxyType(
 )
 """The commands of letter keys, in the window as on the terminal."""
 
-
 OF_EPISODES: Mapping[Command, EpisodeRequest] = MappingProxyType(
     {
         Command.EPISODE: EpisodeRequest.NEXT,
@@ -56,3 +56,16 @@ OF_EPISODES: Mapping[Command, EpisodeRequest] = MappingProxyType(
     }
 )
 """The commands of episodes."""
+
+
+class OperatorSignals(Protocol):
+    """The operator's signals to arm and log."""
+
+    pinned: str
+    """The view that they have pinned; "": none."""
+
+    def confirm(self, asked_ns: int) -> None: ...
+
+    def estop(self) -> None: ...
+
+    def episode(self, request: EpisodeRequest) -> None: ...

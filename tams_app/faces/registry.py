@@ -10,26 +10,13 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
-from tams_app.faces.commands import Command
+from tams_app.faces.commands import Command, OperatorSignals
 from tams_app.faces.messages import Ended, Keys, Outline, ReplayFacts, TrialFacts
-from tams_app.records import EpisodeRequest, SessionState
+from tams_app.records import SessionState
 from tams_app.registry import Registry
 from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.frame_ring import FrameBlock
-
-
-class OperatorSignals(Protocol):
-    """The operator's signals to arm and log."""
-
-    pinned: str
-    """The view that they have pinned; "": none."""
-
-    def confirm(self, asked_ns: int) -> None: ...
-
-    def estop(self) -> None: ...
-
-    def episode(self, request: EpisodeRequest) -> None: ...
 
 
 class FacedSession(Protocol):

@@ -42,7 +42,7 @@ class PanelWords:
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class ShownState:
     """A session at one moment, as it is written; but for the titles of views (`view_title`).
 
     rows: by view, the cells below HEADINGS. uplink: its lines, and what makes the primary view
@@ -66,7 +66,7 @@ class Shown:
     episodes: tuple[str, ...]
 
 
-def shown_of(facts: FaceFacts, opening: Opening, shift_is_dead: bool = False) -> Shown:
+def shown_of(facts: FaceFacts, opening: Opening, shift_is_dead: bool = False) -> ShownState:
     """All that is shown of these facts. shift_is_dead: `Keyboard.shift_is_dead`."""
     state, replay, is_over = facts.state, facts.replay, facts.end is not None
     banner = banner_of(facts, opening.hand, shift_is_dead)
@@ -82,7 +82,7 @@ def shown_of(facts: FaceFacts, opening: Opening, shift_is_dead: bool = False) ->
     if state.episodes is not None:
         row = episodes.strip_texts(state.episodes, replay is not None, is_over)
     views = [(view, state.views.get(view, ViewState())) for view in opening.views]
-    return Shown(
+    return ShownState(
         state=state,
         banner=banner,
         panel=_panel_words(facts, banner, opening.hand),

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 from tams_app.faces import canvas
 from tams_app.faces.banner import Banner
 from tams_app.faces.messages import Ended, Outline, ShownWorkspace
-from tams_app.faces.shown import Shown
+from tams_app.faces.shown import ShownState
 from tams_app.faces.window import strips
 from tams_app.faces.window.strips import History
 from tams_app.faces.window.style import EDGES
@@ -72,7 +72,7 @@ class NumbersPanel:
     def __init__(self, views: tuple[str, ...], workspace: ShownWorkspace, history: History) -> None:
         Gtk = load().Gtk
         self._views, self._workspace, self._history = views, workspace, history
-        self._shown: Shown | None = None
+        self._shown: ShownState | None = None
         draws = (self._draw_rates, self._draw_table, self._draw_workspace, self._draw_hand)
         self._areas = rates, table, above, hand = [_area(draw) for draw in draws]
         self.widget = Gtk.Grid(
@@ -88,7 +88,7 @@ class NumbersPanel:
         self.widget.attach(above, 0, 13, 1, 7)
         self.widget.attach(hand, 1, 13, 1, 7)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownState) -> None:
         self._shown = shown
         for area in self._areas:
             area.queue_draw()
@@ -115,7 +115,7 @@ class TrialPanel:
     def __init__(self, workspace: ShownWorkspace) -> None:
         Gtk = load().Gtk
         self._workspace = workspace
-        self._shown: Shown | None = None
+        self._shown: ShownState | None = None
         self.widget = Gtk.Box(
             orientation=Gtk.Orientation.VERTICAL, spacing=10, hexpand=True, vexpand=True
         )
@@ -128,7 +128,7 @@ class TrialPanel:
         self._area = _area(self._draw)
         self.widget.append(self._area)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownState) -> None:
         self._shown = shown
         _write(self._labels, shown.card)
         self._area.queue_draw()
@@ -150,7 +150,7 @@ class Timeline:
     def set_height(self, height_px: int) -> None:
         self.widget.set_content_height(height_px)
 
-    def show(self, _shown: Shown) -> None:
+    def show(self, _shown: ShownState) -> None:
         self.widget.queue_draw()
 
     def _draw(self, cr: Any, width: float, height: float) -> None:
@@ -182,7 +182,7 @@ class LogBar:
     def set_height(self, height_px: int) -> None:
         self._area.set_content_height(height_px)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownState) -> None:
         self._t_s = shown.state.t_s
         if shown.marks is not None:
             self._outline = replace(self._outline, phases=shown.marks)
@@ -218,7 +218,7 @@ class EpisodeStrip:
         for label in self._labels:
             self.widget.append(label)
 
-    def show(self, shown: Shown) -> None:
+    def show(self, shown: ShownState) -> None:
         self.widget.set_visible(bool(shown.episodes))
         _write(self._labels, shown.episodes)
         for label, text in zip(self._labels, shown.episodes, strict=False):
