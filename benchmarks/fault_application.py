@@ -28,7 +28,7 @@ from tams_app.records import (
 )
 from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.control import ControlLoop, Signals
+from tams_app.robot.control import ControlLoop, LoopDevices, Signals
 from tams_app.robot.guarding import Guarding
 from tams_app.robot.listener import Listener
 from tams_app.robot.video import video_delay_ns
@@ -148,10 +148,7 @@ class Application(Listener):
         return build.control_loop(
             config,
             self.clock,
-            self.hand,
-            self.arm,
-            self.gate,
-            self,
+            LoopDevices(self.hand, self.arm, self.gate, self),  # type: ignore[arg-type]
             self.delay_ns,
             self.signals,
             (self.guarding, self),

@@ -28,7 +28,8 @@ from tams_app.config import load_config
 from tams_app.printing import Console
 from tams_app.recording.writer import DirectRecorder
 from tams_app.robot.control import ControlLoop
-from tams_app.robot.observers import TRIAL_RATE_HZ, TrialObserver
+from tams_app.robot.engine import Engine
+from tams_app.robot.observers import TRIAL_RATE_HZ
 from tams_app.session.virtual import runner
 from tams_app.session.virtual.runner import run_virtual_trial
 from tams_app.session.virtual.trial import VirtualTrial
@@ -128,7 +129,7 @@ def measure(network: str, seed: int, seconds: float | None) -> dict[str, Any]:
     config = load_config(None, settings)
     times, reference = PartTimes(), Reference()
     reference.sample = times.wrap(_REFERENCE_PART, reference.sample)  # type: ignore[method-assign]
-    TrialObserver.look = reference.after(TrialObserver.look)  # type: ignore[method-assign]
+    Engine.look = reference.after(Engine.look)  # type: ignore[method-assign]
     for part, places in PARTS.items():
         for owner, name in places:
             setattr(owner, name, times.wrap(part, getattr(owner, name)))

@@ -57,6 +57,13 @@ def test_the_network_delivers_loses_and_overflows(tmp_path):
 
 
 @pytest.mark.verify
+def test_a_session_is_opened_and_asked_for_its_state_until_its_time_is_over(tmp_path):
+    *states, last = run(tmp_path, "live_session", "15").splitlines()
+    assert any("disarmed" in state or "ready" in state for state in states)
+    assert last.startswith("ended after 15 s; its log is in")
+
+
+@pytest.mark.verify
 def test_a_virtual_trial_leaves_a_log_that_pandas_reads(tmp_path):
     pytest.importorskip("pandas")
     told = run(tmp_path, "virtual_trial", "1.5")

@@ -89,7 +89,7 @@ def test_a_session_with_real_devices_loads_nothing_of_the_simulated_rig():
 
 
 def test_neither_side_loads_studies_summaries_reports_or_viewers():
-    found = loaded("tams_app.robot.side", "tams_app.station.station")
+    found = loaded("tams_app.robot.side", "tams_app.station.hand", "tams_app.station.receivers")
     above = [f"tams_app.{one}" for one in ("study", "summary", "report", "telemetry", "console")]
     assert not [name for name in found if name.startswith(tuple(above))]
 

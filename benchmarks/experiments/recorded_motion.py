@@ -22,12 +22,12 @@ from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, Pose, Record, SceneTruth, Tick
 from tams_app.robot import build
-from tams_app.robot.control import Signals, SteadyVideo
+from tams_app.robot.control import LoopDevices, Signals, SteadyVideo
 from tams_app.robot.engine import RecordedSteps
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import session_header
-from tams_app.session.virtual.rig import VirtualRobot
+from tams_app.session.virtual.side import VirtualRobot
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
@@ -138,10 +138,7 @@ class _Recording(Listener):
         self._loop = build.control_loop(
             config,
             clock,
-            controller,
-            robot.arm,
-            robot.gate,
-            SteadyVideo(),
+            LoopDevices(controller, robot.arm, robot.gate, SteadyVideo()),
             0,
             Signals(),
             (self, RecordedSteps(log)),

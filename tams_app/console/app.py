@@ -5,16 +5,16 @@ from __future__ import annotations
 import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from tams_app.config import Config
 from tams_app.console.end_screen import ask_at_end
 from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
-from tams_app.faces.commands import Command
+from tams_app.faces.commands import Command, OperatorSignals
 from tams_app.faces.display import has_display
 from tams_app.faces.registry import (
     FACES,
@@ -30,14 +30,20 @@ from tams_app.faces.terminal.line import StatusLine, WordsOf, status_words
 from tams_app.faces.terminal.output import unblocked_output
 from tams_app.printing import Console
 from tams_app.robot.build import check_hand, check_names, check_ready_pose, check_views
+from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.mailbox import Sentences
 from tams_app.runtime.shared_ring import require_room
 from tams_app.runtime.worker import Worker
-from tams_app.session.folder import create_session_folder, remove_session_folder
+from tams_app.session.folder import (
+    create_session_folder,
+    remove_session_folder,
+    robot_bytes,
+    session_bytes,
+    station_bytes,
+)
 from tams_app.session.run import run
-from tams_app.session.sentences import Sentences
-from tams_app.session.session import Session
-from tams_app.session.shared_memory import robot_bytes, session_bytes, station_bytes
+from tams_app.session.session import Outset, Session
 from tams_app.session.viewing import check_viewers
 from tams_app.station.seat import require_local_seat
 from tams_app.teleop.hands import hand_of, words_of_hand
@@ -46,26 +52,37 @@ if TYPE_CHECKING:
     from tams_app.link.gateway_client import Endpoint
 
 POLL_S = 0.05
+Made: TypeAlias = tuple[Outset, AbstractContextManager[Session]]  # a session, and what opens it
+
+
+class ShownOutset(Protocol):
+    """What there is of a session before it is open, as the console sees it."""
+
+    config: Config
+    folder: Path
+    failure: str
+
+    @property
+    def signals(self) -> OperatorSignals: ...
+
+    def fail(self, sentence: str) -> None: ...
+
+    def note(self, level: str, text: str) -> None: ...
+
+    def request_end(self, reason: str) -> None: ...
 
 
 class ShownSession(FacedSession, Protocol):
-    """The session as the console sees it."""
+    """The open session as the console sees it."""
 
-    failure: str
     ended: threading.Event
 
     @property
     def sentences(self) -> Sentences: ...
 
-    def start(self) -> None: ...
-
     def poll(self) -> None: ...
 
-    def request_end(self, reason: str) -> None: ...
-
     def stop_arm(self) -> None: ...
-
-    def close(self) -> None: ...
 
 
 def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> None:
@@ -74,23 +91,27 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> Non
     SignalledError, after all is done, if a signal ended it.
     """
     check_session(config, dry_run, session_bytes(config))
-    make = partial(run, config, MonotonicClock(), arm_at_once=arm_at_once, dry_run=dry_run)
+
+    def make(folder: Path) -> Made:
+        outset = Outset(config, MonotonicClock(), folder, Signals())
+        return outset, run(outset, arm_at_once, dry_run)
+
     run_and_report(config, make, may_repeat=config.rig.enabled)
 
 
 def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> None:
     """Run the robot's side of two until its session ends."""
     from tams_app.link.keys import accepted_keys
-    from tams_app.session.robot import robot
+    from tams_app.session.robot import for_robot, robot
 
     check_session(config, dry_run, robot_bytes(config))
 
-    def make(folder: Path) -> Session:
-        session = robot(config, MonotonicClock(), folder, endpoint, arm_at_once, dry_run)
+    def make(folder: Path) -> Made:
+        outset = Outset(for_robot(config), MonotonicClock(), folder, Signals())
         names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
         keys = f" with the key of {' or '.join(names)}" if names else ""
-        session.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
-        return session
+        outset.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
+        return outset, robot(outset, endpoint, arm_at_once, dry_run)
 
     run_and_report(config, make)
 
@@ -98,19 +119,24 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
 def run_operate(config: Config, endpoint: Endpoint) -> None:
     """Run the operator's side of two until either ends the session."""
     from tams_app.session.operate import operate
+    from tams_app.station.linked_robot import Requests
 
     check_hand(config)
     check_faces(config)
     require_room(station_bytes(config))
     notify = partial(Console().print, soft_wrap=True)
-    make = partial(operate, config, MonotonicClock(), endpoint=endpoint, notify=notify)
+
+    def make(folder: Path) -> Made:
+        outset = Outset(config, MonotonicClock(), folder, Requests())
+        return outset, operate(outset, endpoint, notify)
+
     run_and_report(config, make)
 
 
 def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
     """ConfigError for what cannot be run with an arm at this computer.
 
-    SetupError if it has no room for `memory_bytes` of shared memory (`session.shared_memory`).
+    SetupError if it has no room for `memory_bytes` of shared memory (`session.folder`).
     """
     check_names(config)
     check_faces(config)
@@ -119,10 +145,8 @@ def check_session(config: Config, dry_run: bool, memory_bytes: int) -> None:
     require_room(memory_bytes)
 
 
-def run_and_report(
-    config: Config, make: Callable[[Path], Session], may_repeat: bool = False
-) -> None:
-    """Run the session that `make` makes of its folder, and report on it.
+def run_and_report(config: Config, make: Callable[[Path], Made], may_repeat: bool = False) -> None:
+    """Run the session that `make` makes for its folder, and report on it.
 
     `may_repeat`: the operator may start it anew from the window, as often as they like.
     """
@@ -134,42 +158,43 @@ def run_and_report(
 
 
 def _run_once(
-    config: Config, make: Callable[[Path], Session], console: Console, may_repeat: bool
+    config: Config, make: Callable[[Path], Made], console: Console, may_repeat: bool
 ) -> bool:
     """One session and its report; whether the operator asks for another one."""
     folder = create_session_folder(config)
-    session: Session | None = None
+    outset: Outset | None = None
     signals: list[str] = []
     closed = again = False
     try:
-        session = make(folder)
-        with showing(session, console, signals=signals, shows_end=True) as faces:
+        outset, opening = make(folder)
+        with showing(outset, opening, console, signals=signals, shows_end=True) as faces:
             closed = True
             summary: Mapping[str, Any] | None = None
             try:
                 summary = report_session(folder, console)
             except TamsError:
-                if not session.failure:  # else that is what matters, and the reason for this
+                if not outset.failure:  # else that is what matters, and the reason for this
                     raise
             if not signals and config.seconds is None:
                 again = ask_at_end(
-                    faces, console, config, session.failure, summary, folder, signals, may_repeat
+                    faces, console, config, outset.failure, summary, folder, signals, may_repeat
                 )
     except TamsError as error:
-        if session is None or not session.started:
+        if outset is None or not outset.started:
             remove_session_folder(folder, str(error))
         if signals and not closed:  # it was ended before it had started
             raise SignalledError(str(error)) from error
         raise
-    if session.failure:
-        raise TamsError(f"{session.failure} (the log is in {folder})")
+    if outset.failure:
+        raise TamsError(f"{outset.failure} (the log is in {folder})")
     if signals:
         raise SignalledError(f"{signals[0]}; all that was recorded is in {folder}")
     return again
 
 
 def show_session(
-    session: ShownSession,
+    outset: ShownOutset,
+    opening: AbstractContextManager[ShownSession],
     console: Console,
     words_of: WordsOf = status_words,
     signals: list[str] | None = None,
@@ -177,13 +202,14 @@ def show_session(
     replay: ShownReplay | None = None,
 ) -> None:
     """Show a session from start to end; no face stays for what follows. As of `showing`."""
-    with showing(session, console, words_of, signals, trial, replay):
+    with showing(outset, opening, console, words_of, signals, trial, replay):
         pass
 
 
 @contextmanager
 def showing(
-    session: ShownSession,
+    outset: ShownOutset,
+    opening: AbstractContextManager[ShownSession],
     console: Console,
     words_of: WordsOf = status_words,
     signals: list[str] | None = None,
@@ -191,40 +217,41 @@ def showing(
     replay: ShownReplay | None = None,
     shows_end: bool = False,
 ) -> Iterator[Sequence[SessionDisplay]]:
-    """Start a session, show it until it ends, close it; then its faces. TamsError without a start.
+    """Open a session, show it until it ends, close it; then its faces. TamsError without a start.
 
-    No screen holds it up. `signals`: takes those that end it. `trial`: of a study; nothing else may
-    be notified of its session. `replay`: the session, where it is one. `shows_end`: of the faces
-    those that can stay until the context is left, and show that it is over.
+    No screen holds it up. `opening`: starts it, and closes it in the end. `signals`: takes those
+    that end it. `trial`: of a study; nothing else may be notified of its session. `replay`: the
+    session, where it is one. `shows_end`: of the faces those that can stay until the context is
+    left, and show that it is over.
     """
-    runs, over = threading.Event(), threading.Event()
+    opened, over = list[ShownSession](), threading.Event()
 
     def end(reason: str) -> None:
         if signals is not None:
             signals.append(reason)
-        session.request_end(reason)
-        if runs.is_set() and not over.is_set():
+        outset.request_end(reason)
+        for session in opened:
             session.stop_arm()
 
     def stop_arm() -> None:
         if not over.is_set():
-            session.signals.estop()
+            outset.signals.estop()
 
     def failed(name: str, failure: BaseException) -> None:
         try:
-            session.fail(f"{name}: {failure!r}")
+            outset.fail(f"{name}: {failure!r}")
         except Exception as again:  # noqa: BLE001 - the session has ended by then, and says so
-            session.note("error", f"the arm's stop failed again: {again!r}")
+            outset.note("error", f"the arm's stop failed again: {again!r}")
 
     with unblocked_output(), handled_signals(end, stop_arm, failed), ExitStack() as stack:
-        faces = _launch_faces(session, stack, trial, replay)
-        session.start()
+        faces = _launch_faces(outset.config, outset.folder, stack, trial, replay)
         try:
-            runs.set()
-            _watch(session, console, words_of, faces, trial, shows_end)
-            console.print("ending …")
+            with opening as session:
+                opened.append(session)
+                _watch(session, console, words_of, faces, trial, shows_end)
+                console.print("ending …")
         finally:
-            session.close()
+            opened.clear()
             over.set()
         yield faces
 
@@ -245,7 +272,7 @@ def _watch(
         has_keys = _read_keys(session, stack, trial)
         for face in faces:  # to be closed before the keys: what it shows at the end gets old
             stack.callback(face.end if shows_end else face.close)
-            face.open()
+            face.open(session)
         if not session.config.operator_is_simulated:
             _show_how_to_begin(session, has_keys, bool(session.displays))
         line = stack.enter_context(StatusLine(console, words_of))
@@ -265,21 +292,21 @@ def _watch(
 
 
 def _launch_faces(
-    session: ShownSession,
+    config: Config,
+    folder: Path,
     stack: ExitStack,
     trial: ShownTrial | None,
     replay: ShownReplay | None,
 ) -> list[SessionDisplay]:
     """Launch the configured faces, not open yet; none without a display or with --headless."""
-    names = session.config.faces
-    if session.config.controller.device == "keyboard" and replay is None:
+    if config.controller.device == "keyboard" and replay is None:
         # whether the arm at the other end of a link is real is known once it answers (`call_robot`)
-        require_local_seat(session.config, not session.config.rig.enabled, "the desktop")
-    if session.config.headless or not has_display():
-        if session.config.controller.device == "keyboard":
+        require_local_seat(config, not config.rig.enabled, "the desktop")
+    if config.headless or not has_display():
+        if config.controller.device == "keyboard":
             raise SetupError("--hand keyboard needs the window, and there is no display for it")
         return []
-    asked = (FACES[name](session, trial, replay) for name in names)
+    asked = (FACES[name](config, folder, trial, replay) for name in config.faces)
     faces = [face for face in asked if face is not None]
     for face in faces:
         stack.callback(face.close)

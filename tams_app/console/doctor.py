@@ -169,7 +169,7 @@ def home_folder(_: Config) -> Iterator[Finding]:
 def shared_memory(config: Config) -> Iterator[Finding]:
     """Shared memory between the session and its helpers: as much as this configuration takes."""
     from tams_app.runtime.shared_ring import require_room
-    from tams_app.session.shared_memory import session_bytes
+    from tams_app.session.folder import session_bytes
 
     wanted = session_bytes(config)
     try:
@@ -206,7 +206,7 @@ def display(config: Config) -> Iterator[Finding]:
 def predictive_display(config: Config) -> Iterator[Finding]:
     """Prediction of each view, where it is wanted: what must be known of its camera."""
     from tams_app.session.lenses import known_cameras
-    from tams_app.station.camera_watch import MEASURE
+    from tams_app.station.mount_memory import MEASURE
 
     is_measured = any(camera.lens is not None for camera in config.cameras.values())
     if config.view.predict == "off" and not is_measured:

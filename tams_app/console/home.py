@@ -17,11 +17,11 @@ from tams_app.robot.arm_gate import GATE_TIMEOUT_S
 from tams_app.robot.build import check_ready_pose
 from tams_app.robot.control import Signals
 from tams_app.robot.guarding import Guarding
-from tams_app.robot.home_run import HomeRun
+from tams_app.robot.home_run import POLL_S, HomeRun
 from tams_app.robot.homing import HomingState
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.runtime.ending import Ending
 from tams_app.runtime.mailbox import BoundedQueue
+from tams_app.runtime.parts import Ending
 from tams_app.runtime.worker import Worker
 from tams_app.station.seat import require_local_seat
 
@@ -73,16 +73,7 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         dialogue.notify(f"Connecting to the arm at {config.arm.host} ...")
         guard.join(arm, stack, partial(connect_with_consent, arm, dialogue))
         dialogue.go_on()
-        run = HomeRun(
-            config,
-            clock,
-            arm,
-            guard,
-            signals,
-            dialogue.read_keys,
-            dialogue.notify,
-            dialogue.all_shown,
-        )
+        run = HomeRun(config, clock, arm, guard, signals)
 
         def failed(name: str, failure: BaseException) -> None:
             dialogue.notify(f"{name}: {failure!r}")
@@ -92,10 +83,22 @@ def run_home(config: Config, terminal_fd: int = 0, console: Console | None = Non
         stack.callback(gate.stop, GATE_TIMEOUT_S)
         gate.start()
         keys.discard()  # those pressed so far were for something else
-        state = run.run()
+        state = _carried_out(run, dialogue)
         if state is not HomingState.DONE:
             dialogue.go_on()
         return 0 if state is HomingState.DONE else 1
+
+
+def _carried_out(run: HomeRun, dialogue: Dialogue) -> HomingState:
+    """DONE or ENDED, the arm stopped; DeviceError, with the arm stopped, if it failed."""
+    with run:
+        for sentence in run.sentences():
+            dialogue.notify(sentence)
+        while not run.over:
+            keys = dialogue.read_keys(POLL_S)
+            for sentence in run.step(keys, dialogue.all_shown()):
+                dialogue.notify(sentence)
+    return run.result
 
 
 class Dialogue:

@@ -146,10 +146,11 @@ class SessionDisplay:
             SetupError: it cannot show anything here.
         """
 
-    def open(self) -> None:
-        """Begin to show the session.
+    def open(self, session: FacedSession) -> None:
+        """Begin to show the session; a face that is steered by adds itself to its displays.
 
-        A face that the operator steers by adds itself to `FacedSession.displays`.
+        Args:
+            session: open, until the face is closed.
         """
 
     def notify(self, note: str) -> None:
@@ -183,9 +184,10 @@ class SessionDisplay:
 
 
 MakeFace: TypeAlias = Callable[
-    [FacedSession, ShownTrial | None, ShownReplay | None], SessionDisplay | None
+    [Config, Path, ShownTrial | None, ShownReplay | None], SessionDisplay | None
 ]
-"""Makes a face of the session, of its trial and of its replay, None where it is neither.
+"""Makes a face of a session, before that is open: of its whole configuration, of its folder in the
+logs, which exists, of its trial and of its replay, None where it is neither.
 
 In a trial no figures may be shown (`tams_app.records.without_figures`). It returns None if it has
 nothing to show of this session.

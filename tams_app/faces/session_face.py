@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from contextlib import ExitStack
+from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
@@ -75,14 +76,16 @@ class SessionFace(SessionDisplay):
 
     def __init__(
         self,
-        session: FacedSession,
+        folder: Path,
         face: Face,
         trial: ShownTrial | None = None,
         replay: ShownReplay | None = None,
         **specification: Any,
     ) -> None:
-        """`specification`: what its process is started with, besides its socket."""
-        self._session, self._trial, self._replay = session, trial, replay
+        """`folder`: of the session. `specification`: what its process is started with, besides its
+        socket.
+        """
+        self._folder, self._trial, self._replay = folder, trial, replay
         self._specification = specification
         self._clock = MonotonicClock()
         self._client = FaceClient(self._clock, face)
@@ -101,14 +104,14 @@ class SessionFace(SessionDisplay):
         Raises:
             SetupError: it cannot show anything here.
         """
-        logs = self._session.folder / "helpers"
+        logs = self._folder / "helpers"
         logs.mkdir(exist_ok=True)
         self._client.launch(logs, **self._specification)
         self._stack.callback(self._client.close)
 
-    def open(self) -> None:
-        """Show it, once the session has started."""
-        session = self._session
+    def open(self, session: FacedSession) -> None:
+        """Show the session."""
+        self._session = session
         replay = self._replay
         blind = self._trial is not None or (replay is not None and replay.blind)
         outline = None if replay is None else replay.outline
@@ -210,11 +213,12 @@ class SessionWindow(SessionFace):
 
     def __init__(
         self,
-        session: FacedSession,
+        _config: Config,
+        folder: Path,
         trial: ShownTrial | None = None,
         replay: ShownReplay | None = None,
     ) -> None:
-        super().__init__(session, WINDOW, trial, replay)
+        super().__init__(folder, WINDOW, trial, replay)
         self._last: SessionState | None = None  # of a session that is over
         self._counts_ns = 0
         self._is_closed = False
@@ -280,9 +284,9 @@ def headset_is_wanted(config: Config) -> bool:
 
 
 def headset_if_wanted(
-    session: FacedSession, trial: ShownTrial | None, replay: ShownReplay | None
+    config: Config, folder: Path, trial: ShownTrial | None, replay: ShownReplay | None
 ) -> SessionFace | None:
     """The headset, unless none is wanted, or for a replay, which may be of another computer."""
-    if replay is not None or not headset_is_wanted(session.config):
+    if replay is not None or not headset_is_wanted(config):
         return None
-    return SessionFace(session, HEADSET, trial, headset=session.config.headset.model_dump())
+    return SessionFace(folder, HEADSET, trial, headset=config.headset.model_dump())

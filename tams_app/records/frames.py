@@ -26,7 +26,6 @@ class TaskRegion:
 class Frame(Record):
     """A captured frame: BGR, shape (height, width, 3); `index` counts captures of its view.
 
-    task: where the task is in it; None: not known, or out of sight.
     damaged: frames of its view that arrived damaged since the one before, and were left out.
     """
 
@@ -35,7 +34,6 @@ class Frame(Record):
     capture_ns: int
     image: Image
     ready_ns: int = 0  # the camera, or the rig's renderer, had made the picture; 0: not known
-    task: TaskRegion | None = None
     damaged: int = 0
 
 

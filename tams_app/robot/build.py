@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hw.arm import Arm
 from hw.arms import arm_kind, check_limits
-from hw.controller import Controller
 from hw.make_camera import NOT_LIVE, SOURCES
 from hw.make_controller import DEVICES
 from tams_app.config import Config
@@ -19,8 +17,7 @@ from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.budget import BUDGETS
 from tams_app.policy.inference import INFERENCES
 from tams_app.records import Pose
-from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.control import ControlLoop, Observer, ShownVideo, Signals
+from tams_app.robot.control import ControlLoop, LoopDevices, Observer, Signals
 from tams_app.robot.devices import Devices
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
@@ -125,10 +122,7 @@ def devices(config: Config, clock: Clock, log_directory: Path) -> Devices:
 def control_loop(
     config: Config,
     clock: Clock,
-    controller: Controller,
-    arm: Arm,
-    gate: ArmGate,
-    video: ShownVideo,
+    loop_devices: LoopDevices,
     delay_ns: int,
     signals: Signals,
     listeners: Sequence[Listener] = (),
@@ -136,15 +130,12 @@ def control_loop(
 ) -> ControlLoop:
     """The loop with the configured teleoperation and phase inference.
 
-    `delay_ns`: no frame of `video` is ever shown younger: one-way latency plus jitter buffer.
+    `delay_ns`: no frame of its video is ever shown younger: one-way latency plus jitter buffer.
     """
     return ControlLoop(
         config,
         clock,
-        controller,
-        arm,
-        gate,
-        video,
+        loop_devices,
         signals,
         teleop(config, delay_ns),
         INFERENCES[config.policy.phases.inference](config.policy.phases),

@@ -33,6 +33,9 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 if TYPE_CHECKING:
     from tams_app.policy.inference import Inference
+    from tams_app.robot.homing import Homing
+    from tams_app.robot.operator import Operator
+    from tams_app.teleop.loop import Teleop
 
 TOO_LONG_AGO = "not confirmed: the operator did so too long ago"
 CONFIRMED_AGO_NS = 2 * NS_PER_S  # a confirmation that may be older is not acted on
@@ -119,27 +122,11 @@ class Signals:
         return pending
 
 
-class ShownVideo(Protocol):
-    """The video as the control loop sees it; `fresh_video` has the rule of what counts."""
-
-    def age_ns(self, view: str, now_ns: int) -> int | None:
-        """Age of the newest frame of `view` that counts; None before the first."""
-
-    def is_damaged(self, view: str) -> bool:
-        """True if a newer frame of `view` is shown that does not count, as it is not whole."""
-
-
 class Observer(Protocol):
     """Draws conclusions from ticks; no thread, clock or file."""
 
     def step(self, inputs: TeleopInput, output: TeleopOutput) -> Sequence[Record]:
         """What follows from this tick, for the log and the listeners."""
-
-
-class Teleoperation(Protocol):
-    """From received input to a command: `teleop.loop.Teleop`."""
-
-    def step(self, inputs: TeleopInput) -> TeleopOutput: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +142,16 @@ class SteadyVideo:
         return False
 
 
+@dataclass(frozen=True, slots=True)
+class LoopDevices:
+    """What the loop reads and commands; of `video`, `fresh_video` has the rule of what counts."""
+
+    controller: Controller
+    arm: Arm
+    gate: ArmGate
+    video: Operator | SteadyVideo
+
+
 class ControlLoop:
     """One tick: sample, step, send, infer the phase, record; the body of a Worker."""
 
@@ -162,12 +159,9 @@ class ControlLoop:
         self,
         config: Config,
         clock: Clock,
-        controller: Controller,
-        arm: Arm,
-        gate: ArmGate,
-        video: ShownVideo,
+        devices: LoopDevices,
         signals: Signals,
-        teleop: Teleoperation,
+        teleop: Teleop | Homing,
         inference: Inference,
         listeners: Sequence[Listener] = (),
         observers: Sequence[Observer] = (),
@@ -176,13 +170,11 @@ class ControlLoop:
         self._clock = clock
         self._sleep = SleepWatch(clock)
         self._rate_hz = config.control.rate_hz
-        self._controller = controller
-        self._arm = arm
-        self._gate = gate
-        self._video = video
+        self._controller, self._video = devices.controller, devices.video
+        self._arm, self._gate = devices.arm, devices.gate
         self._signals = signals
         self._listeners, self._observers = tuple(listeners), tuple(observers)
-        signals.stop_with(gate.stop)
+        signals.stop_with(devices.gate.stop)
         self._teleop, self._phases = teleop, inference
         self._weights = WeightMatrix(config.policy.weights.matrix)
         self._pinned = ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from hw.arm import Arm
 from hw.arms import arm_kind, session_boundary
@@ -14,6 +15,8 @@ from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
+
+Truth: TypeAlias = Callable[[], SceneTruth | None]  # where things really are; None: not known now
 
 
 class Devices:
@@ -31,7 +34,7 @@ class Devices:
         self._clock = clock
 
     @property
-    def truth(self) -> Callable[[], SceneTruth | None] | None:
+    def truth(self) -> Truth | None:
         """Knows where things really are; None where only a person can judge the task."""
         return None
 
@@ -78,5 +81,5 @@ class ConnectedDevices:
 
     arm: Arm
     gate: ArmGate
-    truth: Callable[[], SceneTruth | None] | None
+    truth: Truth | None
     guard: Listener | None = None  # in virtual time there is none: no control loop falls silent

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 
@@ -91,15 +90,21 @@ class DryRunArm(Arm):
         return link
 
     def send_twist(self, twist: Twist) -> None:
-        self._command(lambda model: model.send_twist(twist))
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.send_twist(twist)
 
     def set_gripper(self, closed: bool) -> None:
-        self._command(lambda model: model.set_gripper(closed))
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.set_gripper(closed)
 
     def stop(self) -> None:
         """Stop the model, and the real arm too, whatever program may be moving it."""
         self._real.stop()
-        self._command(lambda model: model.stop())
+        with self._lock:
+            if (model := self._caught_up()) is not None:
+                model.stop()
 
     def clear_errors(self) -> None:
         """Clear the real arm's errors and the model's."""
@@ -118,12 +123,6 @@ class DryRunArm(Arm):
     @property
     def realtime_thread_ids(self) -> dict[str, int]:
         return self._real.realtime_thread_ids
-
-    def _command(self, command: Callable[[SimulatedArm], None]) -> None:
-        """`command` to the model, if there is one."""
-        with self._lock:
-            if (model := self._caught_up()) is not None:
-                command(model)
 
     def _caught_up(self) -> SimulatedArm | None:
         """The model; after a standstill of the process it does not relive all of it."""

@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from hw.arms import arm_kind
-from tams_app.config import Config
 from tams_app.recording.journal import Journal
 from tams_app.records import Phase, PhaseChange, Record
 from tams_app.robot import build
-from tams_app.robot.control import Signals
+from tams_app.robot.control import LoopDevices
 from tams_app.robot.devices import ConnectedDevices
+from tams_app.robot.ground import Ground
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialObserver
+from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialLook, TrialObserver
 from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
 from tams_app.robot.video import Video
-from tams_app.runtime.clock import Clock
 from tams_app.teleop.hands import HAND_FACT
 
 VIDEO_DELAY_FACT = "video_delay_ns"
@@ -32,49 +31,30 @@ class Engine:
 
     def __init__(
         self,
-        config: Config,
-        clock: Clock,
+        ground: Ground,
         devices: ConnectedDevices,
         operator: Operator,
         video: Video,
-        log: Journal,
-        signals: Signals,
-        ended: Callable[[], None],
         listeners: Sequence[Listener] = (),
         arm_at_once: bool = False,
-        placed: Callable[[], None] = lambda: None,
     ) -> None:
-        """`ended` is called when the trial is over; `listeners` get everything after the others,
-        and `operator` last. `placed`: see `TrialObserver`.
-        """
+        """`listeners` get everything after the others, and `operator` last."""
+        config, log, signals = ground.config, ground.log, ground.signals
         listeners = (*listeners, operator)
-        self._operator = operator
-        self._clock = clock
-        self._log = log
-        self._video = video
+        self._devices, self._operator, self._video = devices, operator, video
+        self._clock, self._log = ground.clock, log
         self._stops = StopWatch()
-        self.trial = TrialObserver(
-            config.trial,
-            clock,
-            devices.arm,
-            devices.truth,
-            log.record,
-            ended,
-            lambda: operator.is_simulated,  # a person takes their time
-            placed,
-        )
+        self.trial = TrialObserver(config.trial, devices.truth is not None)
         recorded = RecordedSteps(log)
-        self.policy = PolicyLoop(config, clock, video, log, (recorded, *listeners))
+        self.policy = PolicyLoop(config, ground.clock, video, log, (recorded, *listeners))
         arming = ArmingNotes(signals, lambda: operator.hand, arm_at_once)
         heat = HeatWatch(arm_kind(config.arm.model).limits.hot_motor_c)
         guard = () if devices.guard is None else (devices.guard,)
+        controller = operator.take_controller()
         self.control = build.control_loop(
             config,
-            clock,
-            operator.take_controller(),
-            devices.arm,
-            devices.gate,
-            operator,
+            ground.clock,
+            LoopDevices(controller, devices.arm, devices.gate, operator),
             video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before any report
@@ -90,6 +70,15 @@ class Engine:
         self._log.fact("decoder", self._video.codecs.decoder.element)
         self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))
         self._log.record(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
+
+    def look(self) -> TrialLook:
+        """Record where things are and look at the trial; a person is given no time limit."""
+        scene = None if self._devices.truth is None else self._devices.truth()
+        if scene is None:
+            return TrialLook()
+        self._log.record(scene)
+        arm = self._devices.arm.state()
+        return self.trial.look(self._clock.now_ns(), scene, arm, self._operator.is_simulated)
 
     def finish(self) -> None:
         """The control loop has ended: log a stop whose end was not seen."""

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass
 
 from tams_app.recording.journal import Journal
-from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Record, Tick
+from tams_app.records import ControllerStatus, EpisodeRequest, EpisodesState, Tick
 from tams_app.robot.control import Signals
-from tams_app.robot.listener import Listener
 from tams_app.task.episodes import ARMED_NS, Episodes
 from tams_app.units import NS_PER_S
 
@@ -42,38 +41,34 @@ class LongPress:
         return self._is_over
 
 
-class EpisodeKeeper(Listener):
+@dataclass(frozen=True, slots=True)
+class Due:
+    """What follows from a tick. scene: it is to be put back, before the countdown of an episode.
+
+    end: all that are wanted are kept.
+    """
+
+    scene: bool
+    end: bool
+
+
+class EpisodeKeeper:
     """Lets episodes begin and end at ticks, and keeps each in the log when it ends.
 
     On the controller the buttons of the gripper, held for a second with the deadman released, when
     they move nothing: A stands for `NEXT`, B for `DISCARD`. All but `state` in the control thread.
     """
 
-    def __init__(
-        self,
-        episodes: Episodes,
-        signals: Signals,
-        log: Journal,
-        prepare: Callable[[], None],
-        end: Callable[[str], None],
-    ) -> None:
-        """`signals`: has what is asked by key.
-
-        `prepare` is called when an episode was asked for, before its countdown; it must not wait.
-        `end` ends the session once all that are wanted are kept.
-        """
+    def __init__(self, episodes: Episodes, signals: Signals, log: Journal) -> None:
+        """`signals`: has what is asked by key."""
         self._episodes, self._signals, self._log = episodes, signals, log
-        self._prepare, self._end = prepare, end
         self._asked_ns = 0
         self._buttons = {EpisodeRequest.NEXT: LongPress(), EpisodeRequest.DISCARD: LongPress()}
         self.state: EpisodesState = self._episodes.state(0)
         self._state_due_ns = 0
 
-    def receive(self, record: Record) -> None:
-        if isinstance(record, Tick):
-            self._step(record)
-
-    def _step(self, tick: Tick) -> None:
+    def step(self, tick: Tick) -> Due:
+        """Take in a tick, and what was asked for since the last one."""
         now_ns = tick.started_ns
         begun = self._episodes.step(now_ns)
         requests = [*self._signals.episodes(), *self._held(tick)]
@@ -81,23 +76,24 @@ class EpisodeKeeper(Listener):
             requests = [EpisodeRequest.NEXT]
         if begun:
             self._log.note("info", begun)
+        scene = end = False
         for request in requests:
             answer = self._episodes.ask(now_ns, request)
             if answer.record is not None:
                 self._log.record(answer.record)
             self._log.note("info", answer.sentence)
-            if answer.begins:
-                self._prepare()
+            scene |= answer.begins
         if requests:
             self._asked_ns = now_ns
         if self._episodes.is_complete:
             if requests:
                 self._log.note("info", _COMPLETE)
-            elif not tick.deadman and now_ns - self._asked_ns >= ARMED_NS:
-                self._end("all episodes are kept")
+            else:
+                end = not tick.deadman and now_ns - self._asked_ns >= ARMED_NS
         if begun or requests or now_ns >= self._state_due_ns:
             self._state_due_ns = now_ns + _STATE_NS
             self.state = self._episodes.state(now_ns)
+        return Due(scene, end)
 
     def finish(self) -> None:
         """The control loop has ended: an episode that has not is none."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from tams_app.errors import DeviceError
 from tams_app.policy.inference import INFERENCES
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
+from tams_app.robot.control import ControlLoop, LoopDevices, Signals, SteadyVideo
 from tams_app.robot.guarding import Guarding
 from tams_app.robot.homing import Homing, HomingPath, HomingState, advice_at_home
 from tams_app.rotation import Rotation
@@ -66,30 +65,21 @@ class EnterKey(Controller):
 class HomeRun:
     """One motion to the ready pose: `Homing` in a session's control loop, for the main thread.
 
-    `gate` is to be run in a thread: what waits for the arm's replies keeps neither key nor
-    heartbeat waiting. Nor can they wait for a screen: `notify` must not block. `all_shown`: when
-    the operator can have read it. `read_keys(timeout_s)` returns what the terminal sent meanwhile.
+    A context, whose end stops the arm: `step` it every `POLL_S` until it is `over`. `gate` is to be
+    run in a thread: what waits for the arm's replies keeps neither key nor heartbeat waiting. Nor
+    may what shows the sentences wait for a screen.
     """
 
     def __init__(
-        self,
-        config: Config,
-        clock: Clock,
-        arm: Arm,
-        guard: Guarding,
-        signals: Signals,
-        read_keys: Callable[[float], bytes],
-        notify: Callable[[str], None],
-        all_shown: Callable[[], bool],
+        self, config: Config, clock: Clock, arm: Arm, guard: Guarding, signals: Signals
     ) -> None:
         """`arm` is connected, and `guard` ready: it knows `signals` and the speed on this way."""
         self._clock, self._arm, self._guard = clock, arm, guard
-        self._read_keys, self._notify = read_keys, notify
         self._speed_rad_s = math.radians(config.arm.ready_speed_deg_s)
         state = arm.state()
         if state is None:
             raise DeviceError("The arm sends no reports; restart its control box.")
-        self._homing = homing = Homing(config, state.joints, guard.watches, all_shown)
+        self._homing = homing = Homing(config, state.joints, guard.watches)
         self._shown: tuple[HomingPath | None, HomingState | None] = (None, None)
         self._progress_ns = 0
         self._key = EnterKey(signals)
@@ -97,30 +87,41 @@ class HomeRun:
         self._control = ControlLoop(
             config,
             clock,
-            self._key,
-            arm,
-            self.gate,
-            SteadyVideo(),
+            LoopDevices(self._key, arm, self.gate, SteadyVideo()),
             signals,
             homing,
             INFERENCES[config.policy.phases.inference](config.policy.phases),
             (guard,),
         )
 
-    def run(self) -> HomingState:
-        """DONE or ENDED, the arm stopped; DeviceError, with the arm stopped, if it failed."""
-        homing = self._homing
-        try:
-            self._show()
-            while not homing.over:
-                self._key.feed(self._read_keys(POLL_S))
-                self._control.tick(self._clock.now_ns())
-                self._show()
-        finally:
-            self.gate.stop()
-        if homing.state is HomingState.FAILED:
-            raise DeviceError(homing.failure)
-        return homing.state
+    def __enter__(self) -> HomeRun:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.gate.stop()
+
+    @property
+    def over(self) -> bool:
+        """It is there, was ended, or has failed."""
+        return self._homing.over
+
+    def step(self, keys: bytes, all_shown: bool) -> list[str]:
+        """One control period; the sentences for the operator.
+
+        `keys`: what the terminal has sent since the last. `all_shown`: the operator can have read
+        all sentences so far.
+        """
+        self._homing.all_shown = all_shown
+        self._key.feed(keys)
+        self._control.tick(self._clock.now_ns())
+        return self.sentences()
+
+    @property
+    def result(self) -> HomingState:
+        """DONE or ENDED; DeviceError if it failed."""
+        if self._homing.state is HomingState.FAILED:
+            raise DeviceError(self._homing.failure)
+        return self._homing.state
 
     def _begin(self) -> None:
         """In the gate's thread: a guard that stopped the arm while it got ready did so only once.
@@ -137,20 +138,23 @@ class HomeRun:
         if level == "error":
             self._homing.refusal = text
 
-    def _show(self) -> None:
+    def sentences(self) -> list[str]:
+        """Those that are new: the path, the state, the progress."""
         homing, now_ns = self._homing, self._clock.now_ns()
         path, state = self._shown
         self._shown = homing.path, homing.state
+        found = []
         if homing.path is not path:
-            self._notify(describe_path(homing.path, self._speed_rad_s))
+            found.append(describe_path(homing.path, self._speed_rad_s))
         if homing.state is not state or homing.path is not path:
             if homing.state in _SENTENCES:
-                self._notify(_SENTENCES[homing.state])
+                found.append(_SENTENCES[homing.state])
             self._progress_ns = now_ns
         elif state is HomingState.MOVING and now_ns - self._progress_ns >= PROGRESS_NS:
             self._progress_ns = now_ns
             if (arm := self._arm.state()) is not None:
-                self._notify(f"{math.degrees(homing.path.left_rad(arm.joints)):.0f}° to go")
+                found.append(f"{math.degrees(homing.path.left_rad(arm.joints)):.0f}° to go")
+        return found
 
 
 def describe_path(path: HomingPath, speed_rad_s: float) -> str:

@@ -153,29 +153,23 @@ class Homing:
 
     An ENABLE is to begin the move. The sample's trigger is a press of the key: what is read at once
     is one. An emergency stop is any other key. An arm that was stopped has to report so before
-    anything starts again; until then the guard watches it.
+    anything starts again; until then the guard watches it. `all_shown`: the operator can have read
+    everything, the path above all; until then a press starts nothing.
     """
 
-    def __init__(
-        self,
-        config: Config,
-        joints: Vector,
-        guarded: Callable[[int], bool],
-        shown: Callable[[], bool],
-    ) -> None:
+    def __init__(self, config: Config, joints: Vector, guarded: Callable[[int], bool]) -> None:
         """From `joints` [rad]; DeviceError if the way to the ready pose is none.
 
-        `guarded`: whether the guard watches at a time [ns]. `shown`: whether the operator can have
-        read everything, the path above all: until then a press starts nothing.
+        `guarded`: whether the guard watches at a time [ns].
         """
-        self._config = config
-        self._guarded, self._shown = guarded, shown
+        self._config, self._guarded = config, guarded
         self._watch = Watch(config, video_floor_ns=0)
         self._key = HeldKey()
         self._began_ns = 0
         self._stopped_ns: int | None = None  # since then the arm has not yet reported its stop
         self.path = path_to_ready(config, joints)
         self.state = HomingState.WAITING
+        self.all_shown = False
         self.refusal = ""  # why the arm did not begin the move, from any thread
         self.failure = ""  # why it failed, in one sentence
 
@@ -198,7 +192,9 @@ class Homing:
         )
 
     def _step(self, inputs: TeleopInput) -> Request:
-        if inputs.sample.trigger > 0.0 and (self.state is not HomingState.WAITING or self._shown()):
+        if inputs.sample.trigger > 0.0 and (
+            self.state is not HomingState.WAITING or self.all_shown
+        ):
             self._key.press(inputs.now_ns)
         if inputs.estop:
             self.state = HomingState.ENDED

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from hw.link.controller import LinkController
-from tams_app.config import Config
 from tams_app.link.gaps import GapWatch
 from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, MessageError, decode
-from tams_app.recording.journal import Journal
-from tams_app.records import EpisodeRequest, HandHeard, Haptic, Presses, SteeredBy
-from tams_app.robot.control import TOO_LONG_AGO, Signals
+from tams_app.records import EpisodeRequest, HandHeard, Presses, SteeredBy
+from tams_app.robot.control import TOO_LONG_AGO
+from tams_app.robot.ground import Ground
 from tams_app.teleop.hands import HAND_FACT, HANDS, hand_of
 from tams_app.video.core.frame_identity import SentFrames
 
@@ -19,27 +18,25 @@ from tams_app.video.core.frame_identity import SentFrames
 class LinkedHand:
     """The newest sample, the frames that count there, and each request once; for one thread.
 
-    `controller`: the one in the operator's hand, which calls `receive` for new messages. `hand`:
-    what they drive with, of `HANDS`. `message`: the one sent last, whether it counted or not,
-    received at `heard_ns`.
+    `hand`: what they drive with, of `HANDS`. `message`: the one sent last, whether it counted or
+    not, received at `heard_ns`.
     """
 
     def __init__(
-        self,
-        config: Config,
-        signals: Signals,
-        log: Journal,
-        receive: Callable[[int], None],
-        pulse: Callable[[Haptic], None],
+        self, ground: Ground, controller: LinkController, sent: Mapping[str, SentFrames]
     ) -> None:
-        self._config, self._signals, self._log = config, signals, log
-        self.controller = LinkController(config.link, receive, pulse)
+        """`controller`: the one in the operator's hand. `sent`: by view, the frames behind the RTP
+        timestamps of shown ones.
+        """
+        self._config, self._signals, self._log = ground.config, ground.signals, ground.log
+        config = ground.config
+        self.controller = controller
         self.hand = hand_of(config)
         self.message: HandMessage | None = None
         self.heard_ns = 0
         self.is_armed = False
         self._views = config.video.views
-        self._sent: Mapping[str, SentFrames] = {}
+        self._sent = sent
         self._session = 0
         self._operator: int | None = None
         self._shown: dict[str, int | None] = dict.fromkeys(self._views)
@@ -49,10 +46,6 @@ class LinkedHand:
         self._episodes: tuple[int, ...] = ()
         self._notified: set[str] = set()
         self._gaps = GapWatch(config.link)
-
-    def follow(self, sent: Mapping[str, SentFrames]) -> None:
-        """Set the frames behind the RTP timestamps of shown ones, by view."""
-        self._sent = sent
 
     @property
     def is_simulated(self) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import msgspec
 
 from tams_app.link.messages import STATE_RATE_HZ, HandMessage, StateMessage, encode
@@ -29,20 +27,18 @@ def state_interval_ns(capacity_kbps: float) -> int:
 
 
 class LinkedState:
-    """Makes the state messages of one session; all but `note` in one thread."""
+    """Makes the state messages of one session; for one thread."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._haptics, self._haptic = 0, ""
         self._notes: tuple[int, tuple[str, ...]] = (0, ())
-        self._notes_lock = threading.Lock()
         self._last: StateMessage | None = None
 
     def note(self, text: str) -> None:
-        """A sentence that the operator should read; from any thread."""
-        with self._notes_lock:
-            noted, notes = self._notes
-            self._notes = (noted + 1, (*notes, cut(text))[-_NOTES_KEPT:])
+        """A sentence that the operator should read."""
+        noted, notes = self._notes
+        self._notes = (noted + 1, (*notes, cut(text))[-_NOTES_KEPT:])
 
     def pulse(self, haptic: Haptic) -> None:
         """A pulse that they should feel."""

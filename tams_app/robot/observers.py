@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
+from dataclasses import dataclass
 
-from hw.arm import Arm
 from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Note, Outcome, Record, SceneTruth, StopRecord, Tick
 from tams_app.robot import build
 from tams_app.robot.control import Signals, describe, lasting_label
 from tams_app.robot.listener import Listener
-from tams_app.runtime.clock import Clock, FixedRate
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.hands import words_of_hand
 from tams_app.teleop.reasons import advice, refusal
@@ -133,36 +131,29 @@ class StopWatch:
         return norm(floats(arm.tcp.position - last.tcp.position)) / interval_s
 
 
-class TrialObserver(Listener):
-    """Asks the judge of a pick-and-place, 30 times a second until the trial has ended.
+@dataclass(frozen=True, slots=True)
+class TrialLook:
+    """What a look at a trial has found.
 
-    Without `truth` only a person can judge: then it knows nothing but why the session ended.
+    placed: the block is, since the last look. over: the trial ends.
     """
 
-    def __init__(
-        self,
-        config: TrialConfig,
-        clock: Clock,
-        arm: Arm,
-        truth: Callable[[], SceneTruth | None] | None,
-        record: Callable[[SceneTruth], None],
-        ended: Callable[[], None],
-        limited: Callable[[], bool] = lambda: True,
-        placed: Callable[[], None] = lambda: None,
-    ) -> None:
-        """`limited`: whether it ends when the block is placed or its time is over. A person takes
-        their time and goes on for as long as they like. `placed` is called when it is, once.
-        """
-        self._limited = limited
-        self._placed = placed
-        self._config = config
+    placed: bool = False
+    over: bool = False
+
+
+class TrialObserver(Listener):
+    """Asks the judge of a pick-and-place at each look, some `TRIAL_RATE_HZ` a second.
+
+    Where nothing knows the scene only a person can judge: then it knows nothing but why the session
+    ended.
+    """
+
+    def __init__(self, config: TrialConfig, judges: bool) -> None:
+        """`judges`: the scene is known."""
+        self._config, self._judges = config, judges
         self._judge = self._new_judge()
         self._first_placed: TrialJudge | None = None
-        self._clock = clock
-        self._arm = arm
-        self._truth = truth
-        self._record = record
-        self._ended = ended
 
     @property
     def started(self) -> bool:
@@ -181,35 +172,23 @@ class TrialObserver(Listener):
         self._first_placed = self._first_placed or (self._judge if self._judge.placed else None)
         self._judge = self._new_judge()
 
-    def run(self, stop: threading.Event) -> None:
-        rate = FixedRate(self._clock, TRIAL_RATE_HZ)
-        while not stop.is_set():
-            rate.wait()
-            if self.look():
-                return
+    def look(
+        self, now_ns: int, scene: SceneTruth, arm: ArmState | None, is_limited: bool
+    ) -> TrialLook:
+        """Ask the judge; `is_limited`: it ends when the block is placed or its time is over.
 
-    def look(self) -> bool:
-        """Record where things are and ask the judge; True once the trial has ended."""
-        scene = self._truth() if self._truth is not None else None
-        if scene is None:
-            return False
-        self._record(scene)
-        state = self._arm.state()
-        closed = state.gripper_closed if state is not None else None
+        A person takes their time and goes on for as long as they like.
+        """
+        closed = None if arm is None else arm.gripper_closed
         judge = self._judge
         was_placed = judge.placed
-        if not judge.step(self._clock.now_ns(), scene, closed, self._limited()):
-            return False
-        if judge.placed and not was_placed:
-            self._placed()
-        if self._limited():
-            self._ended()
-            return True
-        return False
+        if not judge.step(now_ns, scene, closed, is_limited):
+            return TrialLook()
+        return TrialLook(judge.placed and not was_placed, is_limited)
 
     def outcome(self, reason: str) -> Outcome:
         """The verdict; `reason` says why the session ended."""
-        if self._truth is None:
+        if not self._judges:
             return Outcome(None, None, None, None, reason)
         return (self._first_placed or self._judge).outcome(reason)
 

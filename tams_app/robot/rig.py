@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from hw.sim.world.rig_memory import SimCamera, WorldReader, WorldWriter, remove_
 from tams_app.config import ArmConfig, Config
 from tams_app.errors import ConfigError
 from tams_app.records import SceneTruth, TakeNote
-from tams_app.robot.devices import Devices
+from tams_app.robot.devices import Devices, Truth
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
@@ -80,8 +79,11 @@ class SimulatedRig(Devices):
         self.helpers["rig"].send(put_back=self._put_back)
 
     @property
-    def truth(self) -> Callable[[], SceneTruth | None]:
-        return lambda: self._reader.truth() if self._reader else None
+    def truth(self) -> Truth:
+        return self._truth
+
+    def _truth(self) -> SceneTruth | None:
+        return self._reader.truth() if self._reader else None
 
     def close(self) -> None:
         """End the processes and give the shared memory back, however they ended."""

@@ -1,24 +1,92 @@
-"""The live video of the robot's side: a sender for each view, and the network that is emulated."""
+"""The live video of the robot's side: counted frames, a sender for each view, emulated network."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import replace
-from pathlib import Path
+from dataclasses import astuple, dataclass, replace
+from operator import sub
 
 from hw.camera import Camera
-from tams_app.config import Config, LinkConfig, Network
+from tams_app.config import LinkConfig, Network
 from tams_app.recording.journal import Journal
-from tams_app.records import Frame, LatencyState, PacketRecord
-from tams_app.robot.operator import StreamedOperator
-from tams_app.robot.video import Video
+from tams_app.records import CameraRates, Frame, LatencyState, PacketRecord
+from tams_app.robot.ground import LiveGround
+from tams_app.robot.status import StatusBoard
+from tams_app.robot.video import TakeFrame, Video
 from tams_app.runtime.clock import Clock
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.codecs import SOFTWARE, Codecs
+from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.live.relay import RelayClient
 from tams_app.video.live.sender import VideoSender
+from tams_app.video.live.udp import ViewPorts
+
+PERIOD_NS = NS_PER_S
+
+
+@dataclass(slots=True)
+class _Count:
+    """One view's frames since its first; written by its capture thread alone."""
+
+    taken: int = 0
+    overrun: int = 0  # the camera had them, the session did not take them
+    damaged: int = 0  # they arrived so, and were left out
+
+
+class FrameRates:
+    """Counts frames, and records them once a second.
+
+    `came` and `waits` are for each view's capture thread, `poll` for one other.
+    """
+
+    def __init__(self, views: Sequence[str], clock: Clock, log: Journal) -> None:
+        self._clock = clock
+        self._log = log
+        self._counts = {view: _Count() for view in views}
+        self._last_index: dict[str, int] = {}
+        self._free_ns = dict.fromkeys(views, 0)  # when a thread began to wait for its next frame
+        self._before: tuple[int, dict[str, _Count]] | None = None
+        self.given_fps: Mapping[str, float] = {}  # by view, in the last period
+
+    def came(self, frame: Frame) -> None:
+        """Count a frame."""
+        view, count = frame.view, self._counts[frame.view]
+        count.damaged += frame.damaged
+        if view in self._last_index:
+            count.taken += 1
+            if frame.capture_ns < self._free_ns[view]:  # it was there before it was waited for
+                count.overrun += frame.index - self._last_index[view] - 1
+        self._last_index[view] = frame.index
+
+    def waits(self, view: str) -> None:
+        """The last frame was handed on: its thread waits for the next one from now on."""
+        self._free_ns[view] = self._clock.now_ns()
+
+    def poll(self) -> None:
+        """Record what came since the last period, once that is over."""
+        now_ns = self._clock.now_ns()
+        if self._before is not None and now_ns - self._before[0] < PERIOD_NS:
+            return
+        counts = {view: _Count(*astuple(count)) for view, count in self._counts.items()}
+        if self._before is None:
+            if any(not count.taken for count in counts.values()):
+                return
+            self._log.record(CameraRates(now_ns, {}, {}))
+        else:
+            before_ns, before = self._before
+            passed_s = (now_ns - before_ns) / NS_PER_S
+            since = {
+                view: _Count(*map(sub, astuple(count), astuple(before[view])))
+                for view, count in counts.items()
+            }
+            self.given_fps = {view: count.taken / passed_s for view, count in since.items()}
+            overrun_fps = {view: count.overrun / passed_s for view, count in since.items()}
+            damaged = {view: count.damaged for view, count in since.items()}
+            self._log.record(CameraRates(now_ns, dict(self.given_fps), overrun_fps, damaged))
+        self._before = now_ns, counts
+
 
 _CAMERA_TIMEOUT_S = 0.2
 
@@ -26,65 +94,82 @@ _CAMERA_TIMEOUT_S = 0.2
 class Senders(Video):
     """The streams of all views to an operator, over the emulated network if there is one.
 
-    Its callbacks come from several threads.
+    Bound when made. Once the operator's end is open too, `enter_network`, then `start`; the
+    session's parts end it all.
     """
 
     def __init__(
         self,
-        config: Config,
+        ground: LiveGround,
         network: Network,
-        clock: Clock,
-        log: Journal,
-        on_captured: Callable[[Frame], None],
-        operator: StreamedOperator,
-        logs: Path,
-        on_packets: Callable[[list[PacketRecord]], None],
-        on_failure: Callable[[str, BaseException], None],
+        board: StatusBoard,
+        captured: TakeFrame | None = None,
         epoch_ns: int | None = None,
         codecs: Codecs = SOFTWARE,
         link: LinkConfig | None = None,
     ) -> None:
         """`network` is emulated, on top of the real one that `link` crosses; None: there is none.
 
-        A capacity trace begins at `epoch_ns`, by default now. `logs`: of the relay process.
-        `on_packets` gets the fates of packets in the emulated network.
+        `board` gets the fates of packets in the emulated network, in a thread of their own.
+        `captured` gets each camera's frame before it is sent. A capacity trace begins at
+        `epoch_ns`, by default now.
         """
+        clock, log = ground.clock, ground.log
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         crossed = network if link is None else behind(network, link)
-        real = link is not None
-        super().__init__(config, crossed, clock, self._epoch_ns, log, on_captured, codecs, real)
+        super().__init__(ground, crossed, self._epoch_ns, captured, codecs, link is not None)
         if link is not None:
             self.delay_ns += round(link.latency_ms * NS_PER_MS)  # what is shown must be reported
-        self._config = config
-        self._operator = operator
-        self._senders: dict[str, VideoSender] = {}
+        self._config, self._parts, self._board = ground.config, ground.parts, board
         # without a link each packet's fate is recorded, also where nothing befalls it
         self._emulated = network if link is None or not _is_clear(network) else None
-        self._logs, self._on_packets, self._on_failure = logs, on_packets, on_failure
-        self._relay: RelayClient | None = None
+        self._senders: dict[str, VideoSender] = {}
+        self._parts.stack.callback(self.close)
+        for view, stream in self._streams.items():
+            sender = VideoSender(stream, clock, log.record, log.record, self._uplink)
+            self._senders[view] = sender
 
-    def start(self) -> None:
-        """Bind the senders' ports, open the operator's end, let the streams run."""
-        senders = {view: self._make_sender(view) for view in self._config.video.views}
-        sent = {view: sender.sent for view, sender in senders.items()}
-        ends = self._operator.open(self._rule, self._uplink.feedback, sent)
+    @property
+    def feedback(self) -> bool:
+        """Receivers report each packet."""
+        return self._uplink.feedback
+
+    @property
+    def sent(self) -> dict[str, SentFrames]:
+        """By view, the identities of the frames that were sent."""
+        return {view: sender.sent for view, sender in self._senders.items()}
+
+    def enter_network(self, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:
+        """Begin to emulate the network, if there is one.
+
+        `ports`: by view, where its packets are to arrive, with 0 as the port for feedback. Returned
+        are those that packets and feedback are to be sent to.
+        """
         ends = {
-            view: replace(ends[view], feedback=one.feedback_port) for view, one in senders.items()
+            view: replace(ports[view], feedback=sender.feedback_port)
+            for view, sender in self._senders.items()
         }
-        if self._emulated is not None:
-            self._relay = RelayClient(
-                self._emulated,
-                ends,
-                seed=self._config.seed,
-                log_directory=self._logs,
-                on_packets=self._on_packets,
-                on_failure=self._on_failure,
-                epoch_ns=self._epoch_ns,
-            )
-            ends = self._relay.start()
-        self._operator.connect(ends)
-        for view, sender in senders.items():
-            sender.start(ends[view])
+        if self._emulated is None:
+            return ends
+        relay = RelayClient(
+            self._emulated,
+            ends,
+            seed=self._config.seed,
+            log_directory=self._parts.logs,
+            on_packets=self._on_packets,
+            on_failure=self._parts.on_failure,
+            epoch_ns=self._epoch_ns,
+        )
+        self._parts.stack.callback(relay.close)
+        ends = relay.start()
+        if (pid := relay.pid) is not None:
+            self._parts.measure("relay", pid)
+        return ends
+
+    def start(self, entrances: Mapping[str, ViewPorts]) -> None:
+        """Let the streams run to `entrances`, by view."""
+        for view, sender in self._senders.items():
+            sender.start(entrances[view])
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         for view, kbps in target_kbps.items():
@@ -98,27 +183,19 @@ class Senders(Video):
         """By view, what its frames take here until their packets leave."""
         return {view: sender.stages.latency for view, sender in self._senders.items()}
 
-    @property
-    def relay_pid(self) -> int | None:
-        """The process id of the relay that emulates the network; None where there is none."""
-        return self._relay.pid if self._relay else None
-
     def poll(self) -> str:
+        """The first failure of any stream in one sentence, "" while all work."""
         return next(filter(None, (sender.poll() for sender in self._senders.values())), "")
 
     def close(self) -> None:
+        """Stop all streams; may be called twice."""
         with ExitStack() as stack:  # one that fails keeps none of the others open
             for sender in self._senders.values():
                 stack.callback(sender.close)
-            stack.callback(self._operator.close)
-            if self._relay is not None:
-                stack.callback(self._relay.close)
 
-    def _make_sender(self, view: str) -> VideoSender:
-        record = self._log.record
-        sender = VideoSender(self._streams[view], self._clock, record, record, self._uplink)
-        self._senders[view] = sender
-        return sender
+    def _on_packets(self, packets: list[PacketRecord]) -> None:
+        self._board.packets(packets)
+        self._log.packets(packets)
 
     def _send(self, frame: Frame, left_out: bool) -> None:
         self._senders[frame.view].push(frame, left_out)
@@ -128,17 +205,18 @@ class Senders(Video):
 
 
 class Capture:
-    """Hands the frames of one camera on; the body of a Worker."""
+    """Counts and sends the frames of one camera; the body of a Worker."""
 
-    def __init__(self, camera: Camera, consume: Callable[[Frame], None]) -> None:
-        self._camera = camera
-        self._consume = consume
+    def __init__(self, camera: Camera, rates: FrameRates, video: Video) -> None:
+        self._camera, self._rates, self._video = camera, rates, video
 
     def run(self, stop: threading.Event) -> None:
         while not stop.is_set():
             frame = self._camera.next_frame(_CAMERA_TIMEOUT_S)
             if frame is not None:  # a frozen camera shows as stale video
-                self._consume(frame)
+                self._rates.came(frame)
+                self._video.push(frame)
+                self._rates.waits(frame.view)
 
 
 def behind(network: Network, link: LinkConfig) -> Network:

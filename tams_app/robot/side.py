@@ -3,30 +3,29 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hw.arms import session_boundary
-from tams_app.config import Config, LinkConfig
-from tams_app.recording.journal import Journal
-from tams_app.records import Activity, Frame, PacketRecord, Placed, Record, SessionState, Tick
+from tams_app.config import LinkConfig
+from tams_app.records import Activity, Placed, Record, SessionState, Tick
 from tams_app.robot import build
 from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
-from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices, Devices
 from tams_app.robot.dry_run import DryRunArm
 from tams_app.robot.engine import Engine
 from tams_app.robot.episode_keeper import EpisodeKeeper
-from tams_app.robot.frame_rates import FrameRates
+from tams_app.robot.ground import LiveGround
 from tams_app.robot.guarding import Guarding
 from tams_app.robot.listener import Listener
-from tams_app.robot.operator import StreamedOperator
-from tams_app.robot.senders import Capture, Senders
+from tams_app.robot.observers import TRIAL_RATE_HZ
+from tams_app.robot.operator import Operator
+from tams_app.robot.senders import Capture, FrameRates, Senders
 from tams_app.robot.status import StatusBoard
-from tams_app.runtime.clock import Clock
-from tams_app.runtime.ending import Ending
-from tams_app.runtime.parts import Parts
+from tams_app.robot.video import TakeFrame
+from tams_app.runtime.clock import FixedRate
 from tams_app.runtime.worker import Worker
 from tams_app.task.episodes import Episodes
 from tams_app.task.judge import PLACED
@@ -35,30 +34,16 @@ from tams_app.video.core.codecs import Codecs
 from tams_app.video.live.networks import read_trace, resolve_network
 from tams_app.video.live.traces import described
 
+if TYPE_CHECKING:  # `run` needs nothing of the link
+    from tams_app.robot.linked_operator import LinkedOperator
+
 STOP_TIMEOUT_NS = 300 * NS_PER_MS
 STOP_POLL_NS = 10 * NS_PER_MS
 LOGGED_AFTER_NS = 30 * NS_PER_MS  # a few ticks
 CONTROL_TIMEOUT_S = 0.1
 
 
-class Ground:
-    """What all parts of the robot's side stand on; `ending` is the session's."""
-
-    def __init__(
-        self,
-        config: Config,
-        clock: Clock,
-        parts: Parts,
-        log: Journal,
-        signals: Signals,
-        ending: Ending,
-    ) -> None:
-        self.config, self.clock, self.parts = config, clock, parts
-        self.log, self.signals, self.ending = log, signals, ending
-        self.board = StatusBoard(config, log.newest)
-
-
-def start_devices(ground: Ground) -> Devices:
+def start_devices(ground: LiveGround) -> Devices:
     """Begin to start the devices, which the session's parts end; `wait_ready` before their use."""
     devices = build.devices(ground.config, ground.clock, ground.parts.logs)
     ground.parts.stack.callback(devices.close)
@@ -66,44 +51,24 @@ def start_devices(ground: Ground) -> Devices:
     return devices
 
 
-def start_video(
-    ground: Ground,
-    operator: StreamedOperator,
+def bind_video(
+    ground: LiveGround,
+    board: StatusBoard,
     codecs: Codecs,
-    captured: Callable[[Frame], None] = lambda _frame: None,
+    captured: TakeFrame | None = None,
     link: LinkConfig | None = None,
 ) -> Senders:
-    """Let the video flow to `operator` as soon as there are frames, which `captured` gets too.
+    """The video, which can flow as soon as there are frames, which `captured` gets too.
 
     `link`: the real network on the way, None: there is none.
     """
-    config, parts, log = ground.config, ground.parts, ground.log
+    config = ground.config
     network = resolve_network(config, config.network)
     if network.trace is not None:
         text, is_plausible = described(read_trace(Path(network.trace)))
         level = "info" if is_plausible else "warning"
-        log.note(level, f"the trace of network {config.network}: {text}")
-
-    def on_packets(packets: list[PacketRecord]) -> None:
-        ground.board.packets(packets)
-        log.packets(packets)
-
-    video = Senders(
-        config,
-        network,
-        ground.clock,
-        log,
-        captured,
-        operator,
-        parts.logs,
-        on_packets,
-        parts.on_failure,
-        codecs=codecs,
-        link=link,
-    )
-    parts.stack.callback(video.close)
-    video.start()
-    return video
+        ground.log.note(level, f"the trace of network {config.network}: {text}")
+    return Senders(ground, network, board, captured, codecs=codecs, link=link)
 
 
 class RobotSide(Listener):
@@ -115,68 +80,62 @@ class RobotSide(Listener):
 
     def __init__(
         self,
-        ground: Ground,
+        ground: LiveGround,
+        board: StatusBoard,
         devices: Devices,
         video: Senders,
-        operator: StreamedOperator,
+        operator: Operator,
         listeners: Sequence[Listener] = (),
-        arm_at_once: bool = False,
-        dry_run: bool = False,
+        link: LinkedOperator | None = None,
     ) -> None:
         """Connect arm, guard and controller, and build what works with them; TamsError if it fails.
 
-        `devices` are ready. `listeners` of the loops, besides those of this side. `arm_at_once`:
-        the arming needs no confirmation. `dry_run`: everything but motion, the arm's commands go to
-        a model of it.
+        `devices` are ready. `listeners` of the loops, besides those of this side. `link`: the
+        operator, where they are sent the state and the end over one.
         """
         config, log, parts = ground.config, ground.log, ground.parts
-        self._ground, self._devices = ground, devices
-        self._video, self._operator = video, operator
-        self._control: Worker | None = None
-        self._rates = FrameRates(config.video.views, ground.clock, log.record)
+        self._ground, self._board = ground, board
+        self._devices, self._video, self._operator, self._link = devices, video, operator, link
+        self._control = Worker("control", self._control_thread, parts.on_failure)
+        self._rates = FrameRates(config.video.views, ground.clock, log)
         keeping, self._episodes = config.recording, None
         if keeping.episodes:
             wanted = Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count)
-            self._episodes = EpisodeKeeper(
-                wanted, ground.signals, log, self._put_back, ground.ending.end
-            )
+            self._episodes = EpisodeKeeper(wanted, ground.signals, log)
         self._cameras = parts.stack.enter_context(ExitStack())  # end after the arm
         for name, process in devices.helpers.items():
             parts.watch(name, process)
-        connected = self._connect(dry_run)
+        connected = self._connect()
         self._arm, self._gate = connected.arm, connected.gate
-        self._engine = Engine(
-            config,
-            ground.clock,
-            connected,
-            operator,
-            video,
-            log,
-            ground.signals,
-            lambda: ground.ending.end("the trial is over"),
-            (ground.board, *filter(None, (self._episodes,)), *listeners, self),
-            arm_at_once,
-            self._on_placed,
-        )
+        all_of_them = (board, *listeners, self)
+        self._engine = Engine(ground, connected, operator, video, all_of_them, ground.arm_at_once)
         parts.stack.callback(self._engine.finish)
         self._start_workers(connected)
 
     def begin(self) -> None:
         """Start the control loop, last of all."""
-        self._control = self._ground.parts.run("control", self._control_thread)
+        self._ground.parts.start(self._control)
 
     def receive(self, record: Record) -> None:
-        """After a tick, send the operator the state if it is time to."""
-        if isinstance(record, Tick) and self._operator.wants_state(record.started_ns):
-            self._operator.show(self.state())
+        """After a tick, see to the episodes, and send the operator the state if it is time to."""
+        if not isinstance(record, Tick):
+            return
+        if self._episodes is not None:
+            due = self._episodes.step(record)
+            if due.scene:
+                self._put_back()
+            if due.end:
+                self._ground.ending.end("all episodes are kept")
+        if self._link is not None and record.started_ns >= self._link.state_due_ns:
+            self._link.show(self.state())
 
-    def _connect(self, dry_run: bool) -> ConnectedDevices:
+    def _connect(self) -> ConnectedDevices:
         ground, parts, log = self._ground, self._ground.parts, self._ground.log
         config, devices = ground.config, self._devices
         guard = Guarding(devices.arm_config(), config.limits, parts.logs, ground.signals, log.note)
         arm = devices.make_arm()
         boundary = session_boundary(config.arm, config.limits)
-        if dry_run:
+        if ground.dry_run:
             arm = DryRunArm(arm, config.arm, ground.clock, boundary)
             log.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         guard.join(arm, parts.stack, arm.connect)
@@ -192,10 +151,10 @@ class RobotSide(Listener):
         for camera in self._devices.make_cameras(log.note):
             camera.start()
             self._cameras.callback(camera.close)
-            capture = Capture(camera, self._rates.through(self._video.push))
+            capture = Capture(camera, self._rates, self._video)
             parts.run(f"capture-{camera.view}", capture.run)
         if devices.truth is not None:
-            parts.run("trial", engine.trial.run)
+            parts.run("trial", self._judge)
 
     def _control_thread(self, stop: threading.Event) -> None:
         scheduler = self._ground.parts.use_control_priority()
@@ -206,27 +165,29 @@ class RobotSide(Listener):
         self._engine.begin(scheduler.split(":")[0])
         self._engine.control.run(stop)
 
+    def _judge(self, stop: threading.Event) -> None:
+        """Look at the trial until it is over."""
+        rate = FixedRate(self._ground.clock, TRIAL_RATE_HZ)
+        while not stop.is_set():
+            rate.wait()
+            found = self._engine.look()
+            if found.placed:
+                self._on_placed()
+            if found.over:
+                self._ground.ending.end("the trial is over")
+                return
+
     # --- while it runs --------------------------------------------------------------------------
-
-    @property
-    def station(self) -> None:
-        """Nothing is shown on this side."""
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """Of helper processes whose end shows elsewhere."""
-        relay = self._video.relay_pid
-        return {} if relay is None else {"relay": relay}
 
     def poll(self) -> str:
         """Record the frame rates; the first failure of any stream, "" while all work."""
         self._rates.poll()
-        return self._video.poll() or self._operator.poll()
+        return self._video.poll()
 
     def state(self) -> SessionState:
         """The session as this side knows it now, from any thread, and quickly."""
         operator = self._operator
-        return self._ground.board.state(
+        return self._board.state(
             self._ground.clock.now_ns(),
             self._ground.ending.elapsed_s(),
             operator,
@@ -243,11 +204,10 @@ class RobotSide(Listener):
         The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
         is sent all the same.
         """
-        if (control := self._control) is not None:
-            if failed:
-                self._await_stop(control)  # so that the log shows how the arm stopped
-            control.request_stop()
-            control.join(CONTROL_TIMEOUT_S)
+        if failed:
+            self._await_stop()  # so that the log shows how the arm stopped
+        self._control.request_stop()
+        self._control.join(CONTROL_TIMEOUT_S)
         self._gate.stop()
 
     def finish(self, reason: str, failed: bool) -> None:
@@ -257,12 +217,13 @@ class RobotSide(Listener):
         try:
             self._ground.log.record(self._engine.trial.outcome(reason))
         finally:
-            self._operator.end(reason, failed)
+            if self._link is not None:
+                self._link.end(reason, failed)
 
-    def _await_stop(self, control: Worker) -> None:
+    def _await_stop(self) -> None:
         """Wait, but not for long, until the log has the arm's report that it has stopped."""
         deadline_ns = self._ground.clock.now_ns() + STOP_TIMEOUT_NS
-        while control.alive and self._ground.clock.now_ns() < deadline_ns:
+        while self._control.alive and self._ground.clock.now_ns() < deadline_ns:
             state = self._arm.state()
             if state is not None and state.activity is Activity.STOPPED:
                 deadline_ns = min(deadline_ns, state.received_ns + LOGGED_AFTER_NS)

@@ -21,8 +21,9 @@ from tams_app.records import (
     Tick,
     ViewState,
 )
-from tams_app.robot.control import ShownVideo
+from tams_app.robot.control import SteadyVideo
 from tams_app.robot.listener import Listener
+from tams_app.robot.operator import Operator
 from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter
 from tams_app.state import StateMaker
 from tams_app.units import NS_PER_MS
@@ -56,7 +57,7 @@ class StatusBoard(Listener):
         self,
         now_ns: int,
         elapsed_s: float,
-        video: ShownVideo,
+        video: Operator | SteadyVideo,
         hand: str,
         episodes: EpisodesState | None = None,
         latency: Mapping[str, LatencyState | None] = MappingProxyType({}),

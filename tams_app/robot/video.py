@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
-from tams_app.config import Config, Network
+from tams_app.config import Network
 from tams_app.policy.allocation import Policy
 from tams_app.policy.budget import BUDGETS
-from tams_app.recording.journal import Journal
 from tams_app.records import Frame, Phase, UplinkReport
-from tams_app.runtime.clock import Clock
+from tams_app.robot.ground import Ground
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.flight import FlightBound
@@ -24,35 +24,35 @@ from tams_app.video.core.repair import RepairRule, repair_rule
 from tams_app.video.core.stream import StreamSettings
 from tams_app.video.live.networks import network_capacity
 
+TakeFrame: TypeAlias = Callable[[Frame], None]
+
 
 class Video(ABC):
-    """All views of one session, from the camera's frame to its packets."""
+    """All views of one session, from the camera's frame to its packets; `rule`: their repair."""
 
     def __init__(
         self,
-        config: Config,
+        ground: Ground,
         network: Network,
-        clock: Clock,
         epoch_ns: int,
-        log: Journal,
-        on_captured: Callable[[Frame], None],
+        captured: TakeFrame | None = None,
         codecs: Codecs = SOFTWARE,
         real: bool = False,
     ) -> None:
         """A capacity trace of `network` begins at `epoch_ns`.
 
-        `on_captured` gets each camera's frame before it is sent. `real`: the network is not only
+        `captured` gets each camera's frame before it is sent. `real`: the network is not only
         emulated.
         """
-        video = config.video
+        config, video = ground.config, ground.config.video
         self.capacity = network_capacity(network, epoch_ns)
         budget = BUDGETS[config.policy.budget.mode]
         feedback = budget.receives_packets  # whether receivers report of each packet
         received = video.views if budget.receives_reports else ()
-        self._rule = repair_rule(
+        self.rule = repair_rule(
             network, video.pli_min_interval_ms, video.repair, video.latency_bound_ms, real
         )
-        self.delay_ns = video_delay_ns(network, self._rule)
+        self.delay_ns = video_delay_ns(network, self.rule)
         policy = Policy.of(config, self.capacity)
         start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
         self.codecs = codecs
@@ -60,16 +60,16 @@ class Video(ABC):
             view: StreamSettings(
                 view,
                 video,
-                self._rule.rtx,
+                self.rule.rtx,
                 kbps,
                 policy.strategy.source_drop_below_kbps,
                 codecs.encoder,
             )
             for view in video.views
         }
-        protected = video.views if self._rule.parity else ()
+        protected = video.views if self.rule.parity else ()
         always = video.repair.parity == "on"
-        self._protection = Protection(protected, network, self._rule, video.fps, always, real)
+        self._protection = Protection(protected, network, self.rule, video.fps, always, real)
         self._flight = FlightBound(video.views) if feedback else None
         most_kbps = config.policy.budget.max_kbps
         self._uplink = Uplink(
@@ -80,9 +80,8 @@ class Video(ABC):
             Pacer(sum(start_kbps.values()), most_kbps, threading.Lock()) if feedback else None,
         )
         self._flight_lock = threading.Lock()  # cameras, policy and senders ask
-        self._clock = clock
-        self._log = log
-        self._on_captured = on_captured
+        self._clock, self._log = ground.clock, ground.log
+        self._captured = captured
 
     def protect(self, report: UplinkReport, target_kbps: Mapping[str, float]) -> None:
         """Choose the parity of each view for what was reported and the coming targets."""
@@ -99,7 +98,8 @@ class Video(ABC):
     def push(self, frame: Frame) -> None:
         """Send a captured frame; each view from one thread."""
         self._log.capture(frame)
-        self._on_captured(frame)
+        if self._captured is not None:
+            self._captured(frame)
         self._send(frame, self._exceeds_flight(frame.view))
 
     @abstractmethod
@@ -133,14 +133,6 @@ class Video(ABC):
     def report(self, now_ns: int) -> UplinkReport:
         """The senders' knowledge of the uplink; each packet's arrival is in one report only."""
         return uplink_report(now_ns, self._wire_bytes(), tuple(self._uplink.received.values()))
-
-    @abstractmethod
-    def poll(self) -> str:
-        """The first failure of any stream in one sentence, "" while all work."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Stop everything that was started; may be called twice."""
 
     def _exceeds_flight(self, view: str) -> bool:
         if self._flight is None:

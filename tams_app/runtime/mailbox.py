@@ -1,4 +1,4 @@
-"""Exchange between threads: a mailbox of one, or a bounded queue that counts its drops."""
+"""Exchange between threads: a mailbox of one, a bounded queue that counts its drops, sentences."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
+_SENTENCES = 50  # of those not taken yet; older ones are dropped
 
 
 class Mailbox(Generic[T]):
@@ -59,3 +60,28 @@ class BoundedQueue(Generic[T]):
             items = list(self._items)
             self._items.clear()
             return items
+
+
+class Sentences:
+    """Sentences for a person, noted by any thread, until they are taken to be shown."""
+
+    def __init__(self) -> None:
+        self._waiting: deque[str] = deque(maxlen=_SENTENCES)
+        self._others: tuple[Sentences, ...] = ()
+
+    def note(self, text: str) -> None:
+        """A sentence that should be shown."""
+        self._waiting.append(text)
+        for other in self._others:
+            other.note(text)
+
+    def forward_to(self, other: Sentences) -> None:
+        """From now on `other` gets each of them as well."""
+        self._others = (*self._others, other)
+
+    def take(self) -> list[str]:
+        """Sentences not shown yet, in their order."""
+        taken = []
+        while self._waiting:
+            taken.append(self._waiting.popleft())
+        return taken

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import TypeAlias
 
 from tams_app.errors import TamsError
+
+Body: TypeAlias = Callable[[threading.Event], None]  # of a thread, until the event is set
+OnFailure: TypeAlias = Callable[[str, BaseException], None]  # of a thread or helper, by its name
 
 
 class Worker:
@@ -18,8 +22,8 @@ class Worker:
     def __init__(
         self,
         name: str,
-        body: Callable[[threading.Event], None],
-        on_failure: Callable[[str, BaseException], None] | None = None,
+        body: Body,
+        on_failure: OnFailure | None = None,
     ) -> None:
         self.name = name
         self.failure: BaseException | None = None

@@ -1,4 +1,4 @@
-"""The folder a session leaves behind."""
+"""The folder a session leaves behind, and the shared memory it takes, to be checked before it."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from tams_app.config import Config, dump_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import write_file
 from tams_app.recording.disk import require_free_space
+from tams_app.video.live.frame_ring import CAPTURED, SHOWN, RingLayout
 
 
 def create_session_folder(config: Config, now: time.struct_time | None = None) -> Path:
@@ -72,3 +73,31 @@ def _make_unique(parent: Path, name: str) -> Path:
             continue
         return folder
     raise LogError(f"{parent}: holds a thousand sessions named {name}: clean it up")
+
+
+_SMALL_BYTES = 2_000_000  # world, facts, mount, guard, a simulated hand: some kilobytes each
+
+
+def robot_bytes(config: Config) -> int:
+    """What the robot's side takes: the frames of the rig's renderer."""
+    if not config.rig.enabled:
+        return _SMALL_BYTES
+    from hw.sim.world.rig_memory import FRAMES_BYTES  # hardware runs without the simulation
+
+    return _SMALL_BYTES + FRAMES_BYTES
+
+
+def station_bytes(config: Config) -> int:
+    """What the operator's side takes: the frames that are shown."""
+    return _SMALL_BYTES + _layout(config, SHOWN).block_bytes
+
+
+def session_bytes(config: Config) -> int:
+    """What `run` takes: both sides, and the captured frames that those shown are compared with."""
+    compared = _layout(config, CAPTURED).block_bytes if config.video.quality.enabled else 0
+    return robot_bytes(config) + station_bytes(config) + compared
+
+
+def _layout(config: Config, kind: str) -> RingLayout:
+    video = config.video
+    return RingLayout(kind, video.views, video.width, video.height)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import psutil
 
@@ -17,9 +18,15 @@ from tams_app.recording.journal import Journal
 from tams_app.recording.mcap_log import McapLog
 from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
+from tams_app.robot.control import Signals
 from tams_app.runtime.clock import Clock
+from tams_app.runtime.mailbox import Sentences
+from tams_app.runtime.worker import OnFailure
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invitations, viewers_of
+
+if TYPE_CHECKING:
+    from tams_app.station.linked_robot import Requests
 
 REFERENCE_NAME = "reference.mcap"
 LOAD_INTERVAL_S = 1.0
@@ -30,15 +37,16 @@ def live_records(
     config: Config,
     clock: Clock,
     folder: Path,
-    on_failure: Callable[[str, BaseException], None],
-    show: Callable[[str], None] = lambda _text: None,
-    estop: Callable[[], None] = lambda: None,
+    on_failure: OnFailure,
+    sentences: Sentences | None = None,
+    signals: Signals | Requests | None = None,
 ) -> Iterator[tuple[Recorder, Ros2Bridge | None]]:
     """The log of a live session, with its viewers and lossless captures, and the bridge to ROS 2.
 
-    `estop` is called when ROS 2 asks for it, in a thread of its own. The end of the context closes
-    everything.
+    `sentences` gets the text of each note. `signals` gets the emergency stops that ROS 2 asks for,
+    in a thread of its own. The end of the context closes everything.
     """
+    sentences, signals = sentences or Sentences(), signals or Signals()
     started_ns = clock.now_ns()
     wall_offset_ns = time.time_ns() - started_ns
     header = session_header(config, started_ns, wall_offset_ns)
@@ -53,7 +61,7 @@ def live_records(
             viewers.append(bridge)
         path, free_mb = folder / LOG_NAME, keeping.min_free_mb
         file = McapLog(path, header, keeping.bitstream, viewers, context, free_mb)
-        log = Recorder(file, clock, on_failure, show)
+        log = Recorder(file, clock, on_failure, sentences.note)
         stack.callback(log.close)
         if keeping.record_reference:
             path = folder / REFERENCE_NAME
@@ -64,7 +72,7 @@ def live_records(
         for level, text in invitations(config):
             log.note(level, text)
         if bridge is not None:
-            bridge.listen(estop, log.note)
+            bridge.listen(signals.estop, log.note)
             stack.callback(bridge.stop_listening)
         yield log, bridge
 
@@ -117,7 +125,9 @@ class LoadMonitor:
     ) -> None:
         self._clock = clock
         self._app = psutil.Process()
-        self._helpers = {name: psutil.Process(pid) for name, pid in helpers.items()}
+        self._helpers = {
+            name: psutil.Process(pid) for name, pid in helpers.items() if psutil.pid_exists(pid)
+        }
         self._log = log
 
     def run(self, stop: threading.Event) -> None:

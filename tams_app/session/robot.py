@@ -2,62 +2,56 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from tams_app.config import Config
-from tams_app.link.gateway_client import Endpoint, Gateway
+from tams_app.link.gateway_client import Endpoint
 from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
-from tams_app.robot.control import Signals
-from tams_app.robot.linked_operator import LinkedOperator
-from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
-from tams_app.runtime.clock import Clock
-from tams_app.session.session import Session
+from tams_app.robot.linked_operator import LinkedOperator, listen, welcome_of
+from tams_app.robot.side import RobotSide, bind_video, start_devices
+from tams_app.robot.status import StatusBoard
+from tams_app.runtime.mailbox import Sentences
+from tams_app.session.session import Outset, Session
 from tams_app.video.live.installed_codecs import installed_codecs
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
 
 
+@contextmanager
 def robot(
-    config: Config,
-    clock: Clock,
-    folder: Path,
-    endpoint: Endpoint,
-    arm_at_once: bool = False,
-    dry_run: bool = False,
-) -> Session:
+    outset: Outset, endpoint: Endpoint, arm_at_once: bool = False, dry_run: bool = False
+) -> Iterator[Session]:
     """A session of the robot's side; an operator calls, and may leave and call again.
 
-    `endpoint`: where to listen. `arm_at_once` and `dry_run`: see `RobotSide`.
+    `outset` has the configuration that `for_robot` makes, and `Signals`. `endpoint`: where to
+    listen. `arm_at_once` and `dry_run`: see `LiveGround`.
     """
-    config, signals = for_robot(config), Signals()
-
-    def compose(session: Session) -> RobotSide:
-        codecs = installed_codecs(config.video)
-        log, parts = session.open_log(config), session.parts
-        ground = Ground(config, clock, parts, log, signals, session)
-        devices = start_devices(ground)
-
-        def gateway(welcome: bytes) -> Gateway:
-            made = Gateway("robot", endpoint, welcome, parts.logs)
-            parts.watch("link", made.process)
-            return made
-
-        operator = LinkedOperator(config, clock, signals, log, gateway, folder.name)
-        session.forward_notes(operator.note)
-        video = start_video(ground, operator, codecs, link=config.link)
-        session.go_on()
+    config = outset.config
+    with outset.starting() as parts:
+        codecs, log = installed_codecs(config.video), outset.open_log(config, parts)
+        ground = outset.ground(parts, log, arm_at_once, dry_run)
+        board, devices = StatusBoard(config, log.newest), start_devices(ground)
+        sentences = Sentences()  # for the operator
+        outset.sentences.forward_to(sentences)
+        video = bind_video(ground, board, codecs, link=config.link)
+        gateway = listen(ground, endpoint, welcome_of(config, video, outset.folder.name))
+        operator = LinkedOperator(ground, gateway, video.sent, sentences)
+        entrances = video.enter_network(operator.ports)
+        operator.connect(entrances)
+        video.start(entrances)
+        outset.go_on()
         devices.wait_ready()
         if config.rig.enabled:
             log.fact("operator", "elsewhere")
             log.note("info", "the operator is at another computer")
-        session.go_on()
-        side = RobotSide(ground, devices, video, operator, arm_at_once=arm_at_once, dry_run=dry_run)
-        session.ready(side)
+        outset.go_on()
+        side = RobotSide(ground, board, devices, video, operator, link=operator)
+        outset.ready(parts)
         side.begin()
-        return side
-
-    return Session(config, clock, folder, signals, compose)
+        with Session(outset, parts, log, side) as session:
+            yield session
 
 
 def for_robot(config: Config) -> Config:

@@ -2,60 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 from msgspec.structs import replace
 
-from tams_app.config import Config
 from tams_app.records import SessionState
-from tams_app.robot.control import Signals
-from tams_app.robot.side import Ground, RobotSide, start_devices, start_video
-from tams_app.runtime.clock import Clock
+from tams_app.robot.side import RobotSide, bind_video, start_devices
+from tams_app.robot.status import StatusBoard
 from tams_app.session.local_operator import LocalOperator
 from tams_app.session.predicting import follow_states, predicted_cameras
-from tams_app.session.quality import LiveQuality
-from tams_app.session.session import Session
-from tams_app.session.task_place import task_regions
-from tams_app.station.station import Station
+from tams_app.session.quality import LiveQuality, task_regions
+from tams_app.session.session import Outset, Session
+from tams_app.station.hand import OperatorHand, launch_operator
+from tams_app.station.receivers import Receivers
+from tams_app.station.screen import Screen
 from tams_app.video.live.installed_codecs import installed_codecs
 
 
-def run(
-    config: Config, clock: Clock, folder: Path, arm_at_once: bool = False, dry_run: bool = False
-) -> Session:
-    """A session of both sides; `arm_at_once` and `dry_run`: see `RobotSide`."""
-    signals = Signals()
+@contextmanager
+def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Iterator[Session]:
+    """A session of both sides; `arm_at_once` and `dry_run`: see `LiveGround`.
 
-    def compose(session: Session) -> BothSides:
-        codecs = installed_codecs(config.video)
-        log, parts = session.open_log(config), session.parts
-        cameras, is_rig = predicted_cameras(config), config.rig.enabled
-        station = Station(config, clock, parts, log, session.displays, is_rig, cameras=cameras)
-        ground = Ground(config, clock, parts, log, signals, session)
-        devices = start_devices(ground)
-        station.launch(confirms=not arm_at_once, world_memory=devices.memory_name)
-        quality = LiveQuality(
-            config.video, station.screen, parts.logs, log.record, log.note, station.mount
-        )
-        parts.stack.callback(quality.close)
-        quality.start()  # takes a moment, of which a capacity trace must lose nothing
+    `outset` has `Signals` as its signals.
+    """
+    config, clock = outset.config, outset.clock
+    with outset.starting() as parts:
+        codecs, log = installed_codecs(config.video), outset.open_log(config, parts)
+        screen = Screen(config.video, parts, log, predicted_cameras(config))
+        ground = outset.ground(parts, log, arm_at_once, dry_run)
+        board, devices = StatusBoard(config, log.newest), start_devices(ground)
+        confirms, world = not arm_at_once, devices.memory_name
+        simulated = launch_operator(config, clock, parts, log, screen, confirms, world)
         regions = task_regions(config)  # of the frames that are scored
-        captured = regions.through(quality.captured)
-        operator = LocalOperator(station, config, codecs.decoder)
-        video = start_video(ground, operator, codecs, captured)
-        session.go_on()
+        quality = LiveQuality(config.video, parts, screen, log, regions)
+        quality.start()  # takes a moment, of which a capacity trace must lose nothing
+        video = bind_video(ground, board, codecs, quality.captured)
+        identify = {view: frames.find for view, frames in video.sent.items()}
+        rule, feedback, decoder = video.rule, video.feedback, codecs.decoder
+        receivers = Receivers(
+            config.video, rule, feedback, clock, identify, screen, decoder, outset.displays
+        )
+        parts.stack.callback(receivers.close)
+        entrances = video.enter_network(receivers.ports)
+        receivers.start(entrances)
+        video.start(entrances)
+        outset.go_on()
         devices.wait_ready()
-        station.wait_ready()
-        session.go_on()
-        listeners = (*follow_states(config, clock, parts, log, station.mount), regions)
-        robot = RobotSide(ground, devices, video, operator, listeners, arm_at_once, dry_run)
-        both = BothSides(robot, station, quality)
-        session.ready(both)
+        hand = OperatorHand(config, clock, parts, log, config.rig.enabled, simulated)
+        screen.hide()
+        outset.go_on()
+        operator = LocalOperator(hand, receivers, config)
+        listeners = (*follow_states(config, clock, parts, log, screen.mount), regions)
+        robot = RobotSide(ground, board, devices, video, operator, listeners)
+        outset.ready(parts)
         robot.begin()
-        return both
-
-    return Session(config, clock, folder, signals, compose)
+        side = BothSides(robot, receivers, quality)
+        with Session(outset, parts, log, side, screen, hand) as session:
+            yield session
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +68,15 @@ class BothSides:
     """The two sides, and what compares the frames of the one with those of the other."""
 
     robot: RobotSide
-    station: Station
+    receivers: Receivers
     quality: LiveQuality
 
-    @property
-    def pids(self) -> dict[str, int]:
-        quality = self.quality.pid
-        return {**self.robot.pids, **({} if quality is None else {"quality": quality})}
-
     def poll(self) -> str:
-        return self.robot.poll()
+        return self.robot.poll() or self.receivers.poll()
 
     def state(self) -> SessionState:
         state = self.robot.state()
-        views = self.station.views(state.views, state.now_ns, offset_ns=0)
+        views = self.receivers.views(state.views, state.now_ns, offset_ns=0)
         return replace(state, views=self.quality.views(views, state.now_ns))
 
     def stop_arm(self, failed: bool) -> None:

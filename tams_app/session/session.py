@@ -1,11 +1,13 @@
-"""A live session as the console meets it: its start, its end, and what fails between them."""
+"""A live session as the console meets it: what is there from the outset, and the open session."""
 
 from __future__ import annotations
 
 import gc
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Protocol
+from types import TracebackType
+from typing import TYPE_CHECKING, Protocol
 
 import cv2
 
@@ -13,45 +15,159 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import Recorder
-from tams_app.records import EpisodeRequest, SessionState
+from tams_app.recording.journal import Journal
+from tams_app.records import PacketRecord, Record, SessionState
+from tams_app.robot.control import Signals
+from tams_app.robot.ground import LiveGround
 from tams_app.runtime.clock import Clock
-from tams_app.runtime.ending import Ending
-from tams_app.runtime.kept_memory import keep_freed_memory
-from tams_app.runtime.parts import Parts
-from tams_app.runtime.realtime import APPLICATION_PRIORITY, use_ordinary, use_round_robin
+from tams_app.runtime.mailbox import Sentences
+from tams_app.runtime.parts import Ending, Parts
+from tams_app.runtime.realtime import (
+    APPLICATION_PRIORITY,
+    keep_freed_memory,
+    use_ordinary,
+    use_round_robin,
+)
 from tams_app.session.recorders import LoadMonitor, live_records
-from tams_app.session.ros2_bridge import Ros2Bridge
-from tams_app.session.sentences import Sentences
 from tams_app.station.fresh_video import Displays
+from tams_app.station.hand import OperatorHand
 from tams_app.station.mount_memory import MountMemory
-from tams_app.station.station import Station
+from tams_app.station.screen import Screen
 from tams_app.video.live.frame_ring import FrameBlock
 
+if TYPE_CHECKING:
+    from tams_app.station.linked_robot import Requests
 
-class RequestedSignals(Protocol):
-    """The operator's signals to arm and log, and that the arm must not move any more."""
 
-    pinned: str
+class Spoken(Journal):
+    """Before there is a log: sentences are shown, and nothing is kept."""
 
-    def confirm(self, asked_ns: int) -> None: ...
+    def keep(self, item: Record) -> None:
+        """Let it go."""
 
-    def estop(self) -> None: ...
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Let them go."""
 
-    def episode(self, request: EpisodeRequest) -> None: ...
 
-    def fail(self) -> None: ...
+class Outset(Ending):
+    """What there is of a session before it is open, and after: by it the session ends or fails.
+
+    `run`, `robot` or `operate` opens the session, once. `signals`: the operator's, to arm and log,
+    and that the arm must not move any more. `started`: everything has run; what was recorded is
+    worth keeping. `log`: keeps nothing until `open_log`. `records_lost`: those that it lacks, known
+    once it is closed.
+    """
+
+    def __init__(
+        self, config: Config, clock: Clock, folder: Path, signals: Signals | Requests
+    ) -> None:
+        """`folder`: the session's own, which exists."""
+        super().__init__(clock, config.seconds)
+        self.config, self.clock, self.folder, self.signals = config, clock, folder, signals
+        self.sentences, self.displays = Sentences(), Displays()
+        self.log: Journal = Spoken(clock, self.sentences.note)
+        self.started = False
+        self.records_lost = 0
+
+    # --- the start, and what ends with the session ----------------------------------------------
+
+    @contextmanager
+    def starting(self) -> Iterator[Parts]:
+        """What is started within is one of the parts, which end with the context, in reverse.
+
+        What fails at their end is kept in `failure`, unless there is one already.
+        """
+        logs, priority = self.folder / "helpers", self.config.control.realtime_priority
+        parts = Parts(logs, self.fail, priority)
+        try:
+            keep_freed_memory()
+            cv2.setNumThreads(1)  # its other threads would spin for work longer than a frame takes
+            if priority:
+                use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
+                parts.stack.callback(use_ordinary)
+            logs.mkdir(exist_ok=True)  # the window is there before
+            yield parts
+        finally:
+            try:
+                parts.stack.close()
+            except (TamsError, OSError) as failure:
+                self.failure = self.failure or str(failure)
+
+    def open_log(self, config: Config, parts: Parts) -> Recorder:
+        """The session's log, with the configuration that counts."""
+        self.config = config
+        log = parts.stack.enter_context(self._recorded(config, parts))
+        self.log = log
+        if config.calibrated_by:
+            log.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
+        return log
+
+    def ground(self, parts: Parts, log: Journal, arm_at_once: bool, dry_run: bool) -> LiveGround:
+        """What the robot's side stands on, where that is here."""
+        assert isinstance(self.signals, Signals), "the arm is here"
+        return LiveGround(
+            self.config, self.clock, log, self.signals, parts, self, arm_at_once, dry_run
+        )
+
+    def ready(self, parts: Parts) -> None:
+        """Everything is made but the control loop: monitor the load, and freeze the collector."""
+        parts.run("load", LoadMonitor(self.clock, parts.pids, self.log).run)
+        gc.collect()
+        gc.freeze()  # what lives as long as the session need not be looked at again
+        parts.stack.callback(gc.unfreeze)
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Between two stages of the start: TamsError if a part failed or our end was requested."""
+        if self.failure or self.requested_end:
+            raise TamsError(self.failure or f"{self.requested_end} before it had started")
+
+    @contextmanager
+    def _recorded(self, config: Config, parts: Parts) -> Iterator[Recorder]:
+        records = live_records(
+            config,
+            self.clock,
+            self.folder,
+            parts.on_failure,
+            self.sentences,
+            self.signals,
+        )
+        with records as (log, bridge):
+            if bridge is not None and bridge.pid is not None:
+                parts.measure("ros2", bridge.pid)
+            yield log
+        self.records_lost = log.dropped
+        if self.started and config.recording.episodes:
+            self.require_whole_log()
+
+    # --- at any time, from any thread -----------------------------------------------------------
+
+    def fail(self, sentence: str) -> None:
+        """The job has failed: stop the arm, let the session end with exit code 1."""
+        try:
+            self.signals.fail()
+        finally:
+            if not self.failure:
+                self.failure = sentence
+                self.note("error", sentence)
+            self.end(sentence)
+
+    def note(self, level: str, text: str) -> None:
+        """Keep a sentence in the log and show it."""
+        self.log.note(level, text)
+
+    def fact(self, name: str, value: str) -> None:
+        """Keep in the log what was learned; a later value of the same name counts."""
+        self.log.fact(name, value)
+
+    def require_whole_log(self) -> None:
+        """For what is to be evaluated or learned from: one that lacks records is a failure."""
+        if self.records_lost and not self.failure:
+            self.failure = f"{self.records_lost} records are missing from the log; record it again"
 
 
 class Side(Protocol):
-    """The parts at this computer, once they have started: both sides of a session, or one."""
-
-    @property
-    def station(self) -> Station | None:
-        """The station that shows frames; None: they are shown elsewhere."""
-
-    @property
-    def pids(self) -> dict[str, int]:
-        """Of the processes that `Session.parts` does not watch."""
+    """The parts at this computer: both sides of a session, or one."""
 
     def poll(self) -> str:
         """Look after streams and the other side; the first failure, "" while all works."""
@@ -66,186 +182,93 @@ class Side(Protocol):
         """The arm has stopped; everything else still runs."""
 
 
-class Session(Ending):
-    """Start it, `poll` it a few times a second until `ended`, then `close` it; once."""
+class Session:
+    """An open session: `poll` it a few times a second until it has ended; a context.
+
+    Its end stops the arm, then everything else in the reverse order of its start (`starting`).
+    """
 
     def __init__(
         self,
-        config: Config,
-        clock: Clock,
-        folder: Path,
-        signals: RequestedSignals,
-        compose: Callable[[Session], Side],
+        outset: Outset,
+        parts: Parts,
+        log: Recorder,
+        side: Side,
+        screen: Screen | None = None,
+        hand: OperatorHand | None = None,
     ) -> None:
-        """`compose` starts what runs here, as parts of the session; TamsError if that cannot be."""
-        super().__init__(clock, config.seconds)
-        self.config, self.clock, self.folder = config, clock, folder
-        self.signals = signals
-        self.sentences = Sentences()
-        self.displays = Displays()
-        self.parts = Parts(folder / "helpers", self.fail, config.control.realtime_priority)
-        self._compose = compose
-        self._side: Side | None = None
-        self._log: Recorder | None = None
-        self._bridge: Ros2Bridge | None = None
-        self._forward: Callable[[str], None] = lambda _text: None
+        """`side` runs. `screen`, `hand`: of the operator; None: they are elsewhere."""
+        self._outset, self._parts, self._log = outset, parts, log
+        self.side, self._screen, self._hand = side, screen, hand
+        self.config, self.folder, self.signals = outset.config, outset.folder, outset.signals
+        self.sentences, self.displays = outset.sentences, outset.displays
+        self.ended = outset.ended
+        outset.started = True
 
-    # --- start ----------------------------------------------------------------------------------
+    def __enter__(self) -> Session:
+        return self
 
-    def start(self) -> None:
-        """Start everything; on failure what was started is stopped again, and the error raised."""
-        parts = self.parts
-        try:
-            keep_freed_memory()
-            cv2.setNumThreads(1)  # its other threads would spin for work longer than a frame takes
-            if self.config.control.realtime_priority:
-                use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
-                parts.stack.callback(use_ordinary)
-            parts.logs.mkdir(exist_ok=True)  # the window is there before
-            self._side = self._compose(self)
-        except BaseException:
-            self._unwind()
-            raise
-
-    def open_log(self, config: Config) -> Recorder:
-        """The session's log, with the configuration that counts."""
-        self.config = config
-        records = live_records(
-            config,
-            self.clock,
-            self.folder,
-            self.parts.on_failure,
-            self._show_note,
-            self.signals.estop,
-        )
-        log, self._bridge = self.parts.stack.enter_context(records)
-        self._log = log
-        if config.calibrated_by:
-            log.note("info", f"calibrated by {', '.join(config.calibrated_by)}")
-        return log
-
-    def forward_notes(self, receive: Callable[[str], None]) -> None:
-        """From now on hand each sentence for people to `receive` as well; from any thread."""
-        self._forward = receive
-
-    def ready(self, side: Side) -> None:
-        """Everything is made but the control loop: monitor the load, and freeze the collector."""
-        log, pids = self.log, {**self.parts.pids, **side.pids}
-        if self._bridge is not None and (bridge_pid := self._bridge.pid) is not None:
-            pids["ros2"] = bridge_pid
-        self.parts.run("load", LoadMonitor(self.clock, pids, log).run)
-        gc.collect()
-        gc.freeze()  # what lives as long as the session need not be looked at again
-        self.parts.stack.callback(gc.unfreeze)
-        self.go_on()
-
-    def go_on(self) -> None:
-        """Between two stages of the start: TamsError if a part failed or our end was requested."""
-        if self.failure or self.requested_end:
-            raise TamsError(self.failure or f"{self.requested_end} before it had started")
-
-    # --- while it runs --------------------------------------------------------------------------
-
-    @property
-    def log(self) -> Recorder:
-        """Open since `open_log`."""
-        assert self._log is not None, "open it first"
-        return self._log
-
-    @property
-    def started(self) -> bool:
-        """True once everything runs; what was recorded is worth keeping from then on."""
-        return self._side is not None
-
-    @property
-    def side(self) -> Side:
-        """The side that runs here, once it has started."""
-        assert self._side is not None, "start it first"
-        return self._side
+    def __exit__(
+        self,
+        _kind: type[BaseException] | None,
+        _error: BaseException | None,
+        _trace: TracebackType | None,
+    ) -> None:
+        self._parts.stack.callback(self._finish)
+        self.stop_arm()
 
     @property
     def screen(self) -> FrameBlock:
-        """The memory of the frames shown, once it has started."""
-        assert self.side.station is not None, "nothing is shown here"
-        return self.side.station.screen
-
-    @property
-    def recorded_mb(self) -> float | None:
-        """The size of its log so far."""
-        return self.log.size_bytes / 1e6
+        """The memory of the frames shown."""
+        assert self._screen is not None, "nothing is shown here"
+        return self._screen.frames
 
     @property
     def mount(self) -> MountMemory | None:
         """Where the camera on the arm is, by which its frames are corrected; None: none are."""
-        return None if self.side.station is None else self.side.station.mount
+        return None if self._screen is None else self._screen.mount
 
     @property
     def keyboard(self) -> KeyboardController | None:
         """The controller, where a window has to feed it."""
-        return None if self.side.station is None else self.side.station.keyboard
+        return None if self._hand is None else self._hand.keyboard
+
+    @property
+    def recorded_mb(self) -> float | None:
+        """The size of its log so far."""
+        return self._log.size_bytes / 1e6
 
     def poll(self) -> None:
         """Look after helpers, streams, the other side and the time limit. From the main thread."""
-        self.parts.poll()
+        self._parts.poll()
         if failure := self.side.poll():
             self.fail(failure)
-        self.log.poll()
-        self.end_if_due()
-
-    def fail(self, sentence: str) -> None:
-        """The job has failed: stop the arm, let the session end with exit code 1."""
-        try:
-            self.signals.fail()
-        finally:
-            if not self.failure:
-                self.failure = sentence
-                if self._log is not None:
-                    self.note("error", sentence)
-            self.end(sentence)
-
-    def note(self, level: str, text: str) -> None:
-        """Keep a sentence in the log and show it."""
-        self.log.note(level, text)
-
-    def fact(self, name: str, value: str) -> None:
-        """Keep in the log what was learned; a later value of the same name counts."""
-        self.log.fact(name, value)
+        self._log.poll()
+        self._outset.end_if_due()
 
     def state(self) -> SessionState:
         """The session's state as the console shows it now."""
         return self.side.state()
 
-    # --- end ------------------------------------------------------------------------------------
-
     def stop_arm(self) -> None:
         """The first thing when a session ends; may be called twice."""
-        self.side.stop_arm(bool(self.failure))
+        self.side.stop_arm(bool(self._outset.failure))
 
-    def close(self) -> None:
-        """Stop the arm, then everything else in the reverse order of its start.
+    def end(self, reason: str) -> None:
+        """Let it end; the first reason counts."""
+        self._outset.end(reason)
 
-        What fails on the way is kept in `failure`, unless there is one already.
-        """
-        side = self.side
-        self.parts.stack.callback(lambda: side.finish(self.end_reason, bool(self.failure)))
-        try:
-            self.stop_arm()
-        finally:
-            self._unwind()
-        if self.config.recording.episodes:
-            self.require_whole_log()
+    def fail(self, sentence: str) -> None:
+        """It has failed: stop the arm, let it end with exit code 1."""
+        self._outset.fail(sentence)
 
-    def require_whole_log(self) -> None:
-        """For what is to be evaluated or learned from: one that lacks records is a failure."""
-        if self._log is not None and self._log.dropped and not self.failure:
-            self.failure = f"{self._log.dropped} records are missing from the log; record it again"
+    def note(self, level: str, text: str) -> None:
+        """Keep a sentence in the log and show it."""
+        self._outset.note(level, text)
 
-    def _unwind(self) -> None:
-        try:
-            self.parts.stack.close()
-        except (TamsError, OSError) as failure:
-            self.failure = self.failure or str(failure)
+    def elapsed_s(self) -> float:
+        """Seconds since the session began."""
+        return self._outset.elapsed_s()
 
-    def _show_note(self, text: str) -> None:
-        self.sentences.note(text)
-        self._forward(text)
+    def _finish(self) -> None:
+        self.side.finish(self._outset.end_reason, bool(self._outset.failure))

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from operator import add
 from statistics import median
 
 import numpy as np
 
 from hw.controller import Controller
-from tams_app.config import VideoConfig
 from tams_app.link.age import ClockOffset, PeerClock
-from tams_app.link.gateway_client import Gateway, LinkEvent, Received, Routes
+from tams_app.link.gateway_client import LinkEvent, Received, Routes
 from tams_app.link.messages import (
     HAND_RATE_HZ,
     HandMessage,
@@ -29,13 +29,14 @@ from tams_app.recording.journal import Journal
 from tams_app.records import (
     ControllerSample,
     ControllerStatus,
+    EpisodeRequest,
     Haptic,
     LinkHealth,
     StateHeard,
-    SteeredBy,
 )
 from tams_app.runtime.clock import Clock, FixedRate, SleepWatch
-from tams_app.station.requests import Requests
+from tams_app.station.receivers import Identify, Receivers
+from tams_app.station.robot_call import RobotCall
 from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -56,37 +57,95 @@ _ASLEEP_NS = 200 * NS_PER_MS  # longer than any pose or button of before counts 
 _SLEPT = "this computer was suspended: what the controller told before is not sent, the arm stops"
 
 
-class LinkedRobot:
-    """Uses a gateway that has been answered; `step` and `run` are for the hand's thread.
+class Requests:
+    """The operator's requests by key or button; from any thread, also from a signal handler."""
 
-    `run` is that thread's body; the others are from any. `state`: what the robot's side reported
-    last, None before it. `sample`: what was sent last.
+    def __init__(self) -> None:
+        self.confirms = self.stops = 0
+        self.confirmed_ns = 0
+        self.has_failed = False
+        self.pinned = ""  # view that the operator has pinned; "": none
+        self.episodes = (0, 0, 0, 0, 0)  # by `EpisodeRequest`
+
+    def episode(self, request: EpisodeRequest) -> None:
+        """Something is asked about episodes."""
+        added = (one is request for one in EpisodeRequest)
+        first, second, third, fourth, fifth = map(add, self.episodes, added)
+        self.episodes = first, second, third, fourth, fifth
+
+    def confirm(self, asked_ns: int) -> None:
+        """The operator agrees: arm, or clear a fault. They did so at `asked_ns` at the earliest."""
+        self.confirmed_ns = asked_ns
+        self.confirms += 1
+
+    def forget_confirmation(self) -> None:
+        """One that was not sent yet is too old."""
+        self.confirmed_ns = 0
+
+    def estop(self) -> None:
+        """Emergency stop."""
+        self.stops += 1
+
+    def fail(self) -> None:
+        """This side has failed: from now on the hand is one that was put down."""
+        self.has_failed = True
+
+
+class RobotFrames:
+    """The captures of the robot's side, by what its states say of the first of each view.
+
+    `newest`: the state that was received last; None before it, and in another session of the link.
+    """
+
+    def __init__(self, views: Sequence[str]) -> None:
+        self._views = views
+        self.newest: StateMessage | None = None
+
+    def identify(self) -> dict[str, Identify]:
+        """By view, which capture an RTP timestamp stands for: its index is the timestamp itself.
+
+        `capture_ns` is on the robot's clock, from what that side says of its first frame: None
+        until it has.
+        """
+        return {view: partial(self._find, place) for place, view in enumerate(self._views)}
+
+    def _find(self, place: int, timestamp: int) -> SentFrame | None:
+        """In a receiver's thread."""
+        state = self.newest
+        if state is None or place >= len(state.first_capture_ns):
+            return None
+        first_ns = state.first_capture_ns[place]
+        if first_ns is None:
+            return None
+        return SentFrame(timestamp, capture_of(timestamp, first_ns, state.sent_ns), 0)
+
+
+class LinkedRobot:
+    """A call that was answered; `step` and `run` are for the hand's thread.
+
+    `run` is that thread's body; the others are from any. `sample`: what was sent last.
     """
 
     def __init__(
         self,
         clock: Clock,
-        gateway: Gateway,
+        call: RobotCall,
         requests: Requests,
         log: Journal,
-        steered_by: Callable[[], tuple[SteeredBy, ...]],
-        identity: int,
-        hand: str,
+        receivers: Receivers,
+        frames: RobotFrames,
         present: Present | None = None,
     ) -> None:
-        """`steered_by`: what the operator can steer by, in the order of the views.
-
-        `identity`: a random number, another one for each application. `hand`: what the operator
-        drives with, of `HANDS`. `present` is told of each sample and of the arm's states.
+        """`receivers`: of the frames that the operator sees. `frames` gets the states, `present` is
+        told of each sample and of the arm's states.
         """
         self._clock, self._requests, self._log = clock, requests, log
-        self._steered_by = steered_by
+        self._receivers, self._frames = receivers, frames
         self.controller: Controller | None = None  # once it is started
-        self.state: StateMessage | None = None
         self.sample = _AWAY
         self.state_received_ns = 0
         self._session = 0
-        self._identity, self._driven_with = identity, hand
+        self._identity, self._driven_with = call.identity, call.hand
         self._present = present
         self._ways_ns: deque[int] = deque(maxlen=_WAYS)
         self._haptics: int | None = None
@@ -95,33 +154,31 @@ class LinkedRobot:
         self._health_due_ns = 0
         self._sleep = SleepWatch(clock)
         self._asleep_until_ns = 0  # no sample is sent that may be from before we were suspended
-        self._gateway = gateway
-        self._places: dict[str, int] = {}  # of the views, in the order of messages
+        self._gateway = call.gateway
+        self._video = call.config.video
+        # of the views, in the order of messages
+        self._places = {view: place for place, view in enumerate(self._video.views)}
+
+    @property
+    def state(self) -> StateMessage | None:
+        """What the robot's side reported last; None before it has."""
+        return self._frames.newest
 
     @property
     def event(self) -> LinkEvent:
         """The state of the link."""
         return self._gateway.event
 
-    def connect(self, video: VideoConfig, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:
+    def connect(self, ports: Mapping[str, ViewPorts]) -> dict[str, ViewPorts]:
         """Hand the robot's streams over to `ports`, by view; where their feedback is to go."""
         rtp: dict[int, int] = {}
         rtcp: dict[int, int] = {}
         for view, one in ports.items():
-            for ssrc in stream_ssrcs(video, view):
+            for ssrc in stream_ssrcs(self._video, view):
                 rtp[ssrc], rtcp[ssrc] = one.rtp, one.reports
         self._gateway.follow(Routes(rtp, rtcp))
-        entrance = ViewPorts(video.bind_host, 0, 0, self._gateway.entrance_port)
+        entrance = ViewPorts(self._video.bind_host, 0, 0, self._gateway.entrance_port)
         return dict.fromkeys(ports, entrance)
-
-    def identify(self, views: Sequence[str]) -> dict[str, Callable[[int], SentFrame | None]]:
-        """By view, which capture an RTP timestamp stands for: its index is the timestamp itself.
-
-        `capture_ns` is on the robot's clock, from what that side says of its first frame: None
-        until it has.
-        """
-        self._places = {view: place for place, view in enumerate(views)}
-        return {view: partial(self._identify, place) for view, place in self._places.items()}
 
     @property
     def offset(self) -> ClockOffset | None:
@@ -155,16 +212,6 @@ class LinkedRobot:
             self._health_due_ns = now_ns + _HEALTH_NS
             self._log.record(self._health(now_ns))
 
-    def _identify(self, place: int, timestamp: int) -> SentFrame | None:
-        """In a receiver's thread."""
-        state = self.state
-        if state is None or place >= len(state.first_capture_ns):
-            return None
-        first_ns = state.first_capture_ns[place]
-        if first_ns is None:
-            return None
-        return SentFrame(timestamp, capture_of(timestamp, first_ns, state.sent_ns), 0)
-
     def _sample_now(self, now_ns: int) -> ControllerSample:
         controller = self.controller
         if self._requests.has_failed:
@@ -184,7 +231,7 @@ class LinkedRobot:
             return
         if received.session != self._session:
             self._begin(received.session)
-        before, self.state = self.state, state
+        before, self._frames.newest = self.state, state
         self.state_received_ns = received.heard_ns
         if before is not None:
             self._robots_clock.step(
@@ -222,7 +269,7 @@ class LinkedRobot:
         self._session = session
         self._robots_clock.forget()
         self._ways_ns.clear()
-        self.state = None
+        self._frames.newest = None
         self._log.note("info", f"connected to the robot at {self.event.address}")
 
     def _feel(self, state: StateMessage) -> None:
@@ -241,7 +288,8 @@ class LinkedRobot:
 
     def _hand(self, sample: ControllerSample) -> HandMessage:
         state, requests, pose = self.state, self._requests, sample.pose
-        views, presses = self._steered_by(), sample.presses
+        presses = sample.presses
+        views = [self._receivers.steered_by(view) for view in self._video.views]
         numbers = None
         if pose is not None:
             x, y, z = pose.position.tolist()

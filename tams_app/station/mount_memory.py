@@ -1,6 +1,7 @@
 """Where the camera on the arm is, for the processes that draw and score what it sees.
 
-Memory that they share with the application, which never waits for them.
+Memory that they share with the application, which never waits for them; and the check, where the
+frames come in, of whether the camera is where it should be.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from tams_app.prediction.camera_check import CameraCheck
 from tams_app.prediction.present import (
     UNKNOWN_JOINTS,
     MountTrail,
@@ -24,7 +26,7 @@ from tams_app.prediction.present import (
     array_of,
     numbers_of,
 )
-from tams_app.records import Image, MountPrediction, Pose
+from tams_app.records import Image, MountPrediction, Pose, ShownFrame, TakeNote
 from tams_app.rotation import Rotation
 from tams_app.runtime.shared_ring import (
     RingShape,
@@ -157,3 +159,38 @@ def _placed(head: bytes) -> MountPrediction:
     then_joints, now_joints = (np.array(numbers[at : at + 6]) for at in (21, 27))
     beside = (*numbers[33:], commanded, then_joints, now_joints)
     return MountPrediction(then_ns, then, now_ns, now, *beside)
+
+
+MEASURE = "run_tams.py calibrate cameras --only lens,mount"
+
+
+def misfit(view: str) -> str:
+    """What is said once a camera is found not to be where it should be."""
+    return (
+        f"{view}: while the arm moves, the picture does not change as the camera's pose and lens "
+        "say, so it is shown as received from now on; mount the camera as it was, or measure it: "
+        f"{MEASURE}"
+    )
+
+
+class CameraWatch:
+    """Reads where the arm was from the memory that all share, and tells it what is found."""
+
+    def __init__(self, mount: MountMemory, note: TakeNote) -> None:
+        """While `mount` has its name."""
+        self._mount, self._note = mount, note
+        self._checks: dict[str, tuple[PresentViews, CameraCheck]] = {}
+        for view, camera in mount.cameras.items():
+            if camera.on_arm:
+                present = PresentViews({view: camera}, open_block(mount.name))
+                self._checks[view] = present, CameraCheck(present.on_arm(view))
+
+    def shown(self, frame: ShownFrame) -> None:
+        """In the thread of the frame's view."""
+        if frame.view not in self._checks:
+            return
+        present, check = self._checks[frame.view]
+        present.read()
+        if check.shown(frame):
+            self._mount.camera_fits = False
+            self._note("warning", misfit(frame.view))

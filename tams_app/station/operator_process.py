@@ -13,9 +13,9 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from typing import Any
+from typing import Any, TypeAlias
 
 import cv2
 
@@ -25,6 +25,8 @@ from hw.sim.operator.demo import demo_controller
 from hw.sim.operator.seeing import Images, OnScreen, SeeingParticipant
 from hw.sim.world.rig_memory import WorldReader
 from tams_app.config import Config
+from tams_app.prediction.present import Correction, Shown
+from tams_app.records import Image
 from tams_app.runtime.clock import Clock, FixedRate, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import (
@@ -36,7 +38,6 @@ from tams_app.runtime.realtime import (
 from tams_app.runtime.shared_ring import open_block
 from tams_app.runtime.worker import Worker
 from tams_app.station.mount_memory import described_views
-from tams_app.station.operator_screen import on_screen
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
 from tams_app.video.live.reporting_helper import line_of, reports_to_session
@@ -47,6 +48,31 @@ _POLL_S = 0.005
 _LONGEST_S = 1.0 / 6.0  # from glance to glance
 _SHARE_OF_MACHINE = 0.10  # of all cores, for the eyes
 _SWITCH_S = 0.001  # how long the eyes may keep the hand waiting for the interpreter
+Show: TypeAlias = Callable[[Image, int, int], Shown]  # an image, when it was captured, now [ns]
+
+
+def on_screen(
+    frames: Mapping[str, tuple[int, Image] | None], shows: Mapping[str, Show], now_ns: int
+) -> OnScreen:
+    """The screen before the operator at `now_ns`: frames as received, or predicted.
+
+    Of an outline over a frame they make nothing: they look past it.
+
+    Args:
+        frames: the newest of each view, with when it was captured [ns]; None: nothing yet.
+        shows: by view, how a frame is shown whose view is predicted.
+        now_ns: on the clock of the screen.
+    """
+    images: dict[str, Image | None] = {}
+    predicted = set()
+    for view, found in frames.items():
+        images[view] = None if found is None else found[1]
+        if found is not None and view in shows:
+            shown = shows[view](found[1], found[0], now_ns)
+            if shown.correction is Correction.PREDICTED:
+                images[view] = shown.image
+                predicted.add(view)
+    return OnScreen(images, frozenset(predicted))
 
 
 def publish(publisher: ControllerPublisher, clock: Clock, stop: threading.Event) -> None:

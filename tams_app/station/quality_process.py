@@ -19,9 +19,8 @@ import psutil
 from tams_app.prediction.present import Shown
 from tams_app.records import FrameQuality, Image
 from tams_app.runtime.clock import Clock, MonotonicClock
-from tams_app.runtime.kept_memory import keep_freed_memory
 from tams_app.runtime.process import HelperSide
-from tams_app.runtime.realtime import use_idle
+from tams_app.runtime.realtime import keep_freed_memory, use_idle
 from tams_app.runtime.shared_ring import open_block
 from tams_app.station.mount_memory import described_views
 from tams_app.units import NS_PER_MS

@@ -5,18 +5,25 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from typing import TypeAlias
+
+from msgspec.structs import replace
 
 from tams_app.config import VideoConfig
-from tams_app.records import LatencyState, ShownFrame, SteeredBy
+from tams_app.records import LatencyState, ShownFrame, SteeredBy, ViewState
 from tams_app.runtime.clock import Clock
 from tams_app.station.fresh_video import Displays, FreshVideo
-from tams_app.units import NS_PER_S
+from tams_app.station.screen import Screen
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.stages import StageMeans
+from tams_app.video.core.stages import StageMeans, together
 from tams_app.video.live.receiver import VideoReceiver
 from tams_app.video.live.udp import ViewPorts
+
+# which capture an RTP timestamp stands for; None: not shown
+Identify: TypeAlias = Callable[[int], SentFrame | None]
 
 
 class Receivers:
@@ -28,17 +35,14 @@ class Receivers:
         rule: RepairRule,
         feedback: bool,
         clock: Clock,
-        identify: Mapping[str, Callable[[int], SentFrame | None]],
-        on_shown: Callable[[ShownFrame], None],
+        identify: Mapping[str, Identify],
+        screen: Screen,
         decoder: Decoder,
         displays: Displays,
     ) -> None:
-        """`identify`: by view, which capture an RTP timestamp stands for; None: not shown.
-
-        `on_shown` is called in a thread for each view. `displays`: what shows the frames.
-        """
+        """`identify`: by view. `displays`: what shows the frames of `screen` to a person."""
         self._clock = clock
-        self._on_shown = on_shown
+        self._screen = screen
         self._fresh = FreshVideo(config.views, displays)
         self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
         self._stages = {view: StageMeans() for view in config.views}
@@ -83,6 +87,18 @@ class Receivers:
         """What the frames of `view` take here once their packets have come."""
         return self._stages[view].latency
 
+    def views(
+        self, robots: Mapping[str, ViewState], now_ns: int, offset_ns: int | None
+    ) -> dict[str, ViewState]:
+        """All views, as the robot's side knows them and as they are shown here.
+
+        `offset_ns`: the robot's clock minus ours; None: not known.
+        """
+        return {
+            view: self._view(view, robots.get(view, ViewState()), now_ns, offset_ns)
+            for view in self._receivers
+        }
+
     def poll(self) -> str:
         """The first failure of any stream in one sentence, "" while all work."""
         return next(filter(None, (one.poll() for one in self._receivers.values())), "")
@@ -95,4 +111,17 @@ class Receivers:
         self._fresh.shown(shown)
         self._times[shown.view].append(shown.shown_ns)
         self._stages[shown.view].step("decoder", shown.received_ns, shown.shown_ns)
-        self._on_shown(shown)
+        self._screen.show(shown)
+
+    def _view(self, view: str, robots: ViewState, now_ns: int, offset_ns: int | None) -> ViewState:
+        shown = self.shown(view)
+        latency_ms = age_ms = None
+        if offset_ns is not None:
+            steered_ns = self.steered_by(view).capture_ns
+            if steered_ns is not None:
+                age_ms = (now_ns + offset_ns - steered_ns) / NS_PER_MS
+            if shown is not None:
+                latency_ms = (shown.shown_ns + offset_ns - shown.capture_ns) / NS_PER_MS
+        fps = self.shown_fps(view)
+        own = together(robots.own, self.latency(view))
+        return replace(robots, shown_fps=fps, latency_ms=latency_ms, age_ms=age_ms, own=own)

@@ -6,7 +6,7 @@ import ctypes
 import os
 import re
 import subprocess
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from tams_app.config import Config
@@ -26,7 +26,7 @@ def require_local_seat(config: Config, is_real: bool, what: str) -> None:
     """
     if not is_real or config.controller.remote_seat:
         return
-    if why := remote_seat(os.environ, logind_session, x_extensions):
+    if why := remote_seat(os.environ):
         raise SetupError(
             f"{what} is remote ({why}), where the release of a key may come late or never while "
             "the arm moves: work at this computer, or set controller.remote_seat in the "
@@ -34,19 +34,12 @@ def require_local_seat(config: Config, is_real: bool, what: str) -> None:
         )
 
 
-def remote_seat(
-    environment: Mapping[str, str],
-    session: Callable[[], str],
-    extensions: Callable[[str], tuple[bytes, ...]],
-) -> str:
-    """Why the seat is a remote one, "" if nothing says so.
-
-    `session`: `logind_session`. `extensions`: `x_extensions`.
-    """
+def remote_seat(environment: Mapping[str, str]) -> str:
+    """Why the seat is a remote one, "" if nothing says so."""
     for name in (*_BY_TERMINAL, *_BY_DESKTOP):
         if environment.get(name):
             return f"{name} is set"
-    if session() == "yes":
+    if logind_session() == "yes":
         return "logind calls the session remote"
     display = environment.get("DISPLAY", "")
     if not display or environment.get("WAYLAND_DISPLAY"):
@@ -55,7 +48,7 @@ def remote_seat(
         return ""
     if not display.startswith((":", "unix:", "unix/")):
         return f"the X server {display} is on another computer or comes by ssh"
-    found = (_EXTENSIONS[name] for name in extensions(display) if name in _EXTENSIONS)
+    found = (_EXTENSIONS[name] for name in x_extensions(display) if name in _EXTENSIONS)
     return next((f"the X server {display} is {kind}" for kind in found), "")
 
 

@@ -23,11 +23,11 @@ from tams_app.faces.terminal.line import (
 )
 from tams_app.printing import Console, waiting
 from tams_app.records import SessionState
+from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.folder import furnish_session_folder
+from tams_app.session.folder import furnish_session_folder, session_bytes
 from tams_app.session.run import run
-from tams_app.session.session import Session
-from tams_app.session.shared_memory import session_bytes
+from tams_app.session.session import Outset
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.verdict import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
@@ -60,23 +60,23 @@ class LiveTrialRunner:
         furnish_session_folder(config, folder)
         self._console.print(BEGINNING, soft_wrap=True)
         signals: list[str] = []
-        session = run(config, MonotonicClock(), folder)
+        outset = Outset(config, MonotonicClock(), folder, Signals())
         try:
-            shown = LiveTrial(trial, config.trial.limit_s, session)
-            show_session(session, self._console, shown.words, signals, trial=shown)
-            session.require_whole_log()
+            shown = LiveTrial(trial, config.trial.limit_s, outset)
+            show_session(outset, run(outset), self._console, shown.words, signals, trial=shown)
+            outset.require_whole_log()
             with waiting("writing the summary", self._console):
                 write_summary(folder)
         except TamsError as failure:
             if signals:
                 raise KeyboardInterrupt from failure
-            raise TamsError(session.failure or str(failure)) from failure
+            raise TamsError(outset.failure or str(failure)) from failure
         finally:
             TerminalKeys().discard()  # the next question is not answered by keys of the trial
         if signals:
             raise KeyboardInterrupt
-        if session.failure:
-            raise TamsError(session.failure)
+        if outset.failure:
+            raise TamsError(outset.failure)
 
 
 class LiveTrial:
@@ -86,7 +86,7 @@ class LiveTrial:
     the log; the verdict is asked for when the trial has ended.
     """
 
-    def __init__(self, trial: PlannedTrial, limit_s: float, session: Session) -> None:
+    def __init__(self, trial: PlannedTrial, limit_s: float, session: Outset) -> None:
         """`limit_s`: what the trial's rules allow, from the first engagement."""
         self._trial = trial
         self._limit_s = limit_s

@@ -21,8 +21,8 @@ from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 from tams_app.robot.control import CONFIRMED_AGO_NS, Signals
+from tams_app.runtime.mailbox import Sentences
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.sentences import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.teleop.hands import HANDS
 from tams_app.units import NS_PER_S
@@ -33,6 +33,8 @@ pytestmark = pytest.mark.waiting
 class EndedSession:
     """A session on the configured devices that is over at the first look."""
 
+    folder = None
+
     def __init__(self, name, hand="auto"):
         overrides = {"headless": True, "controller.device": hand}
         self.config = load_config(CONFIG_DIRECTORY / name, overrides)
@@ -41,6 +43,19 @@ class EndedSession:
         self.displays = Displays()
         self.ended = SimpleNamespace(wait=lambda seconds: True)
         self.notes = []
+
+    def __enter__(self):
+        self.start()
+        return self
+
+    def __exit__(self, *_):
+        self.close()
+
+    def start(self):
+        """Nothing has to be started."""
+
+    def close(self):
+        """Nothing has to be ended."""
 
     def note(self, level, text):
         self.notes.append((level, text))
@@ -78,7 +93,7 @@ def test_at_the_end_no_face_waits_for_anything_but_the_arm(monkeypatch):
     monkeypatch.setattr(app, "_read_keys", read)
     session = EndedSession("lite6.yaml")
     session.stop_arm = lambda: ended.append("arm")
-    face = SimpleNamespace(open=lambda: None, close=lambda: ended.append("face"))
+    face = SimpleNamespace(open=lambda _session: None, close=lambda: ended.append("face"))
     app._watch(session, Console(quiet=True), faces=[face])
     assert ended == ["arm", "face", "keys"]
 
@@ -136,7 +151,7 @@ class InterruptedSession(EndedSession):
 def test_who_runs_a_session_is_told_of_the_signal_that_ends_it(monkeypatch):
     monkeypatch.setattr(app, "_read_keys", keys(False))
     session, told = InterruptedSession(), []
-    app.show_session(session, Console(quiet=True), signals=told)
+    app.show_session(session, session, Console(quiet=True), signals=told)
     assert told == ["ended by SIGINT"]
     assert session.asked == ["ended by SIGINT", "closed"]
 
@@ -164,7 +179,7 @@ def test_a_stop_by_signal_that_raises_fails_the_session_and_the_next_signal_coun
         raise OSError("no answer, again")  # as the real one does, whose signals stop the arm
 
     session.start, session.fail = (lambda: None), fail
-    app.show_session(session, Console(quiet=True))
+    app.show_session(session, session, Console(quiet=True))
     assert found == ["signals: OSError('no answer')"] * 2
 
 
@@ -211,7 +226,7 @@ def test_after_the_session_it_is_told_that_it_ends_before_it_is_closed(monkeypat
     session = EndedSession("tams.yaml")
     session.start = lambda: output.write("started\n")
     session.close = lambda: output.write("closed\n")
-    app.show_session(session, Console(file=output))
+    app.show_session(session, session, Console(file=output))
     assert output.getvalue().splitlines() == ["started", "ending …", "closed"]
 
 
@@ -294,9 +309,6 @@ class FailedSession(EndedSession):
     def start(self):
         raise TamsError(self.sentence)
 
-    def close(self):
-        """Nothing was started."""
-
 
 @pytest.mark.parametrize(
     ("is_made", "started", "sentence", "stays"),
@@ -316,7 +328,8 @@ def test_a_session_that_did_not_start_leaves_no_folder_but_what_it_recorded_or_p
         assert (folder / "config.yaml").exists()
         if not is_made:
             raise TamsError(sentence)
-        return FailedSession(started, sentence.format(folder=folder))
+        session = FailedSession(started, sentence.format(folder=folder))
+        return session, session
 
     with pytest.raises(TamsError, match=sentence.partition(";")[0]):
         app.run_and_report(config, make)
@@ -348,10 +361,10 @@ def ran(monkeypatch):
 
         def make(folder):
             folders.append(folder)
-            return SimpleNamespace(failure="", started=True)
+            return SimpleNamespace(failure="", started=True), None
 
         @contextmanager
-        def showing(session, console, signals, shows_end):
+        def showing(outset, opening, console, signals, shows_end):
             signals += came
             yield ()
 

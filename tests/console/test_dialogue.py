@@ -15,7 +15,7 @@ from tams_app.errors import DeviceError
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.runtime.ending import Ending
+from tams_app.runtime.parts import Ending
 
 pytestmark = pytest.mark.waiting
 

@@ -15,7 +15,7 @@ from hw.desk.keyboard import KeyboardController
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.records import SessionState
 from tams_app.robot.control import TOO_LONG_AGO, Signals
-from tams_app.session.sentences import Sentences
+from tams_app.runtime.mailbox import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.faces.window import facts
@@ -53,8 +53,8 @@ class PlayedSession:
         self.do: Callable[[], None] = lambda: None
         self._began_s = time.monotonic()
 
-    def start(self) -> None:
-        """Nothing has to be started."""
+    def __enter__(self) -> PlayedSession:
+        return self
 
     def poll(self) -> None:
         do, self.do = self.do, lambda: None
@@ -94,7 +94,7 @@ class PlayedSession:
         self._take_in()  # what came after the last poll, with the key that ends the session
         self.done.append(f"arm stopped, {'window open' if window_processes() else 'no window'}")
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         self.screen.close()
 
 

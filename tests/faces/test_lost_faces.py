@@ -45,7 +45,7 @@ def shown(
     headset = {"headset.show": "always"} if face == "headset" else {}
     session = PlayedSession(folder / "session", config, **headset)
     session.do = lambda: do(session)
-    app.show_session(session, Console(quiet=True))
+    app.show_session(session, session, Console(quiet=True))
     assert not any(children_of(module) for module in MODULES.values())
     return session
 

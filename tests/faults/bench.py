@@ -23,7 +23,7 @@ from tams_app.recording import LOG_NAME, Recorder, SessionLog, read_log
 from tams_app.records import ArmState, Note, Record, StopRecord, Tick, Vector
 from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
-from tams_app.robot.control import Signals
+from tams_app.robot.control import LoopDevices, Signals
 from tams_app.robot.listener import Listener
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.video import video_delay_ns
@@ -107,10 +107,7 @@ class Bench(Listener, ABC):
         self.loop = build.control_loop(
             config,
             clock,
-            self.hand,
-            arm,
-            self,
-            self,
+            LoopDevices(self.hand, arm, self, self),
             self.delay_ns,
             self.signals,
             (self,),

@@ -6,20 +6,25 @@ import time
 from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hw.camera import Camera
 from tams_app.config import Network, load_config
 from tams_app.errors import TamsError
-from tams_app.records import Frame, Image, PacketRecord, Record, ShownFrame
-from tams_app.robot.senders import Capture, Senders
+from tams_app.records import Frame, Image, Record, ShownFrame
+from tams_app.robot.control import Signals
+from tams_app.robot.ground import LiveGround
+from tams_app.robot.senders import Capture, FrameRates, Senders
+from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import Clock, MonotonicClock
-from tams_app.runtime.parts import Parts
+from tams_app.runtime.parts import Ending, Parts
 from tams_app.runtime.worker import Worker
 from tams_app.session.local_operator import LocalOperator
 from tams_app.station.fresh_video import Displays
-from tams_app.station.station import Station
+from tams_app.station.receivers import Receivers
+from tams_app.station.screen import Screen
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 from tams_app.video.core.codecs import AVDEC
@@ -83,10 +88,6 @@ class NoLog(Unkept):
             self._on_shown(item)
 
 
-def _forget(_told: list[PacketRecord] | Frame) -> None:
-    """Neither packets' fates nor captured frames are kept."""
-
-
 class Chain:
     """Three views from camera to mailbox over one link; ages are those of this machine's clock."""
 
@@ -107,21 +108,36 @@ class Chain:
         clock = MonotonicClock()
         log = NoLog(clock, on_shown)
         self._parts = Parts(logs, lambda sentence: self._fail("parts", TamsError(sentence)), 0)
-        self._station = Station(config, clock, self._parts, log, Displays(), is_rig=True)
-        self.operator = LocalOperator(self._station, config, AVDEC)
-        self.uplink = Senders(
-            config, network, clock, log, _forget, self.operator, logs, _forget, self._fail, epoch_ns
+        self._parts.on_failure = self._fail  # type: ignore[method-assign]
+        ground = LiveGround(config, clock, log, Signals(), self._parts, Ending(clock))
+        board = StatusBoard(config, log.newest)
+        self.uplink = uplink = Senders(ground, network, board, epoch_ns=epoch_ns)
+        identify = {view: frames.find for view, frames in uplink.sent.items()}
+        self._receivers = Receivers(
+            config.video,
+            uplink.rule,
+            uplink.feedback,
+            clock,
+            identify,
+            Screen(config.video, self._parts, log, {}),
+            AVDEC,
+            Displays(),
         )
+        hand: Any = None  # nothing is held
+        self.operator = LocalOperator(hand, self._receivers, config)
+        self._rates = FrameRates(VIEWS, clock, log)
         self.cameras = {view: PatternCamera(view) for view in VIEWS}
         self._stack = ExitStack()
 
     def __enter__(self) -> Chain:
         with self._stack:
             self._stack.callback(self._parts.stack.close)
-            self._stack.callback(self.uplink.close)
-            self.uplink.start()
+            self._stack.callback(self._receivers.close)
+            entrances = self.uplink.enter_network(self._receivers.ports)
+            self._receivers.start(entrances)
+            self.uplink.start(entrances)
             for view, camera in self.cameras.items():
-                capture = Capture(camera, self.uplink.push)
+                capture = Capture(camera, self._rates, self.uplink)
                 worker = Worker(f"capture-{view}", capture.run, self._fail)
                 self._stack.callback(worker.stop, 10.0)
                 worker.start()
@@ -134,9 +150,7 @@ class Chain:
 
     @property
     def relay_pid(self) -> int:
-        pid = self.uplink.relay_pid
-        assert pid is not None
-        return pid
+        return self._parts.pids["relay"]
 
     def age_ns(self, view: str, now_ns: int) -> int | None:
         """As `Operator.age_ns`, but at this moment, whatever the bench's clock says."""
@@ -156,13 +170,11 @@ class Chain:
 
     def receiver(self, view: str) -> VideoReceiver:
         """The one of that view."""
-        receivers = self._station._receivers
-        assert receivers is not None
-        return receivers._receivers[view]
+        return self._receivers._receivers[view]
 
     def poll(self) -> str:
         """The first failure of either end."""
-        return self.uplink.poll() or self.operator.poll()
+        return self.uplink.poll() or self._receivers.poll()
 
     def _fail(self, name: str, failure: BaseException) -> None:
         self.failures.append((name, failure))

@@ -19,7 +19,7 @@ from tams_app.recording.writer import CAPACITY, LOST
 from tams_app.records import Note
 from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.session import Session
+from tams_app.session.session import Outset, Session
 from tams_app.summary import summarise
 from tams_app.units import NS_PER_S
 from tests.faults.applications import Application, until
@@ -61,33 +61,33 @@ def disk() -> Iterator[Path]:
 def test_what_a_disk_that_stands_still_costs_is_warned_of_counted_and_fails_episodes(
     disk: Path,
 ) -> None:
-    def compose(session: Session) -> Any:
-        session.open_log(session.config)
-        does_nothing: Any = lambda *_: ""  # noqa: E731
-        return SimpleNamespace(poll=does_nothing, stop_arm=does_nothing, finish=does_nothing)
-
     recording = {"recording.episodes": True, "recording.min_free_mb": 1}
     config = load_config(None, {**recording, "control.realtime_priority": 0})
     clock, path = MonotonicClock(), disk / LOG_NAME
-    session = Session(config, clock, disk, Signals(), compose)
-    session.start()
+    outset = Outset(config, clock, disk, Signals())
+    does_nothing: Any = lambda *_: ""  # noqa: E731
+    side: Any = SimpleNamespace(poll=does_nothing, stop_arm=does_nothing, finish=does_nothing)
+    stack = ExitStack()
+    parts = stack.enter_context(outset.starting())
+    journal = outset.open_log(config, parts)
+    session = stack.enter_context(Session(outset, parts, journal, side))
 
     def warns(beginning: str) -> bool:
         session.poll()
         return any(one.startswith(beginning) for one in session.sentences.take())
 
     run("fsfreeze", "-f", disk)
-    session.log.record(Note(clock.now_ns(), "info", "0"))
+    journal.record(Note(clock.now_ns(), "info", "0"))
     until(lambda: warns(HANGS), HANGS)
     for number in range(1, CAPACITY + 100):
-        session.log.record(Note(clock.now_ns(), "info", str(number)))
+        journal.record(Note(clock.now_ns(), "info", str(number)))
     until(lambda: warns(LOST), LOST)
     run("fsfreeze", "-u", disk)
     until(lambda: bool(read_log(path, only=()).lost), "the log to say what it lacks")
-    session.close()
+    stack.close()
     log = read_log(path)
     (lost,) = log.lost
-    assert session.failure == f"{lost.records} records are missing from the log; record it again"
+    assert outset.failure == f"{lost.records} records are missing from the log; record it again"
     assert lost.records >= CAPACITY + 100 - sum(note.text.isdigit() for note in log.notes) > 0
     summary = summarise(log)
     assert (summary["complete"], summary["records_lost"]) == (False, lost.records)

@@ -15,7 +15,7 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.runtime.process import PROJECT_DIRECTORY
-from tams_app.session.shared_memory import session_bytes
+from tams_app.session.folder import session_bytes
 from tests.faults.applications import FPS, configuration_file
 
 pytestmark = [

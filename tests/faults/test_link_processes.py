@@ -92,10 +92,10 @@ def fails(side: HandSide) -> str:
 
     def failed() -> bool:
         side.session.poll()
-        return bool(side.session.failure)
+        return bool(side.outset.failure)
 
     until(failed, "the operator's side to fail")
-    return side.session.failure
+    return side.outset.failure
 
 
 def receives_nothing(side: HandSide) -> bool:

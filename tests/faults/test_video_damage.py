@@ -13,6 +13,8 @@ from hw.gstreamer.camera import GstCamera
 from tams_app.config import VideoConfig, load_config
 from tams_app.errors import DeviceError
 from tams_app.records import Frame, Image, ShownFrame
+from tams_app.robot.control import Signals
+from tams_app.robot.ground import Ground
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.video import TrialVideo
@@ -57,8 +59,8 @@ class LossyVideo:
         )
         clock = VirtualClock(START_NS)
         log = NoLog(clock)
-        self.operator = VirtualOperator(config, 0, log, lambda _shown: None, {})
-        self.video = TrialVideo(config, clock, log, lambda _frame: None, self._show)
+        self.operator = VirtualOperator(config, 0, log, {})
+        self.video = TrialVideo(Ground(config, clock, log, Signals()), self._show)
         self._newest_ns: int | None = None  # capture of what the primary view shows
         self._random = np.random.default_rng(5)
         self._index = 0

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import socket
 import time
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,10 @@ from tams_app.link.messages import StateMessage
 from tams_app.recording import SessionLog
 from tams_app.records import Image, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.operate import OperatorSide, operate
+from tams_app.session.operate import operate
+from tams_app.session.session import Outset, Session
+from tams_app.station.linked_robot import Requests
+from tams_app.station.operator_side import OperatorSide
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.applications import PATIENCE_S, Application, only_log, until
 from tests.faults.hand import Hand
@@ -111,19 +114,31 @@ class HandSide:
         folder = out / "session"
         folder.mkdir()
         endpoint = Endpoint(HOST, port, key)
-        self.session = operate(
-            config, MonotonicClock(), folder, endpoint, self.said.append, self._take_hand
-        )
+        self.outset = Outset(config, MonotonicClock(), folder, Requests())
+        self._endpoint = endpoint
+        self._session: Session | None = None  # while it starts
         self._stack = ExitStack()
 
+    @contextmanager
+    def opening(self) -> Iterator[Session]:
+        """The session while it is open."""
+        with operate(self.outset, self._endpoint, self.said.append, self._take_hand) as session:
+            self._session = session
+            yield session
+
     def __enter__(self) -> HandSide:
-        self.session.start()
-        self._stack.callback(self.session.close)
+        self._stack.enter_context(self.opening())
         until(lambda: self.state is not None, "the robot's state")
         return self
 
     def __exit__(self, *exception: object) -> None:
         self._stack.close()
+
+    @property
+    def session(self) -> Session:
+        """Open."""
+        assert self._session is not None, "not before the start"
+        return self._session
 
     @property
     def hand(self) -> Hand:
@@ -134,9 +149,10 @@ class HandSide:
     @property
     def state(self) -> StateMessage | None:
         """What the robot's side told last; None before it has."""
-        side = self.session._side  # None while it starts
-        assert side is None or isinstance(side, OperatorSide)
-        return None if side is None else side.link.state
+        if self._session is None:
+            return None
+        assert isinstance(self._session.side, OperatorSide)
+        return self._session.side.link.state
 
     def received(self, view: str) -> Image | None:
         """The newest frame of that view; None before the first."""
@@ -145,10 +161,8 @@ class HandSide:
 
     def shown(self, view: str) -> ShownFrame | None:
         """The same with its times."""
-        station = self.session.side.station
-        assert station is not None
-        receivers = station._receivers
-        return None if receivers is None else receivers.shown(view)
+        assert isinstance(self.session.side, OperatorSide)
+        return self.session.side._receivers.shown(view)
 
     @property
     def arming(self) -> str:
@@ -163,7 +177,7 @@ class HandSide:
     @property
     def notes(self) -> list[str]:
         """Sentences for the operator so far."""
-        self._notes += self.session.sentences.take()
+        self._notes += self.outset.sentences.take()
         return self._notes
 
     def becomes(self, arming: ArmingState, within_s: float = 60.0) -> None:
@@ -188,7 +202,7 @@ class HandSide:
         deadline_s = now_s + PATIENCE_S
         while now_s - hindered_s < _UNHINDERED_S:  # the first video may come after READY
             self.session.poll()
-            assert not self.session.failure, self.session.failure
+            assert not self.outset.failure, self.outset.failure
             assert now_s < deadline_s, f"{self.arming}: {self.reason}"
             armed = self.arming == ArmingState.READY
             if not armed and now_s - asked_s > _CONFIRM_EACH_S:
@@ -225,7 +239,7 @@ class HandSide:
 
     def helper(self, name: str) -> psutil.Process:
         """The helper process of that name."""
-        return psutil.Process(self.session.parts.pids[name])
+        return psutil.Process(self.session._parts.pids[name])
 
     def _take_hand(self, config: Config) -> Controller:
         self._hand = Hand(config)

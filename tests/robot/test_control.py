@@ -19,7 +19,7 @@ from tams_app.records import (
     Tick,
 )
 from tams_app.robot import build
-from tams_app.robot.control import Signals
+from tams_app.robot.control import LoopDevices, Signals
 from tams_app.robot.listener import Listener
 from tams_app.robot.video import video_delay_ns
 from tams_app.rotation import Rotation
@@ -83,9 +83,8 @@ class Bench(Listener):
         self.ready = False
         network = CONFIG.networks["s2"]
         delay_ns = video_delay_ns(network, repair_rule(network, 300.0))
-        self.loop = build.control_loop(
-            config, self.clock, self.hand, self.arm, self, self, delay_ns, self.signals, (self,)
-        )
+        devices = LoopDevices(self.hand, self.arm, self, self)
+        self.loop = build.control_loop(config, self.clock, devices, delay_ns, self.signals, (self,))
 
     def age_ns(self, view, now_ns):
         return self.video_age_ns

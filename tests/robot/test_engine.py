@@ -16,20 +16,24 @@ from tams_app.records import (
     Frame,
     Phase,
     PhaseChange,
+    Pose,
+    SceneTruth,
     ShownFrame,
     Tick,
 )
+from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.engine import Engine
+from tams_app.robot.ground import Ground
 from tams_app.robot.listener import Listener
 from tams_app.robot.operator import Operator
 from tams_app.robot.video import Video
+from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.local_operator import LocalOperator
 from tams_app.station.fresh_video import Displays, FreshVideo
-from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.networks import resolve_network
 from tests.robot.test_control import PERIOD_NS, HeldController
 from tests.session.exchange import MemoryJournal
@@ -66,9 +70,8 @@ class Person(Operator):
 class Mirror(Video):
     """Every frame is on the screen as soon as it was captured."""
 
-    def __init__(self, clock, log, captured, *shown):
-        network = resolve_network(CONFIG, "s2")
-        super().__init__(CONFIG, network, clock, 0, log, captured)
+    def __init__(self, ground, captured, *shown):
+        super().__init__(ground, resolve_network(CONFIG, "s2"), 0, captured)
         self.targets = []
         self._shown = shown
 
@@ -80,12 +83,6 @@ class Mirror(Video):
 
     def _wire_bytes(self):
         return 0
-
-    def poll(self):
-        return ""
-
-    def close(self):
-        """Nothing to stop."""
 
     def _send(self, frame, left_out):
         shown_ns = frame.capture_ns
@@ -120,19 +117,18 @@ class Bench:
         self.captured, self.shown = [], []
         self.person = Person(self.hand)
         shown = (self.person.see, records.record, self.shown.append)
-        self.video = Mirror(self.clock, records, self.captured.append, *shown)
+        ground = Ground(CONFIG, self.clock, records, self.signals)
+        self.video = Mirror(ground, self.captured.append, *shown)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         self.gate = ArmGate(self.arm, boundary, records.note)
-        self.engine = Engine(
-            CONFIG,
-            self.clock,
-            ConnectedDevices(self.arm, self.gate, None, Guard(self.heard)),
-            self.person,
-            self.video,
-            records,
-            self.signals,
-            ended=lambda: None,
-        )
+        devices = ConnectedDevices(self.arm, self.gate, self.truth, Guard(self.heard))
+        self.engine = Engine(ground, devices, self.person, self.video)
+
+    def truth(self):
+        """The block has lain in its container since long ago, and the gripper is open."""
+        here = Pose(np.zeros(3), Rotation.identity())
+        block = Pose(np.array([0.0, 0.0, build.task_geometry().block_rest_height]), here.rotation)
+        return SceneTruth(self.clock.now_ns(), block, here, here, 0.0, 0.016)
 
     def tick(self, count=1):
         for _ in range(count):
@@ -215,5 +211,10 @@ def test_a_frame_is_logged_and_remembered_before_it_is_sent_so_that_its_age_is_k
 @pytest.mark.parametrize(("device", "limited"), [("sim", True), ("keyboard", False)])
 def test_a_person_who_tries_the_rig_has_no_time_limit(bench, device, limited):
     config = load_config(None, {"controller.device": device})
-    bench.person._is_simulated = LocalOperator(SimpleNamespace(), config, AVDEC).is_simulated
-    assert bench.engine.trial._limited() is limited
+    bench.person._is_simulated = LocalOperator(
+        SimpleNamespace(), SimpleNamespace(), config
+    ).is_simulated
+    bench.engage()
+    bench.clock.advance_ns(round(CONFIG.trial.limit_s * 1e9) + 1)
+    assert bench.engine.look().over is limited
+    assert len(bench.log.of(SceneTruth)) == 1

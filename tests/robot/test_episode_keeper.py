@@ -26,27 +26,24 @@ class Kept:
     def __init__(self, countdown_s: float = 0.0, limit_s: float = 120.0, wanted: int = 0) -> None:
         self.signals, self.log = Signals(), MemoryJournal(VirtualClock())
         self.prepared = 0
-        self.ended: list[str] = []
+        self.ended = 0
         episodes = Episodes(countdown_s, limit_s, wanted)
-        self.keeper = EpisodeKeeper(
-            episodes, self.signals, self.log, self._prepare, self.ended.append
-        )
+        self.keeper = EpisodeKeeper(episodes, self.signals, self.log)
         self.number = 0
 
     def ticks(self, number: int = 1, *, deadman: bool = False, **hand: object) -> None:
         for _ in range(number):
             base = tick(self.number)
             sample = replace(base.controller, **{**UP, **hand})
-            self.keeper.receive(replace(base, controller=sample, deadman=deadman))
+            due = self.keeper.step(replace(base, controller=sample, deadman=deadman))
+            self.prepared += due.scene
+            self.ended += due.end
             self.number += 1
 
     def ask(self, *requests: EpisodeRequest) -> None:
         for request in requests:
             self.signals.episode(request)
             self.ticks()
-
-    def _prepare(self) -> None:
-        self.prepared += 1
 
     def hold(self, **hand: object) -> None:
         """For a second, from up to up."""
@@ -99,7 +96,7 @@ def test_the_session_ends_once_as_many_are_kept_as_are_wanted_and_the_deadman_is
     kept.ticks(pause, deadman=True)
     assert not kept.ended
     kept.ticks()
-    assert kept.ended == ["all episodes are kept"]
+    assert kept.ended == 1
 
 
 def test_holding_a_begins_and_keeps_an_episode_and_holding_b_twice_discards_it() -> None:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from hw.sim.layout import VIEWS
-from tams_app.records import CameraRates, Frame
-from tams_app.robot.frame_rates import FrameRates
+from tams_app.records import Frame
+from tams_app.robot.senders import FrameRates
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.untimed
 
@@ -21,14 +22,17 @@ class Bench:
 
     def __init__(self) -> None:
         self.clock = VirtualClock()
-        self.records: list[CameraRates] = []
-        self.rates = FrameRates(VIEWS, self.clock, self.records.append)
+        log = MemoryJournal(self.clock)
+        self.records = log.records
+        self.rates = FrameRates(VIEWS, self.clock, log)
         self.damaged: dict[str, int] = {}  # by view, before each of its frames
         self.push_ns = 0
-        self.take = self.rates.through(lambda _: self.clock.advance_ns(self.push_ns))
 
     def frame(self, view: str, index: int, capture_ns: int) -> None:
-        self.take(Frame(view, index, capture_ns, IMAGE, damaged=self.damaged.get(view, 0)))
+        damaged = self.damaged.get(view, 0)
+        self.rates.came(Frame(view, index, capture_ns, IMAGE, damaged=damaged))
+        self.clock.advance_ns(self.push_ns)
+        self.rates.waits(view)
 
     def seconds(self, count: int, step: int = 1) -> None:
         """Every `step`-th of 30 frames a second and view."""

@@ -108,18 +108,14 @@ class Bench:
         self.arm.connect()
 
     def run(self) -> HomingState:
-        run = HomeRun(
-            self.config,
-            self.clock,
-            self.arm,
-            self.guarding,
-            self.signals,
-            self._keys,
-            self.said.append,
-            lambda: self.shown,
-        )
+        run = HomeRun(self.config, self.clock, self.arm, self.guarding, self.signals)
         self.serve = run.gate.serve
-        return run.run()
+        with run:
+            self.said += run.sentences()
+            while not run.over:
+                keys = self._keys(POLL_S)
+                self.said += run.step(keys, self.shown)
+        return run.result
 
     def reports_joints(self, joints: Vector, when: Callable[[float], bool]) -> None:
         """The arm is at `joints` [rad] at the times that `when` tells."""
@@ -259,8 +255,10 @@ def test_a_refused_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
         raise DeviceError("The arm refused the move.")
 
     monkeypatch.setattr(InProcessArm, "begin_move_to_joints", refuse)
+    bench = Bench(held=lambda _: True)
     with pytest.raises(DeviceError, match="refused the move"):
-        Bench(held=lambda _: True).run()
+        bench.run()
+    assert bench.model.state == State.STOPPED
 
 
 def test_the_boundary_for_the_way_home_has_room_for_the_factorys_home() -> None:

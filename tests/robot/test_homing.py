@@ -72,9 +72,8 @@ class Bench:
 
     def __init__(self) -> None:
         self.guarded = True
-        self.shown = True
         self.ready = False  # the move is under way
-        self.homing = Homing(CONFIG, HOME_JOINTS, lambda _: self.guarded, lambda: self.shown)
+        self.homing = Homing(CONFIG, HOME_JOINTS, lambda _: self.guarded)
         self.now_ns = NS_PER_S
         self.joints = HOME_JOINTS
         self.activity = Activity.IDLE
@@ -96,6 +95,7 @@ class Bench:
 
     def step(self, pressed: bool = True, **changes: Any) -> TeleopOutput:
         self.now_ns += 20 * MS
+        self.homing.all_shown = True
         key = EnterKey(Signals())
         key.feed(b"\r" if pressed else b"")
         told = TeleopInput(
@@ -225,14 +225,6 @@ def test_an_arm_that_is_there_already_is_not_moved() -> None:
     assert bench.state is HomingState.DONE
 
 
-@pytest.mark.parametrize("moving", [True, False])
-def test_any_other_key_ends_it(moving: bool) -> None:
-    bench = Bench().moving() if moving else Bench()
-    assert bench.step(estop=True).stop
-    assert bench.state is HomingState.ENDED
-    assert bench.step().request is Request.NONE
-
-
 GONE = replace(LINK, failure="Lost.", fault=LinkFault.LOST)
 
 
@@ -252,13 +244,6 @@ def test_what_goes_wrong_stops_the_arm_and_is_told(changes: dict[str, Any], reas
     assert bench.step(**changes).stop
     assert bench.state is HomingState.FAILED
     assert reason in bench.homing.failure
-
-
-def test_a_refused_start_stops_the_arm_and_is_told() -> None:
-    bench = Bench().starting()
-    bench.homing.refusal = "The arm refused the move."
-    assert bench.step().stop
-    assert bench.homing.failure == "The arm refused the move."
 
 
 def test_reports_that_freeze_stop_the_arm_as_early_as_in_a_session() -> None:

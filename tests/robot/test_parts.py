@@ -15,7 +15,7 @@ from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
 from tams_app.robot import build
 from tams_app.robot.control import CONFIRMED_AGO_NS, Signals, describe, lasting_label
 from tams_app.robot.observers import StopWatch
-from tams_app.robot.senders import Capture
+from tams_app.robot.senders import Capture, FrameRates
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.realtime import use_fifo
@@ -24,7 +24,7 @@ from tams_app.session.recorders import LoadMonitor
 from tams_app.teleop.records import TeleopOutput
 from tams_app.teleop.safety import ArmingState, Reason, Request
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.session.exchange import Unkept
+from tests.session.exchange import MemoryJournal, Unkept
 from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.waiting
@@ -118,7 +118,9 @@ def test_every_frame_of_a_camera_is_handed_on():
             stop.set()
         return frame
 
-    Capture(SimpleNamespace(next_frame=next_frame), seen.append).run(stop)
+    camera, video = SimpleNamespace(next_frame=next_frame), SimpleNamespace(push=seen.append)
+    rates = FrameRates(("gt",), VirtualClock(), MemoryJournal(VirtualClock()))
+    Capture(camera, rates, video).run(stop)
     assert seen == frames
 
 

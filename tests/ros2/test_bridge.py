@@ -34,6 +34,7 @@ from tams_app.ros2.topics import (
     video_topic,
 )
 from tams_app.runtime.clock import MonotonicClock
+from tams_app.runtime.mailbox import Sentences
 from tams_app.session.recorders import live_records
 from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.units import NS_PER_S
@@ -224,8 +225,7 @@ def recorder(domain: int, folder: Path, signals: Signals) -> Iterator[Recorder]:
 
     config = load_config(None, {"recording.ros2": domain, "recording.min_free_mb": 0})
     (folder / "helpers").mkdir()
-    estop = signals.estop
-    records = live_records(config, MonotonicClock(), folder, never_fails, lambda _: None, estop)
+    records = live_records(config, MonotonicClock(), folder, never_fails, Sentences(), signals)
     with records as (log, _):
         yield log
 

@@ -41,3 +41,32 @@ use_ordinary()
 print(os.sched_getscheduler(0) == os.{policy})
 """
     assert printed(code) == "True"
+
+
+# Pages that the kernel provides for 50 times three images of 1.2 MB, which are then let go.
+COUNT = """
+import resource
+import numpy as np
+from tams_app.runtime.realtime import keep_freed_memory
+
+def images():
+    return [np.ones((480, 640), np.float32) for _ in range(3)]
+
+{prepare}
+images()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(50):
+    images()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def new_pages(prepare: str) -> int:
+    program = COUNT.format(prepare=prepare)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
+    return int(done.stdout)
+
+
+def test_images_take_the_memory_of_those_before_them() -> None:
+    assert new_pages("keep_freed_memory()") < 900  # one set of three; without: one each time
+    assert new_pages("") > 10 * 900

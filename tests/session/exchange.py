@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from tams_app.config import load_config
 from tams_app.link.gateway_client import LinkEvent, Received, Routes
 from tams_app.recording.journal import Journal
 from tams_app.recording.topics import Facts
 from tams_app.records import Note, PacketRecord, Record
 from tams_app.runtime.clock import VirtualClock
+from tams_app.station.robot_call import RobotCall
+from tams_app.video.core.repair import RepairRule
 
 
 class MemoryGateway:
@@ -53,6 +56,13 @@ class MemoryGateway:
         come = [one for one in self._coming if one[0] <= now_ns]
         self._coming = [one for one in self._coming if one[0] > now_ns]
         return [Received(*one) for one in come]
+
+
+def called(gateway: Any, hand: str) -> RobotCall:
+    """A call that was answered, by that gateway."""
+    welcome: Any = None
+    rule, config = RepairRule(True, 60, 300.0), load_config()
+    return RobotCall(gateway, welcome, config, None, hand, rule, identity=4711)
 
 
 class Unkept(Journal):

@@ -22,10 +22,11 @@ from tams_app.config import Config
 from tams_app.console.app import POLL_S
 from tams_app.errors import TamsError
 from tams_app.records import SessionState
+from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import create_session_folder
 from tams_app.session.run import run as run_session
-from tams_app.session.session import Session
+from tams_app.session.session import Outset, Session
 from tests.hw.openvr.fake_openvr import RIGHT, FakeRuntime
 from tests.session.hardware_hand import pose_in
 
@@ -62,21 +63,19 @@ def run(requests: Connection, config: Config, wiring: Wiring, dry_run: bool) -> 
         stack.enter_context(runtime.in_place_of_the_library())
         stack.enter_context(patch.dict(SOURCES, v4l2=partial(V4l2Source, find=find)))
         folder = create_session_folder(config)
-        session = run_session(config, MonotonicClock(), folder, dry_run=dry_run)
-        try:
-            session.start()
-        except TamsError as refusal:
-            requests.send(refusal)
-            return
-        try:
+        outset = Outset(config, MonotonicClock(), folder, Signals())
+        with ExitStack() as running:
+            try:
+                session = running.enter_context(run_session(outset, dry_run=dry_run))
+            except TamsError as refusal:
+                requests.send(refusal)
+                return
             requests.send(session.folder)
-            _serve(requests, session, runtime)
-        finally:
-            session.close()
-    requests.send(session.failure)
+            _serve(requests, outset, session, runtime)
+    requests.send(outset.failure)
 
 
-def _serve(requests: Connection, session: Session, runtime: FakeRuntime) -> None:
+def _serve(requests: Connection, outset: Outset, session: Session, runtime: FakeRuntime) -> None:
     """Do what the console's loop does, and what the station asks for."""
     while True:
         session.poll()
@@ -86,7 +85,7 @@ def _serve(requests: Connection, session: Session, runtime: FakeRuntime) -> None
         match request:
             case "look":
                 notes, ended = session.sentences.take(), session.ended.is_set()
-                requests.send(Look(session.state(), list(notes), ended, session.failure))
+                requests.send(Look(session.state(), list(notes), ended, outset.failure))
             case "confirm":
                 session.signals.confirm(MonotonicClock().now_ns())
             case "press":

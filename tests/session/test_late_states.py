@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,12 +13,12 @@ import pytest
 from tams_app.config import Config, Network
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import MountPrediction
-from tams_app.runtime.clock import MonotonicClock
-from tams_app.session.late_states import LateStates
-from tams_app.session.predicting import predicted_cameras, present_of
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.session.predicting import Beliefs, LateStates, predicted_cameras, present_of
 from tams_app.session.viewing import scene_of
 from tams_app.units import NS_PER_MS
 from tests.golden_logs import golden_log
+from tests.session.exchange import Unkept
 from tests.teleop.rig import PERIOD_NS, make_config
 
 pytestmark = pytest.mark.waiting
@@ -29,11 +31,16 @@ def recorded() -> tuple[SessionLog, Config]:
     return log, Config.model_validate(log.header.config)
 
 
+def beliefs(found: list[MountPrediction]) -> Beliefs:
+    mount: Any = SimpleNamespace(put=found.append, camera_fits=True)
+    return Beliefs(mount, Unkept(VirtualClock()))
+
+
 def told(network: Network) -> list[MountPrediction]:
     """Where the flange is believed to be, over that session."""
     log, config = recorded()
     found: list[MountPrediction] = []
-    states = LateStates(present_of(config, found.append, lambda: True), network)
+    states = LateStates(present_of(config, beliefs(found)), network)
     for tick in log.ticks:
         states.receive(tick)
         states.step()
@@ -68,7 +75,7 @@ def test_a_state_comes_as_late_as_the_network_makes_it_at_worst() -> None:
 def test_the_control_thread_hands_over_and_another_one_works() -> None:
     log, config = recorded()
     found: list[MountPrediction] = []
-    states = LateStates(present_of(config, found.append, lambda: True), Network())
+    states = LateStates(present_of(config, beliefs(found)), Network())
     for tick in log.ticks[:60]:
         states.receive(tick)
     assert found == []

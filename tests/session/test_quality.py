@@ -8,6 +8,8 @@ import threading
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -15,7 +17,8 @@ import pytest
 
 from tams_app.config import VideoConfig
 from tams_app.records import Frame, FrameQuality, Image, ViewState
-from tams_app.session.quality import RECENT_SCORES, LiveQuality
+from tams_app.runtime.parts import Parts
+from tams_app.session.quality import RECENT_SCORES, LiveQuality, TaskRegions
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 
@@ -55,7 +58,9 @@ def quality_of(session: Session, logs: Path, enabled: bool = True) -> LiveQualit
     config = VideoConfig.model_validate(
         {"views": ["gt"], "width": WIDTH, "height": HEIGHT, "quality": {"enabled": enabled}}
     )
-    return LiveQuality(config, session.screen, logs, session.record, session.note)
+    parts, regions = Parts(logs, pytest.fail, 0), TaskRegions({}, {})
+    screen: Any = SimpleNamespace(frames=session.screen, mount=None)
+    return LiveQuality(config, parts, screen, session, regions)  # type: ignore[arg-type]
 
 
 @pytest.fixture
@@ -88,25 +93,12 @@ def push(session: Session, quality: LiveQuality, index: int) -> None:
     session.screen.put("gt", index, index * FRAME_NS + NS_PER_MS, shown)
 
 
-def test_every_captured_frame_is_told_once_with_its_scores(
-    session: Session, started: LiveQuality
-) -> None:
-    for index in range(6):
-        push(session, started, index)
-        assert session.wait(records=index + 1)
-    started.close()
-    assert [one.index for one in session.records] == list(range(6))
-    assert all(one.received is not None and 0 < one.received < 1 for one in session.records)
-    assert session.notes == []
-
-
 def test_a_killed_helper_is_noted_once_and_its_scores_stay(
     session: Session, started: LiveQuality
 ) -> None:
     push(session, started, 0)
     assert session.wait(records=1)
-    assert started.pid is not None
-    os.kill(started.pid, signal.SIGKILL)
+    os.kill(started._parts.pids["quality"], signal.SIGKILL)
     assert session.wait(notes=1)
     push(session, started, 1)
     started.close()
@@ -122,13 +114,15 @@ def test_a_helper_that_cannot_start_is_noted_and_the_session_goes_on_without(
     monkeypatch.setattr("sys.executable", "/nowhere/python")
     quality = quality_of(session, tmp_path)
     quality.start()
-    assert quality.pid is None
+    assert quality._parts.pids == {}
     push(session, quality, 0)
     quality.close()
     ((level, text),) = session.notes
     assert level == "warning"
     assert "quality could not be started" in text
     assert session.records == []
+    left = {path.name for path in Path("/dev/shm").glob(f"tams-{os.getpid()}-*")}
+    assert left <= {session.screen.name}, "the session's own"
 
 
 def test_no_memory_for_the_frames_is_noted_and_the_session_goes_on_without(
@@ -150,7 +144,7 @@ def test_switched_off_there_is_no_helper(session: Session, tmp_path: Path) -> No
     quality.start()
     push(session, quality, 0)
     quality.close()
-    assert quality.pid is None
+    assert quality._parts.pids == {}
     assert list(tmp_path.iterdir()) == []
     assert session.notes == []
     assert session.records == []

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import asdict, replace
+from types import SimpleNamespace
+from typing import Any
 
 import msgspec
 import pytest
@@ -14,6 +16,7 @@ from tams_app.link.messages import (
     SessionDescription,
     StateMessage,
     decode,
+    encode,
 )
 from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.presses import PressCounter
@@ -38,12 +41,13 @@ from tams_app.records import (
     StopRecord,
 )
 from tams_app.robot.control import TOO_LONG_AGO, Signals, SteadyVideo
-from tams_app.robot.linked_operator import LinkedOperator
+from tams_app.robot.ground import Ground
+from tams_app.robot.linked_operator import LinkedOperator, welcome_of
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.clock import VirtualClock
-from tams_app.station.linked_robot import LinkedRobot
-from tams_app.station.requests import Requests
-from tams_app.station.welcome import follow
+from tams_app.runtime.mailbox import Sentences
+from tams_app.station.linked_robot import LinkedRobot, Requests, RobotFrames
+from tams_app.station.robot_call import follow
 from tams_app.teleop.hands import hand_of
 from tams_app.teleop.safety import ArmingState, Reason
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -51,7 +55,7 @@ from tams_app.video.core.frame_identity import SentFrame, SentFrames
 from tams_app.video.core.repair import RepairRule
 from tests.robot.test_control import HeldController
 from tests.robot.test_parts import after, output
-from tests.session.exchange import MemoryGateway, MemoryJournal
+from tests.session.exchange import MemoryGateway, MemoryJournal, called
 
 pytestmark = pytest.mark.untimed
 
@@ -86,33 +90,24 @@ class Sides:
         self.operator_log = MemoryJournal(self.operator_clock)
         self.signals, self.requests = Signals(), Requests()
         self.shown = dict.fromkeys(VIEWS, SteeredBy())
-        self.welcome = b""
         self.newest = Newest([PhaseChange(0, Phase.REACH, "start")])
         self.board, self.config = StatusBoard(config, self.newest), config
-
-        def make_gateway(welcome: bytes) -> MemoryGateway:
-            self.welcome = welcome
-            return self.there
-
-        self.robot = LinkedOperator(
-            config,
-            self.robot_clock,
-            self.signals,
-            self.robot_log,
-            make_gateway,
-            "20260101-120000-robot",
-        )
+        video: Any = SimpleNamespace(rule=RepairRule(True, 60, 300.0), feedback=True)
+        self.welcome = encode(welcome_of(config, video, "20260101-120000-robot"))
         self.sent = {view: SentFrames() for view in VIEWS}
-        self.robot.open(RepairRule(True, 60, 300.0), True, self.sent)
+        ground = Ground(config, self.robot_clock, self.robot_log, self.signals)
+        self.sentences = Sentences()  # for the operator
+        gateway: Any = self.there
+        self.robot = LinkedOperator(ground, gateway, self.sent, self.sentences)
         self.controller = self.robot.take_controller()
+        receivers: Any = SimpleNamespace(steered_by=lambda view: self.shown[view])
         self.operator = LinkedRobot(
             self.operator_clock,
-            self.here,
+            called(self.here, "sim"),
             self.requests,
             self.operator_log,
-            lambda: tuple(self.shown.values()),
-            identity=4711,
-            hand="sim",
+            receivers,
+            RobotFrames(VIEWS),
         )
         self.hand = self.operator.controller = MenuController()
         self.sample: ControllerSample | None = None
@@ -136,7 +131,7 @@ class Sides:
             over = after(self.decided, now_ns)
             self.newest.put(over)
             self.robot.receive(over)
-            if self.robot.wants_state(now_ns):
+            if now_ns >= self.robot.state_due_ns:
                 hand = hand_of(self.config)
                 self.robot.show(self.board.state(now_ns, 1.0, SteadyVideo(), hand))
 
@@ -267,13 +262,13 @@ def test_the_robots_side_names_whose_key_its_operator_has_and_when_it_is_revoked
 def test_the_robots_terminal_alone_says_once_who_called_in_vain(connected: bool):
     sides = Sides()
     there = sides.there
-    sides.robot_log._show = sides.robot.note  # as the session forwards what it shows
+    sides.robot_log._show = sides.sentences.note  # as the session forwards what it shows
     refusal = "192.0.2.7:4000 is not answered: the key of who calls is not accepted here"
     there.event = msgspec.structs.replace(there.event, refusal=refusal, connected=connected)
     sides.run(0.5)
     assert sides.robot_log.notes.count(refusal) == 1
     there.event = msgspec.structs.replace(there.event, connected=True)
-    sides.robot.note("for the operator")
+    sides.sentences.note("for the operator")
     sides.run(0.5)
     assert "for the operator" in sides.operator_log.notes
     assert refusal not in sides.operator_log.notes
@@ -319,7 +314,7 @@ def test_no_message_with_all_its_sentences_is_too_long_for_a_datagram(sides: Sid
     fault = output(ArmingState.FAULT, Reason.ARM_ERROR)
     sides.decided = replace(fault, detail="d" * 400)
     for _ in range(5):
-        sides.robot.note("ü" * 5000)
+        sides.sentences.note("ü" * 5000)
     sides.run(0.01)
     sides.robot.end("r" * 400, failed=True)
     sizes = [len(content) for content in sides.there.sent]
@@ -401,12 +396,12 @@ def test_each_pulse_is_felt_once(sides: Sides):
 
 
 def test_each_sentence_is_read_once_although_messages_are_lost(sides: Sides):
-    sides.robot.note("fault, link lost")
+    sides.sentences.note("fault, link lost")
     sides.there.cut = True
     sides.run(5.0)
     sides.there.cut = False
     sides.run(0.5)
-    sides.robot.note("ready")
+    sides.sentences.note("ready")
     sides.run(2.0)
     notes = sides.operator_log.notes
     told = [note for note in notes if not note.startswith("connected to the robot at ")]
@@ -596,7 +591,6 @@ def test_an_operators_computer_that_slept_sends_nothing_of_before(sides: Sides):
 
 def test_a_pin_goes_to_the_robots_side_and_ends_when_it_is_let_go_or_another_operator_comes():
     sides = Sides()
-    sides.operator.identify(VIEWS)
     sides.run(0.2)
     assert sides.signals.pinned == ""
     sides.requests.pinned = VIEWS[2]
@@ -623,7 +617,6 @@ def test_what_is_pinned_and_shown_is_not_taken_from_a_message_that_was_overtaken
     start_ns = sides.robot_clock.now_ns()
     for index in range(2):
         sides.sent[VIEWS[1]].add(SentFrame(index, start_ns + index * NS_PER_S, 0))
-    sides.operator.identify(VIEWS)
     sides.requests.pinned = VIEWS[2]
     sides.shown[VIEWS[1]] = SteeredBy(0, 1)
     sides.run(1.0)

@@ -1,18 +1,25 @@
-"""Where a camera sees the task: around the tool, whatever the picture shows."""
+"""Where a camera sees the task, around the tool, and where a session's cameras see it."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hw.arms import arm_kind
+from hw.sim.layout import HEIGHT_PX, VIEWS, WIDTH_PX, draw_layout
+from hw.sim.world.scene import build_model
+from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.prediction.plane_warp import projected
-from tams_app.records import Lens, Pose
+from tams_app.records import Activity, ArmState, Lens, Pose, ServoMode
 from tams_app.rotation import Rotation
-from tams_app.session.task_place import LEAST_RADIUS_PX, RADIUS_M, task_region
+from tams_app.session.quality import LEAST_RADIUS_PX, RADIUS_M, task_region, task_regions
+from tests.synthetic_session import tick
 
 pytestmark = pytest.mark.untimed
 
@@ -56,3 +63,53 @@ def test_the_region_is_the_disc_of_a_ball_about_the_tool_wherever_the_camera_is(
 
 def test_a_tool_behind_the_camera_is_in_no_picture() -> None:
     assert task_region(AHEAD, np.array((0.0, 0.0, -0.5))) is None
+
+
+TURNS = ((0.0,) * 6, (0.2, 0.1, 0.1, 0.0, -0.1, 0.3), (-0.3, 0.15, 0.2, 0.1, 0.1, -0.4))
+
+
+def seen_by(model: mujoco.MjModel, data: mujoco.MjData, view: str) -> tuple[float, float]:
+    """Where MuJoCo's camera sees the rig's own tool centre point [px]."""
+    camera, site = model.camera(view).id, model.site("tcp").id
+    axes = data.cam_xmat[camera].reshape(3, 3)
+    right, up, back = axes.T @ (data.site_xpos[site] - data.cam_xpos[camera])
+    focal = HEIGHT_PX / 2 / math.tan(math.radians(model.cam_fovy[camera]) / 2)
+    return WIDTH_PX / 2 - 0.5 - focal * right / back, HEIGHT_PX / 2 - 0.5 + focal * up / back
+
+
+@pytest.mark.parametrize("turn_rad", TURNS)
+def test_each_view_of_the_rig_has_the_region_where_its_camera_sees_the_tool(
+    turn_rad: tuple[float, ...],
+) -> None:
+    config = load_config()
+    joints = np.radians(config.arm.ready_joints_deg) + turn_rad
+    model = build_model(draw_layout(3), textured=False)
+    data = mujoco.MjData(model)
+    data.qpos[:6] = joints
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_camlight(model, data)
+    tcp = arm_kind(config.arm.model).kinematics(config.arm).tcp_pose(joints)
+    state = ArmState(0, joints, tcp, Activity.MOVING, ServoMode.VELOCITY, None, None)
+
+    regions = task_regions(config)
+    regions.receive(replace(tick(0), arm=state))
+    for view in VIEWS:
+        region = regions.of(view)
+        assert region is not None
+        seen = seen_by(model, data, view)
+        assert (region.x_px, region.y_px) == pytest.approx(seen, abs=1.0)
+
+
+def test_before_the_arm_has_reported_only_the_camera_that_moves_with_it_has_a_region() -> None:
+    regions = task_regions(load_config())
+    assert {view: regions.of(view) is not None for view in VIEWS} == {
+        "eih": True,
+        "gt": False,
+        "gs": False,
+    }
+
+
+def test_a_real_place_whose_cameras_are_not_known_has_no_region() -> None:
+    config = load_config(CONFIG_DIRECTORY / "lite6.yaml")
+    regions = task_regions(config)
+    assert [regions.of(view) for view in config.video.views] == [None] * 3

@@ -14,10 +14,8 @@ from tams_app.records import Lens, Pose, ShownFrame, Solid, SolidKind
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
-from tams_app.station.camera_watch import CameraWatch, misfit
-from tams_app.station.fresh_video import Displays
-from tams_app.station.mount_memory import MountMemory, PresentViews
-from tams_app.station.station import Station
+from tams_app.station.mount_memory import CameraWatch, MountMemory, PresentViews, misfit
+from tams_app.station.screen import Screen
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.prediction.test_camera_check import FINER, LENS, to_and_fro, turned
 from tests.prediction.wrist import LOOKS_DOWN, STRAIGHT, picture, placed
@@ -94,13 +92,13 @@ def test_the_station_has_the_frames_checked_that_it_shows(tmp_path: Path) -> Non
     log = Unkept(VirtualClock(), told.append)
     parts, cameras = Parts(tmp_path, pytest.fail, 0), {"eih": PredictedCamera(WRONG, ())}
     with parts.stack:
-        station = Station(config, VirtualClock(), parts, log, Displays(), True, cameras=cameras)
-        assert station.mount is not None
+        screen = Screen(config.video, parts, log, cameras)
+        assert screen.mount is not None
         for step in range(1, 150):
             capture_ns = step * FRAME_NS
             then = to_and_fro(capture_ns / NS_PER_S)
-            station.mount.put(placed(capture_ns, then, then))
+            screen.mount.put(placed(capture_ns, then, then))
             image = picture(LENS, then, FINER)
-            station._on_shown(ShownFrame("eih", step, capture_ns, image, capture_ns, True))
+            screen.show(ShownFrame("eih", step, capture_ns, image, capture_ns, True))
         assert told == [misfit("eih")]
-        assert not station.mount.camera_fits
+        assert not screen.mount.camera_fits

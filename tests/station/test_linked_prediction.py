@@ -12,12 +12,12 @@ import pytest
 from tams_app.link.gateway_client import Received
 from tams_app.link.messages import HandMessage, StateMessage, decode, encode
 from tams_app.prediction.forward_model import ArmHeard
-from tams_app.records import ControllerSample, SessionState
+from tams_app.records import ControllerSample, SessionState, SteeredBy
 from tams_app.runtime.clock import VirtualClock
-from tams_app.station.linked_robot import LinkedRobot
-from tams_app.station.requests import Requests
+from tams_app.station.linked_robot import LinkedRobot, Requests, RobotFrames
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tests.session.exchange import called
 
 pytestmark = pytest.mark.untimed
 
@@ -52,12 +52,11 @@ class Link:
         self.event = SimpleNamespace(connected=True, left=False, counts={}, address="")
         self.robot = LinkedRobot(
             self.clock,
-            self,  # type: ignore[arg-type]
+            called(self, "keyboard"),
             Requests(),
             SimpleNamespace(record=lambda _: None, note=lambda *_: None),  # type: ignore[arg-type]
-            lambda: (),
-            1,
-            "keyboard",
+            SimpleNamespace(steered_by=lambda _view: SteeredBy()),  # type: ignore[arg-type]
+            RobotFrames(()),
             self.present,  # type: ignore[arg-type]
         )
 

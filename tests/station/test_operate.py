@@ -24,17 +24,20 @@ from tams_app.link.keys import new_key
 from tams_app.link.messages import PROTOCOL, SessionDescription, StateMessage, decode, encode
 from tams_app.records import LatencyState, Outcome, SessionState, ShownFrame, SteeredBy
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
+from tams_app.runtime.parts import Ending
 from tams_app.session.operate import operate
-from tams_app.session.session import Session
+from tams_app.session.session import Outset
 from tams_app.station.fresh_video import Displays
+from tams_app.station.linked_robot import Requests
+from tams_app.station.operator_side import OperatorSide
 from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import RobotCall, call_robot
-from tams_app.station.robot_watch import RobotWatch
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import AVDEC
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.udp import requested_ports
 from tests.free_port import free_port
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.waiting
 
@@ -110,9 +113,8 @@ def robot(endpoint: Endpoint, tmp_path: Path) -> Iterator[Callable[[bytes], None
 def receivers_of(config: Config, clock: VirtualClock, displays: Displays) -> Receivers:
     identify = dict.fromkeys(config.video.views, lambda _timestamp: None)
     rule = RepairRule(True, 60, 300.0)
-    return Receivers(
-        config.video, rule, True, clock, identify, lambda _shown: None, AVDEC, displays
-    )
+    screen: Any = SimpleNamespace(show=lambda _shown: None)
+    return Receivers(config.video, rule, True, clock, identify, screen, AVDEC, displays)
 
 
 def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:
@@ -151,21 +153,17 @@ class Watched:
 
     def __init__(self, config: Config, stopped_after_ms: float, **link: Any) -> None:
         self.clock = VirtualClock()
-        self.told: list[str] = []
-        self.ended: list[str] = []
         event = LinkEvent(True, 1, False, False, "", False, 0, "", {}, welcome())
         held = SimpleNamespace(pressed=())
         nothing = {"sample": held, "offset": None, "event": event}
         self.link: Any = SimpleNamespace(
             state_received_ns=self.clock.now_ns(), **{**nothing, **link}
         )
-        self.watch = RobotWatch(
-            config,
-            self.clock,
-            self.link,
-            decode(welcome(stopped_after_ms=stopped_after_ms), SessionDescription),
-            lambda _level, text: self.told.append(text),
-            self.ended.append,
+        told = decode(welcome(stopped_after_ms=stopped_after_ms), SessionDescription)
+        self.log, self.ending = MemoryJournal(self.clock), Ending(self.clock)
+        receivers: Any = SimpleNamespace(poll=lambda: "", views=lambda views, *_: views)
+        self.side = OperatorSide(
+            config, self.clock, receivers, self.link, told, self.log, self.ending
         )
 
 
@@ -178,17 +176,17 @@ def test_at_the_end_it_is_known_of_a_rig_whether_the_block_was_placed(
 ) -> None:
     state = SimpleNamespace(state=SimpleNamespace(placed=placed))
     watched = Watched(simulated(), 350.0, state=state)
-    watched.watch._welcome = decode(welcome(simulated=simulated_robot), SessionDescription)
-    outcome = watched.watch.outcome("over")
-    assert outcome == Outcome(completed, None, None, None, "over")
+    watched.side._welcome = decode(welcome(simulated=simulated_robot), SessionDescription)
+    watched.side.finish("over", failed=False)
+    assert watched.log.of(Outcome) == [Outcome(completed, None, None, None, "over")]
 
 
 def test_the_link_is_lost_to_the_operator_once_the_robots_limits_have_stopped_the_arm() -> None:
     watched = Watched(simulated(), 350.0, state=object())
     watched.clock.advance_ns(340 * NS_PER_MS)
-    assert not watched.watch.receives_nothing()
+    assert not watched.side.receives_nothing()
     watched.clock.advance_ns(20 * NS_PER_MS)
-    assert watched.watch.receives_nothing()
+    assert watched.side.receives_nothing()
 
 
 def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
@@ -197,59 +195,54 @@ def test_what_the_operator_sees_of_a_silent_robot_is_not_live() -> None:
     watched = Watched(simulated(), 900.0, state=message)
     clock = watched.clock
     clock.advance_ns(290 * NS_PER_MS)
-    assert silence_of(watched.watch.state(0.3)) is None
+    assert silence_of(watched.side.state()) is None
     clock.advance_ns(110 * NS_PER_MS)
-    shown = watched.watch.state(0.4)
+    shown = watched.side.state()
     assert silence_of(shown) == pytest.approx(0.4)
     assert "NOT LIVE for 0.4 s" in status_words(shown).live
     facts = msgspec.structs.replace(facts_of(shown, ()), reported_ns=clock.now_ns())
     known = as_known(facts, clock.now_ns())
     assert (known.state.arming, known.state.deadman) == ("not live", None)
     clock.advance_ns(600 * NS_PER_MS)
-    assert "LINK LOST, NOT LIVE" in status_words(watched.watch.state(1.0)).live
+    assert "LINK LOST, NOT LIVE" in status_words(watched.side.state()).live
 
 
 def test_whom_the_robot_is_lost_to_is_told_what_to_let_go_in_the_words_of_their_hand() -> None:
     config = load_config(None, {"controller.device": "keyboard"})
     watched = Watched(config, 350.0, state=None)
-    assert watched.watch.poll() == ""
-    assert "release Shift, and wait until the link is back" in watched.told[-1]
+    assert watched.side.poll() == ""
+    assert "release Shift, and wait until the link is back" in watched.log.notes[-1]
 
 
 @pytest.mark.parametrize("failed", [False, True])
 def test_the_robots_side_ends_ours_with_its_reason(failed: bool) -> None:
     message = msgspec.structs.replace(STATE, ended="the trial is over", failed=failed)
     watched = Watched(simulated(), 350.0, state=message)
-    failure = watched.watch.poll()
+    failure = watched.side.poll()
     if failed:
         assert failure == "the robot's side failed: the trial is over"
     else:
-        assert (failure, watched.ended) == ("", ["the robot's side: the trial is over"])
+        assert (failure, watched.ending.end_reason) == ("", "the robot's side: the trial is over")
 
 
 def test_another_session_there_is_not_ours() -> None:
     watched = Watched(simulated(), 360.0, state=None)
-    assert "has begun another session" in watched.watch.poll()
+    assert "has begun another session" in watched.side.poll()
 
 
 def start(
     endpoint: Endpoint,
     tmp_path: Path,
     config: Config | None = None,
-    notify: Callable[[Session, str], None] = lambda _session, _text: None,
+    notify: Callable[[Outset, str], None] = lambda _outset, _text: None,
 ) -> str:
     """The sentence with which the session refuses to begin."""
     folder = tmp_path / "session"
     folder.mkdir()
-    session = operate(
-        config or simulated(),
-        MonotonicClock(),
-        folder,
-        endpoint,
-        lambda text: notify(session, text),
-    )
-    with pytest.raises(TamsError) as refusal:
-        session.start()
+    outset = Outset(config or simulated(), MonotonicClock(), folder, Requests())
+    opening = operate(outset, endpoint, lambda text: notify(outset, text))
+    with pytest.raises(TamsError) as refusal, opening:
+        pass
     return str(refusal.value)
 
 
@@ -321,9 +314,9 @@ def test_while_nothing_answers_or_refuses_the_key_it_says_so_and_can_be_ended(
         endpoint = Endpoint(endpoint.host, endpoint.port, tmp_path / "other")
     said: list[str] = []
 
-    def notify(session: Session, text: str) -> None:
+    def notify(outset: Outset, text: str) -> None:
         said.append(text)
-        session.request_end("ended by SIGINT")
+        outset.request_end("ended by SIGINT")
 
     assert "ended by SIGINT before the robot's side" in start(endpoint, tmp_path, notify=notify)
     assert "no answer: the call does not arrive there, or it is refused (another key or " in said[0]
@@ -335,7 +328,7 @@ def test_a_limit_counts_while_nothing_answers(endpoint, tmp_path):
 
 
 def test_a_gateway_that_is_killed_while_it_calls_is_noticed(endpoint, tmp_path):
-    def kill(session: Session, text: str) -> None:
+    def kill(outset: Outset, text: str) -> None:
         (gateway,) = [
             child
             for child in psutil.Process().children()

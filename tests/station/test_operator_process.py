@@ -6,6 +6,8 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,15 +16,16 @@ from hw.sim.layout import draw_layout
 from hw.sim.world.rig_memory import WorldWriter, remove_memory
 from hw.sim.world.world import World
 from tams_app.config import load_config
-from tams_app.records import ControllerSample, ControllerStatus, Haptic, Image, OperatorGlance
-from tams_app.runtime.clock import MonotonicClock
+from tams_app.records import ControllerSample, ControllerStatus, Haptic, Image
+from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import new_block_name
-from tams_app.station.rig_operator import RigOperator
+from tams_app.station.hand import RigOperator
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.hw.sim.operator.scripted_pick import READY
 from tests.rig_views import stored_views
+from tests.session.exchange import MemoryJournal
 
 pytestmark = pytest.mark.waiting
 
@@ -47,7 +50,9 @@ class Person:
         self.screen = FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480))
         self.world_memory = new_block_name()
         self._blocks = set(_shared_memory())
-        self.glances: list[OperatorGlance] = []
+        log = MemoryJournal(VirtualClock())
+        self.glances = log.records
+        screen: Any = SimpleNamespace(frames=self.screen, mount=None)
         self.failures: list[str] = []
         self.images: dict[str, Image] = {}
         self._index = 0
@@ -55,11 +60,10 @@ class Person:
             config,
             self.clock,
             Parts(logs, self.failures.append, priority=0),
-            self.world_memory,
-            self.screen,
-            None,
+            log,
+            screen,
             confirms=False,
-            on_glance=self.glances.append,
+            world_memory=self.world_memory,
         )
         self.controller = self._operator.controller
 
@@ -208,15 +212,14 @@ def test_an_operator_without_the_rig_s_world_must_see_whatever_is_configured(
     tmp_path: Path,
 ) -> None:
     config = load_config(None, {"rig.operator.kind": "scripted"})
+    frames = FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480))
+    screen: Any = SimpleNamespace(frames=frames, mount=None)
     operator = RigOperator(
         config,
         MonotonicClock(),
         Parts(tmp_path, lambda _sentence: None, priority=0),
-        "",
-        FrameBlock(RingLayout(SHOWN, VIEWS, 640, 480)),
-        None,
-        confirms=True,
-        on_glance=lambda _glance: None,
+        MemoryJournal(VirtualClock()),
+        screen,
     )
     assert operator.kind == "seeing"
     operator.close()

@@ -7,7 +7,7 @@ import pytest
 
 from tams_app.prediction.present import AsReceived, Correction, Shown
 from tams_app.records import Image
-from tams_app.station.operator_screen import on_screen
+from tams_app.station.operator_process import on_screen
 
 pytestmark = pytest.mark.untimed
 

@@ -13,9 +13,8 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Pose
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.parts import Parts
-from tams_app.station.fresh_video import Displays
+from tams_app.station.hand import OperatorHand
 from tams_app.station.recorded_hand import ReplayedController, recorded_hand
-from tams_app.station.station import Station
 from tams_app.units import NS_PER_MS
 from tests.session.exchange import Unkept
 from tests.synthetic_session import PERIOD_NS, START_NS, tick, write_log
@@ -39,11 +38,8 @@ def test_the_hand_of_a_log_is_the_configured_one_and_moves_as_it_was_recorded(tm
     path = write(tmp_path / "session.mcap", 40)
     config = load_config(None, {"rig.hand_trajectory": str(path)})
     log = Unkept(VirtualClock())
-    station = Station(
-        config, VirtualClock(), Parts(tmp_path, pytest.fail, 0), log, Displays(), True
-    )
-    station.launch()
-    controller = station.take_controller()
+    parts = Parts(tmp_path, pytest.fail, 0)
+    controller = OperatorHand(config, VirtualClock(), parts, log, is_rig=True).take_controller()
     for number in range(40):
         sample = controller.sample(10 * START_NS + number * PERIOD_NS)
         expected = tick(number).controller
@@ -57,7 +53,7 @@ def test_a_person_is_told_whether_they_drive_the_rig_or_an_arm(tmp_path, is_rig,
     told = []
     log = Unkept(VirtualClock(), told.append)
     parts = Parts(tmp_path, pytest.fail, 0)
-    Station(config, VirtualClock(), parts, log, Displays(), is_rig).wait_ready()
+    OperatorHand(config, VirtualClock(), parts, log, is_rig)
     assert told == [f"a person drives the {what}: keyboard"]
 
 

@@ -18,7 +18,10 @@ LOCAL = {"DISPLAY": ":0", "XDG_SESSION_ID": "1"}
 
 
 def found(environment: dict[str, str], session: str = "no", *extensions: bytes) -> str:
-    return remote_seat(environment, lambda: session, lambda _: extensions)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(seat, "logind_session", lambda: session)
+        patch.setattr(seat, "x_extensions", lambda _: extensions)
+        return remote_seat(environment)
 
 
 def lite6(**overrides: object) -> Config:

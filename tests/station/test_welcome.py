@@ -15,7 +15,7 @@ from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.messages import SessionDescription, decode, encode
 from tams_app.robot.linked_operator import driving_of
 from tams_app.session.robot import for_robot
-from tams_app.station.welcome import driven, follow, repair_of
+from tams_app.station.robot_call import driven, follow, repair_of
 from tams_app.video.core.repair import RepairRule
 from tests.link.test_messages import WELCOME
 

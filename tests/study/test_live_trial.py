@@ -19,7 +19,7 @@ from tams_app.faces.shown import trial_texts
 from tams_app.faces.terminal.line import COLUMNS
 from tams_app.printing import Console
 from tams_app.recording import read_log
-from tams_app.session.session import Session
+from tams_app.session.session import Outset
 from tams_app.study import live_trial
 from tams_app.study.live_trial import LiveTrial, LiveTrialRunner
 from tams_app.study.verdict import DROPS_FACT, PLACED_FACT
@@ -88,9 +88,8 @@ def played(monkeypatch: pytest.MonkeyPatch) -> Callable[..., None]:
 def test_ctrl_c_ends_the_sitting_and_is_no_failed_trial(
     played: Callable[..., None], tmp_path: Path, has_started: bool
 ) -> None:
-    def show(
-        session: Session, console: Console, lines: object, signals: list[str], **_: object
-    ) -> None:
+    def show(*arguments: Any, **_: object) -> None:
+        *_outset_to_lines, signals = arguments
         signals.append("ended by SIGINT")
         if not has_started:
             raise TamsError("ended by SIGINT before it had started")
@@ -105,8 +104,8 @@ def test_ctrl_c_ends_the_sitting_and_is_no_failed_trial(
 def test_a_failed_session_is_a_failed_trial_with_its_own_reason(
     played: Callable[..., None], tmp_path: Path, has_log: bool
 ) -> None:
-    def show(session: Session, *_: object, **__: object) -> None:
-        session.failure = "the helper process guard ended unasked"
+    def show(outset: Outset, *_: object, **__: object) -> None:
+        outset.failure = "the helper process guard ended unasked"
 
     played(show, has_log)
     with pytest.raises(TamsError, match=r"^the helper process guard ended unasked$"):

@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 import os
-import signal
 import threading
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
 import psutil
 import pytest
 
-from tams_app.errors import HelperError
+from tams_app.config import load_config
 from tams_app.records import Frame, FrameQuality, Image, Pose
+from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
+from tams_app.session.quality import LiveQuality, TaskRegions
 from tams_app.station.mount_memory import MountMemory
-from tams_app.station.quality_client import QualityClient
 from tams_app.station.quality_process import WAITING_FATES, SparePace, ViewScores, run
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
@@ -131,28 +133,27 @@ def test_at_the_end_time_is_limited_and_every_frame_is_told(bench: Bench) -> Non
 
 
 class Pushed:
-    """A client, what its helper says, and the memory of the frames shown, the session's."""
+    """The measurement of a session, what its helper says, and the memory of the frames shown."""
 
     def __init__(self, logs: Path, mount: MountMemory | None = None) -> None:
         self.records: list[FrameQuality] = []
-        self.failures: list[BaseException] = []
+        self.notes: list[str] = []
         self.screen = FrameBlock(RingLayout(SHOWN, ("eih", "gt"), WIDTH, HEIGHT))
-        self.client = QualityClient(
-            self.screen,
-            log_directory=logs,
-            on_quality=self.records.append,
-            on_failure=lambda _name, failure: self.failures.append(failure),
-            mount=mount,
-        )
+        self.parts = Parts(logs, pytest.fail, 0)
+        screen: Any = SimpleNamespace(frames=self.screen, mount=mount)
+        note = lambda _level, text: self.notes.append(text)  # noqa: E731
+        log: Any = SimpleNamespace(record=self.records.append, note=note)
+        config = load_config(None, {"video.quality.enabled": True}).video
+        self.client = LiveQuality(config, self.parts, screen, log, TaskRegions({}, {}))
 
     def start(self) -> int:
         """The helper's process id."""
         self.client.start()
-        return self.client.process.pid
+        return self.parts.pids["quality"]
 
     def push(self, index: int, shown: bool = True) -> None:
         for view in ("eih", "gt"):
-            self.client.push_capture(Frame(view, index, index * FRAME_NS, image(index)))
+            self.client.captured(Frame(view, index, index * FRAME_NS, image(index)))
             if shown:
                 self.screen.put(view, index, index * FRAME_NS + NS_PER_MS, blurred(index))
 
@@ -205,26 +206,8 @@ def test_the_helper_tells_what_became_of_every_frame_through_no_port(pushed: Pus
         assert mine[10].shown_ns is None
         # at the lowest priority it may come to nothing in what time it has left
         assert mine[10].delivered in (None, pytest.approx(expected(11, 10)))
-    assert pushed.failures == []
-    assert pushed.client.process.exit_code == 0
-
-
-def test_a_helper_that_is_killed_is_told_and_hurts_nothing_else(pushed: Pushed) -> None:
-    os.kill(pushed.start(), signal.SIGKILL)
-    until(lambda: bool(pushed.failures), "the helper's end")
-    pushed.push(1)
-    assert isinstance(pushed.failures[0], HelperError)
-    assert "frames are no longer compared" in str(pushed.failures[0])
-
-
-def test_a_helper_that_cannot_start_leaves_nothing_behind(
-    pushed: Pushed, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.executable", "/nowhere/python")
-    with pytest.raises(HelperError, match="quality could not be started"):
-        pushed.start()
-    pushed.close()
-    assert blocks() == set()
+    assert pushed.notes == []
+    assert pushed.client._helper.process.exit_code == 0
 
 
 def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None:
@@ -245,7 +228,7 @@ def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None
             seen = picture(lens, flange(now_ns))
             then_ns = now_ns - late_ns
             for view in ("eih", "gt"):
-                pushed.client.push_capture(Frame(view, index, now_ns, seen))
+                pushed.client.captured(Frame(view, index, now_ns, seen))
                 late = picture(lens, flange(then_ns))
                 pushed.screen.put(view, index - 2, now_ns + NS_PER_MS, late, then_ns)
         pushed.await_records(20)

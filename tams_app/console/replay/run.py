@@ -55,7 +55,7 @@ def run_replay(given: Path, speed: float = 1.0, headless: bool = False, mark: bo
             )
         if log.damage:
             console.print(log.damage, style="bold", soft_wrap=True)
-        show_session(session, console, signals=signals, replay=session)
+        show_session(session, session, console, signals=signals, replay=session)
     if session.failure:
         raise TamsError(session.failure)
     if signals:

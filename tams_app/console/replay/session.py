@@ -25,7 +25,7 @@ from tams_app.recording import SessionLog
 from tams_app.recording.pictures import PictureFinder, ShownPicture
 from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
 from tams_app.runtime.clock import Clock
-from tams_app.session.sentences import Sentences
+from tams_app.runtime.mailbox import Sentences
 from tams_app.station.fresh_video import Displays
 from tams_app.station.mount_memory import MountMemory
 from tams_app.units import NS_PER_S
@@ -118,7 +118,10 @@ class PlaybackRequests:
 
 
 class ReplaySession:
-    """Satisfies what the console needs of a session; from one thread, but for what is asked."""
+    """Satisfies what the console needs of a session; from one thread, but for what is asked.
+
+    A context, in which time passes.
+    """
 
     keyboard: KeyboardController | None = None
     mount: MountMemory | None = None  # pictures are shown as received
@@ -168,12 +171,13 @@ class ReplaySession:
         video = config.video
         self.screen = FrameBlock(RingLayout(SHOWN, log.header.views, video.width, video.height))
 
-    def start(self) -> None:
+    def __enter__(self) -> ReplaySession:
         """Begin now: the time that the window took to open does not count."""
         self.playback.begin(self._clock.now_ns())
         if predicted := self._log.facts.get(PREDICTED_FACT):
             views = ", ".join(predicted.split(","))
             self.sentences.note(f"as received, while the session showed them predicted: {views}")
+        return self
 
     def poll(self) -> None:
         """Go on by the time that has passed; show what belongs there."""
@@ -239,7 +243,7 @@ class ReplaySession:
     def stop_arm(self) -> None:
         """Nothing: there is no arm."""
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         """Do what was requested just before the end, too: no mark is lost."""
         try:
             self.signals.carry_out()

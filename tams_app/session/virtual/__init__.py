@@ -6,7 +6,7 @@ the machine of docs/MEASUREMENTS.md, medians):
 
 | from | to | takes |
 |---|---|---|
-| instant of a frame | handed to the sender | `rig.DELIVERY_NS`, 12 ms |
+| instant of a frame | handed to the sender | `side.DELIVERY_NS`, 12 ms |
 | handed over | first packet on the link | `shared.ENCODING_NS`, 4.5 ms |
 | access unit out of the jitter buffer | on the screen | `shared.DECODING_NS`, 2.5 ms |
 | arm's report | control loop | none; reports come at 100 Hz as live |

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from hw.controller import Controller
@@ -12,7 +12,7 @@ from tams_app.recording.journal import Journal
 from tams_app.records import Image, ShownFrame, SteeredBy
 from tams_app.robot.operator import Operator
 from tams_app.station.fresh_video import Displays, FreshVideo
-from tams_app.station.operator_screen import Show, on_screen
+from tams_app.station.operator_process import Show, on_screen
 from tams_app.station.recorded_hand import recorded_hand
 from tams_app.teleop.hands import hand_of
 
@@ -28,16 +28,14 @@ class VirtualOperator(Operator):
         config: Config,
         participant_seed: int,
         log: Journal,
-        on_shown: Callable[[ShownFrame], None],
         shows: Mapping[str, Show],
     ) -> None:
-        """`on_shown` gets each frame too, after the captures that came before it.
+        """`shows`: by view, how its frames are shown where they are predicted.
 
-        `shows`: by view, how its frames are shown where they are predicted.
         LogError or ConfigError where the recorded hand cannot be read.
         """
         self._hand = hand_of(config)
-        self._log, self._on_shown = log, on_shown
+        self._log = log
         self._fresh = FreshVideo(config.video.views, Displays())
         self._shows = shows
         self._frames: dict[str, tuple[int, Image] | None] = dict.fromkeys(config.video.views)
@@ -74,7 +72,6 @@ class VirtualOperator(Operator):
         self._fresh.shown(shown)
         self._frames[shown.view] = shown.capture_ns, shown.image
         self._log.record(shown)
-        self._on_shown(shown)
 
     def look(self, now_ns: int) -> None:
         """Before each sample: look if it is time to."""

@@ -9,7 +9,7 @@ import cv2
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.records import Outcome
-from tams_app.runtime.kept_memory import keep_freed_memory
+from tams_app.runtime.realtime import keep_freed_memory
 from tams_app.session.folder import furnish_session_folder
 from tams_app.session.virtual.trial import VirtualTrial
 from tams_app.summary.summarise import save_summary, summarise

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
 from tams_app.config import Config
 from tams_app.errors import ConfigError
-from tams_app.records import Outcome, ShownFrame
+from tams_app.records import Outcome
 from tams_app.robot import build
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.predicting import predicted_trial
@@ -33,12 +32,8 @@ class VirtualTrial:
         participant_seed: int,
         folder: Path,
         wall_start_ns: int,
-        watch: Callable[[ShownFrame], None] = lambda _shown: None,
     ) -> None:
-        """`watch` sees every frame that reaches the operator's screen.
-
-        SetupError, ConfigError, LogError or DeviceError say why it cannot begin.
-        """
+        """SetupError, ConfigError, LogError or DeviceError say why it cannot begin."""
         build.check_names(config)
         build.check_ready_pose(config)
         if config.recording.record_reference:
@@ -52,28 +47,21 @@ class VirtualTrial:
         with ExitStack() as stack:
             records = virtual_records(config, folder, self._clock, wall_start_ns)
             self._log = stack.enter_context(records)
-            scored = config.video.views if config.video.quality.enabled else ()
-            states, predicted, check = predicted_trial(config, self._log)
-            lumas = {view: shows.luma for view, shows in predicted.items()}
-            self._scores = scores = FrameScores(scored, self._log.record, lumas)
-            looks = {view: shows.show for view, shows in predicted.items()}
-
-            def shown(frame: ShownFrame) -> None:
-                scores.shown(frame)
-                check(frame)
-                watch(frame)
-
+            states, mount = predicted_trial(config, self._log)
+            lumas = {view: shows.luma for view, shows in mount.views.items()}
+            self._scores = FrameScores(config, self._log, lumas)
+            looks = {view: shows.show for view, shows in mount.views.items()}
             if config.rig.operator.looks_at == "received":
                 looks = {}
-            self._operator = VirtualOperator(config, participant_seed, self._log, shown, looks)
+            self._operator = VirtualOperator(config, participant_seed, self._log, looks)
             self._robot = VirtualRobotSide(
                 config,
                 self._clock,
-                self._events,
                 self._log,
+                self._events,
                 self._operator,
-                scores.captured,
-                self._end,
+                self._scores,
+                mount,
                 states,
             )
             stack.callback(self._robot.close)
@@ -88,6 +76,8 @@ class VirtualTrial:
             self._robot.advance_to(due_ns)
             self._clock.sleep_until_ns(due_ns)
             self._events.do_next()
+            if self._robot.is_over:
+                self._end("the trial is over")
         self._robot.stop()
         self._scores.finish(self._clock.now_ns())
         outcome = self._robot.outcome(self._ended)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 
 from tams_app.config import Config
 from tams_app.recording.journal import Journal
-from tams_app.records import Frame, FrameQuality, ShownFrame
-from tams_app.robot.video import Video
-from tams_app.runtime.clock import Clock
+from tams_app.records import Frame, ShownFrame
+from tams_app.robot.ground import Ground
+from tams_app.robot.video import TakeFrame, Video
+from tams_app.session.quality import task_regions
 from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.networks import resolve_network
@@ -17,29 +18,27 @@ from tams_app.video.virtual.video import VirtualVideo
 
 
 class FrameScores:
-    """The accounts of `views`; each captured frame's record comes once its fate is decided.
+    """The accounts of all views; each captured frame's record comes once its fate is decided.
 
-    Every frame is scored: nothing is left out where time waits. Frames of other views are ignored.
+    Every frame is scored: nothing is left out where time waits. `regions`: of the task, in the
+    frames that are captured.
     """
 
-    def __init__(
-        self,
-        views: Iterable[str],
-        record: Callable[[FrameQuality], None],
-        corrections: Mapping[str, Correction],
-    ) -> None:
+    def __init__(self, config: Config, log: Journal, corrections: Mapping[str, Correction]) -> None:
         """`corrections`: by view, what the screen shows of a frame that is corrected."""
+        scored = config.video.views if config.video.quality.enabled else ()
         self._views = {
-            view: (ViewQuality(view, correct=corrections.get(view)), Scorer()) for view in views
+            view: (ViewQuality(view, correct=corrections.get(view)), Scorer()) for view in scored
         }
-        self._record = record
+        self._log, self.regions = log, task_regions(config)
 
     def captured(self, frame: Frame) -> None:
         """A camera's frame, in the order of capture."""
         if frame.view in self._views:
             accounts, _ = self._views[frame.view]
             luma = luma_of(frame.image)
-            fates = accounts.captured(frame.index, frame.capture_ns, luma, frame.task)
+            task = self.regions.of(frame.view)
+            fates = accounts.captured(frame.index, frame.capture_ns, luma, task)
             self._score(frame.view, fates)
 
     def shown(self, shown: ShownFrame) -> None:
@@ -57,7 +56,7 @@ class FrameScores:
     def _score(self, view: str, fates: list[Fate]) -> None:
         scorer = self._views[view][1]
         for fate in fates:
-            self._record(scorer.score(fate))
+            self._log.record(scorer.score(fate))
 
 
 class TrialVideo(Video):
@@ -65,26 +64,25 @@ class TrialVideo(Video):
 
     def __init__(
         self,
-        config: Config,
-        clock: Clock,
-        log: Journal,
-        on_captured: Callable[[Frame], None],
-        on_shown: Callable[[ShownFrame], None],
+        ground: Ground,
+        shown: Callable[[ShownFrame], None],
+        captured: TakeFrame | None = None,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something.
 
-        `on_shown` gets each decoded frame, after the captures that came before it.
+        `captured` gets each camera's frame before it is sent, and `shown` each decoded one, after
+        the captures that came before it.
         """
-        epoch_ns = clock.now_ns()
+        config, log, epoch_ns = ground.config, ground.log, ground.clock.now_ns()
         network = resolve_network(config, config.network)
-        super().__init__(config, network, clock, epoch_ns, log, on_captured)
+        super().__init__(ground, network, epoch_ns, captured)
         self._chains = VirtualVideo(
             self._streams,
             network,
-            self._rule,
+            self.rule,
             config.seed,
             epoch_ns,
-            VideoRecords(log.record, log.record, on_shown, log.packets),
+            VideoRecords(log.record, log.record, shown, log.packets),
             self._uplink,
         )
 
@@ -98,10 +96,8 @@ class TrialVideo(Video):
     def pad(self, size_bytes: int) -> None:
         self._chains.pad(size_bytes)
 
-    def poll(self) -> str:
-        return ""  # a chain that fails raises
-
     def close(self) -> None:
+        """Stop the chains; may be called twice."""
         self._chains.close()
 
     def _send(self, frame: Frame, left_out: bool) -> None:

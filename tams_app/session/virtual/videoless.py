@@ -13,12 +13,11 @@ from hw.sim.operator.demo import SharpEyedHand
 from tams_app.config import Config
 from tams_app.records import Record, SceneTruth, Tick
 from tams_app.robot import build
-from tams_app.robot.control import ControlLoop, Signals, SteadyVideo
+from tams_app.robot.control import ControlLoop, LoopDevices, Signals, SteadyVideo
 from tams_app.robot.listener import Listener
 from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingNotes, TrialObserver
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.virtual.rig import VirtualRobot
-from tams_app.session.virtual.side import repeat
+from tams_app.session.virtual.side import VirtualRobot, repeat
 from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS
 from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
@@ -41,14 +40,7 @@ class VideolessTrial(Listener):
         self._ended = False
         self._robot = VirtualRobot(config, self._clock, _ignore)
         self._hand = SharpEyedHand(config, seed, self._robot.truth)
-        self._trial = TrialObserver(
-            config.trial,
-            self._clock,
-            self._robot.arm,
-            self._robot.truth,
-            self.scene.append,
-            self._end,
-        )
+        self._trial = TrialObserver(config.trial, judges=True)
         self._control = self._build_control(config)
 
     def perform(self) -> Iterator[float]:
@@ -71,10 +63,7 @@ class VideolessTrial(Listener):
         return build.control_loop(
             config,
             self._clock,
-            self._hand.controller,
-            robot.arm,
-            robot.gate,
-            SteadyVideo(),
+            LoopDevices(self._hand.controller, robot.arm, robot.gate, SteadyVideo()),
             0,
             signals,
             (self._trial, self),
@@ -89,7 +78,7 @@ class VideolessTrial(Listener):
         self._robot.arm.connect()
         self._hand.controller.start()
         repeat(self._events, START_NS, self._rate_hz, self._tick)
-        repeat(self._events, START_NS, TRIAL_RATE_HZ, lambda _due_ns: self._trial.look())
+        repeat(self._events, START_NS, TRIAL_RATE_HZ, self._look)
         self._events.post(START_NS + round(ENGAGED_WITHIN_S * NS_PER_S), self._give_up)
 
     def _tick(self, due_ns: int) -> None:
@@ -97,12 +86,14 @@ class VideolessTrial(Listener):
         self._control.tick(due_ns)
         self._robot.gate.serve()
 
-    def _give_up(self) -> None:
-        if not self._trial.started:
-            self._end()
+    def _look(self, _due_ns: int) -> None:
+        scene = self._robot.truth()
+        self.scene.append(scene)
+        arm = self._robot.arm.state()
+        self._ended |= self._trial.look(self._clock.now_ns(), scene, arm, is_limited=True).over
 
-    def _end(self) -> None:
-        self._ended = True
+    def _give_up(self) -> None:
+        self._ended |= not self._trial.started
 
 
 def _ignore(_level: str, _text: str) -> None:

@@ -96,7 +96,7 @@ class Replayed:
             " (keys)",
             marking,
         )
-        self.session.start()
+        self.session.__enter__()
         self.session.screen.put = (  # type: ignore[method-assign]
             lambda view, _index, _t_ns, image: self.put.update({view: float(image.mean())})
         )
@@ -151,7 +151,7 @@ def test_arrow_keys_go_back_and_the_pictures_with_them(replayed: Replayed) -> No
 
 def test_a_replay_says_which_views_were_predicted_in_the_session(replayed: Replayed) -> None:
     replayed.session._log.facts[PREDICTED_FACT] = "eih,gt"
-    replayed.session.start()
+    replayed.session.__enter__()
     said = "as received, while the session showed them predicted: eih, gt"
     assert said in replayed.session.sentences.take()
 
@@ -374,7 +374,7 @@ def test_a_mark_made_just_before_the_end_is_kept(
     replayed = Replayed(log_path, tmp_path, marking=Marking(marks_path, LAST_S))
     replayed.press("1")
     replayed.session.end("ended by the operator")
-    replayed.session.close()
+    replayed.session.__exit__()
     assert read_marks(marks_path, LAST_S) == [Mark(0.0, Phase.REACH)]
 
 

@@ -42,7 +42,7 @@ def shown(
     """A session with window and headset, ended; `do` is called once while it runs."""
     session = PlayedSession(folder / "session", config, **{"headset.show": "always"})
     session.do = lambda: do(session)
-    app.show_session(session, Console(quiet=True))
+    app.show_session(session, session, Console(quiet=True))
     assert children_of(FAKED.module) == []
     return session
 

@@ -84,4 +84,5 @@ def test_a_window_whose_session_is_stopped_says_not_live_and_greys_itself(
 
 
 if __name__ == "__main__":  # the process of a session that is stopped
-    app.show_session(EngagedSession(Path(sys.argv[1])), Console(quiet=True))
+    session = EngagedSession(Path(sys.argv[1]))
+    app.show_session(session, session, Console(quiet=True))

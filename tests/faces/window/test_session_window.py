@@ -41,7 +41,7 @@ def press(screen: Screen, *keys: str) -> None:
 
 
 def show(session: PlayedSession) -> None:
-    app.show_session(session, Console(quiet=True))
+    app.show_session(session, session, Console(quiet=True))
     assert window_processes() == []
 
 
@@ -79,7 +79,7 @@ def test_a_session_that_is_over_is_shown_with_its_result_until_it_is_answered(
     screen: Screen, session: PlayedSession
 ) -> None:
     session.do = lambda: session.end("the trial is over")
-    with app.showing(session, Console(quiet=True), shows_end=True) as (face,):
+    with app.showing(session, session, Console(quiet=True), shows_end=True) as (face,):
         assert face.is_there
         face.show_end(Ended("Completed", ("Report: here",), "Q: close"))
         screen.focus("TAMS")
@@ -100,7 +100,7 @@ def test_closing_the_window_ends_the_session_whose_end_it_does_not_show(
     screen: Screen, session: PlayedSession
 ) -> None:
     session.do = lambda: screen.ask_to_close("TAMS")
-    with app.showing(session, Console(quiet=True), shows_end=True) as (face,):
+    with app.showing(session, session, Console(quiet=True), shows_end=True) as (face,):
         assert (face.is_there, window_processes()) == (False, [])
     assert session.reason == "the operator closed the window"
     assert session.failure == ""
@@ -125,7 +125,9 @@ def test_what_is_pinned_in_the_window_counts_but_in_no_trial_of_a_study(
     in_trial: bool, tmp_path: Path
 ) -> None:
     session = PlayedSession(tmp_path)
-    window = SessionWindow(session, CountedTrial(session) if in_trial else None)
+    trial = CountedTrial(session) if in_trial else None
+    window = SessionWindow(session.config, tmp_path, trial)
+    window._session = session
     for view in ("eih", ""):
         window._on_event(Pin(0, view))
         assert session.signals.pinned == ("" if in_trial else view)
@@ -139,7 +141,7 @@ def test_drops_are_counted_in_a_trial_and_its_end_is_marked_and_elsewhere_those_
         session = PlayedSession(tmp_path / name)
         session.do = lambda: press(screen, "x", "x", "BackSpace", "p", "q")
         trial = CountedTrial(session) if name == "trial" else None
-        app.show_session(session, Console(quiet=True), trial=trial)
+        app.show_session(session, session, Console(quiet=True), trial=trial)
         found.append([one for one in session.done if not one.startswith("arm stopped")])
     assert found == [[], ["a drop more", "a drop more", "a drop less", "placed"]]
 
@@ -221,7 +223,7 @@ def test_keys_over_ssh_move_no_real_arm(
     monkeypatch.setenv("SSH_CONNECTION", "10.0.0.2 51000 10.0.0.1 22")
     session = PlayedSession(tmp_path, "lite6.yaml", **KEYBOARD)
     with pytest.raises(SetupError, match="the desktop is remote"):
-        app.show_session(session, Console(quiet=True))
+        app.show_session(session, session, Console(quiet=True))
     assert window_processes() == []
 
 
@@ -232,7 +234,7 @@ def test_without_a_display_that_answers_one_sentence_says_what_to_do(
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     session = PlayedSession(tmp_path)
     with pytest.raises(SetupError, match=r"display does not answer; run with --headless"):
-        app.show_session(session, Console(quiet=True))
+        app.show_session(session, session, Console(quiet=True))
     assert window_processes() == []
 
 

@@ -41,18 +41,18 @@ def test_in_every_state_it_shows_what_was_received_and_the_robots_figures_and_it
             try:
                 _drive(side, screen)
             finally:
-                side.session.end("driven")
+                side.outset.end("driven")
 
         with ThreadPoolExecutor(1) as pool:
             driven = pool.submit(drive)
-            app.show_session(side.session, Console(quiet=True))
+            app.show_session(side.outset, side.opening(), Console(quiet=True))
             driven.result()
-        assert side.session.failure == ""
+        assert side.outset.failure == ""
 
 
 def _drive(side: HandSide, screen: Screen) -> None:
-    session = side.session
     until(lambda: side.state is not None, "the robot's state")
+    session = side.session
     screen.focus("TAMS")
 
     def shows_all(state: str) -> bool:

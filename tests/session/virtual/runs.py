@@ -35,7 +35,14 @@ def run(
     """One trial of one participant; its log is in `folder` then."""
     cv2.setNumThreads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    with closing(VirtualTrial(config, PARTICIPANT, folder, WALL_NS, watch)) as trial:
+    with closing(VirtualTrial(config, PARTICIPANT, folder, WALL_NS)) as trial:
+        shown = trial._scores.shown
+
+        def seen(frame: ShownFrame) -> None:
+            shown(frame)
+            watch(frame)
+
+        trial._scores.shown = seen  # type: ignore[method-assign]
         return trial.run()
 
 

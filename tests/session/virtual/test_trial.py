@@ -15,7 +15,7 @@ from tams_app.recording import LOG_NAME, SessionLog, read_log, read_video
 from tams_app.records import PacketFate, PacketKind, Phase
 from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.session.virtual import trial as trial_module
-from tams_app.session.virtual.rig import DELIVERY_NS
+from tams_app.session.virtual.side import DELIVERY_NS
 from tams_app.session.virtual.trial import START_NS, VirtualTrial
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS

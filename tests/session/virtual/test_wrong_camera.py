@@ -15,7 +15,7 @@ from tams_app.records import Pose
 from tams_app.rotation import Rotation
 from tams_app.session import predicting
 from tams_app.session.viewing import scene_of
-from tams_app.station.camera_watch import misfit
+from tams_app.station.mount_memory import misfit
 from tams_app.summary.summarise import summarise
 from tams_app.telemetry import Scene
 from tests.session.virtual.runs import run, short

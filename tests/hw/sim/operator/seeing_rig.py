@@ -17,9 +17,9 @@ from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import Config
 from tams_app.records import Image, OperatorGlance, Vector
 from tams_app.robot import build
-from tams_app.robot.control import Signals, SteadyVideo
+from tams_app.robot.control import LoopDevices, Signals, SteadyVideo
 from tams_app.runtime.clock import VirtualClock
-from tams_app.session.virtual.rig import VirtualRobot
+from tams_app.session.virtual.side import VirtualRobot
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 FRAME_NS = NS_PER_S // 30
@@ -65,10 +65,8 @@ class SeeingRig:
         self._asked = self._eyes._asked
         controller = self._participant.controller
         delay_ns = self._delay_ns
-        video = SteadyVideo(delay_ns)
-        self._loop = build.control_loop(
-            config, self._clock, controller, robot.arm, robot.gate, video, delay_ns, Signals()
-        )
+        devices = LoopDevices(controller, robot.arm, robot.gate, SteadyVideo(delay_ns))
+        self._loop = build.control_loop(config, self._clock, devices, delay_ns, Signals())
         robot.arm.connect()
         controller.start()
 
