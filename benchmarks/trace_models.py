@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from itertools import islice
 from random import Random
 
-from tams_app.video.live.traces import CSV_HEADER
+from tams_app.video.live.networks import CSV_HEADER
 
 ROW_MS = 100
 

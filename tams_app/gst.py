@@ -220,22 +220,60 @@ def _library() -> ctypes.CDLL:
     return library
 
 
-def add_probe(
-    pad: Any, kinds: Any, probe: Callable[[Any, Any], Any], fail: Callable[[str], None]
-) -> None:
-    """Have `probe` see what passes `pad`; `fail` receives its error, and what it saw passes.
+class Pipeline:
+    """A pipeline in whose threads code of ours runs.
 
-    One that raised would be taken to say that everything is dropped.
+    `failure`: why that code, or an element, has failed; "" while all work.
     """
 
-    def guarded(pad: Any, info: Any) -> Any:
-        try:
-            return probe(pad, info)
-        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
-            fail(repr(error))
-            return load().Gst.PadProbeReturn.OK
+    def __init__(self, description: str, what: str) -> None:
+        """SetupError if it cannot be built. `what` it is, in sentences about it."""
+        self.elements = parse_pipeline(description)
+        self.what = what
+        self.failure = ""
 
-    pad.add_probe(kinds, guarded)
+    def __getitem__(self, name: str) -> Any:
+        """The element of this name; None if there is none."""
+        return self.elements.get_by_name(name)
+
+    def play(self) -> None:
+        """Set it in motion; SetupError with the reason if it refuses."""
+        set_playing(self.elements, self.what)
+
+    def add_probe(self, pad: Any, kinds: Any, probe: Callable[[Any, Any], Any]) -> None:
+        """Have `probe` see what passes `pad`; its error is a failure, and what it saw passes.
+
+        One that raised would be taken to say that everything is dropped.
+        """
+
+        def guarded(pad: Any, info: Any) -> Any:
+            try:
+                return probe(pad, info)
+            except Exception as error:  # noqa: BLE001 - the shell notifies the owner
+                self.fail(error)
+                return load().Gst.PadProbeReturn.OK
+
+        pad.add_probe(kinds, guarded)
+
+    def fail(self, error: Exception) -> None:
+        """Our code has failed, in any thread; the first failure counts."""
+        self.failure = self.failure or repr(error)
+
+    def set_structure(self, element: str, name: str, text: str) -> None:
+        """Set a property that is a structure, where there is such an element."""
+        if (found := self[element]) is not None:
+            structure, _ = load().Gst.Structure.from_string(text)
+            found.set_property(name, structure)
+
+    def poll(self) -> str:
+        """Its failure in one sentence, for which the bus is looked at; "" while it works."""
+        if not self.failure and (reason := poll_bus(self.elements)):
+            self.failure = reason
+        return f"{self.what} failed: {self.failure}" if self.failure else ""
+
+    def close(self) -> None:
+        """End it and its threads; may be called twice."""
+        shut_down(self.elements)
 
 
 def buffers_of(probe: Any) -> Iterator[Any]:

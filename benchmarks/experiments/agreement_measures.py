@@ -13,7 +13,7 @@ from tams_app.records import FrameQuality, PacketFate, PacketKind, PacketRecord
 from tams_app.summary.tables import LogTables, step_mean
 from tams_app.summary.views import rate_kbps
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.frame_interval import freeze_ns
+from tams_app.video.core.rate_control import freeze_ns
 
 KINDS = ("received", "delivered", "live")
 PRIMARY = "primary"

@@ -20,6 +20,7 @@ from tams_app.session.virtual.runner import run_virtual_trial
 from tams_app.study.plan import PlannedTrial
 from tams_app.study.runner import SUMMARY_NAME
 from tams_app.study.trial_process import Job, LocalPool
+from tams_app.video.virtual.shared import VideoRecord
 from tams_app.video.virtual.video import VirtualVideo
 
 ENCODING_NAME = "encoding.json"
@@ -93,12 +94,13 @@ def read_encoding_ms(folder: Path) -> float:
 def _time_encoding() -> list[float]:
     """Note what each push into an encoder costs from now on: it returns once it has encoded."""
     costs: list[float] = []
-    push: Callable[[VirtualVideo, Frame, bool], None] = VirtualVideo.push
+    push: Callable[[VirtualVideo, Frame, bool], list[VideoRecord]] = VirtualVideo.push
 
-    def timed(video: VirtualVideo, frame: Frame, left_out: bool) -> None:
+    def timed(video: VirtualVideo, frame: Frame, left_out: bool) -> list[VideoRecord]:
         began_s = time.process_time()
-        push(video, frame, left_out)
+        records = push(video, frame, left_out)
         costs.append((time.process_time() - began_s) * 1e3)
+        return records
 
     VirtualVideo.push = timed  # type: ignore[method-assign, assignment]
     return costs

@@ -9,7 +9,7 @@ import pytest
 from benchmarks.trace_models import MODELS, generate, main
 from tams_app.config import CONFIG_DIRECTORY
 from tams_app.units import NS_PER_S
-from tams_app.video.live.traces import parse_trace
+from tams_app.video.live.networks import parse_trace
 
 pytestmark = pytest.mark.untimed
 

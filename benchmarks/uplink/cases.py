@@ -10,8 +10,7 @@ from benchmarks.trace_models import generate
 from benchmarks.uplink.model import Setting
 from tams_app.capacity import Capacity, TraceCapacity
 from tams_app.config import CONFIG_DIRECTORY, Network
-from tams_app.video.live.networks import read_trace
-from tams_app.video.live.traces import CSV_HEADER, parse_trace
+from tams_app.video.live.networks import CSV_HEADER, parse_trace, read_trace
 
 MODES = ("oracle", "sender", "feedback")
 DELAY_TARGETS_MS = (20.0, 40.0, 80.0)

@@ -6,7 +6,7 @@ keyframe is larger, and the frames after it give back what it took, as the servo
 enters the link as the pacer lets it, in one burst where the budget asks for no feedback of packets.
 The receiver tells of all packets every 25 to 50 ms, and what it tells comes back with the link's
 delay; packets of the policy's padding are fed back as any other. What is under way is bounded as in
-the product (`tams_app.video.core.flight`), and so are the frames of a view whose target would
+the product (`tams_app.video.core.pacer`), and so are the frames of a view whose target would
 starve them.
 """
 
@@ -34,9 +34,8 @@ from tams_app.records import (
     UplinkReport,
 )
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.flight import FlightBound
 from tams_app.video.core.link import Link
-from tams_app.video.core.pacer import Pacer
+from tams_app.video.core.pacer import FlightBound, Pacer
 from tams_app.video.core.rate_control import SourceDrop
 
 VIEWS = ("eih", "gt", "gs")

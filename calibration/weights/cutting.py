@@ -30,8 +30,8 @@ from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, r
 from tams_app.records import Frame, Image, Phase, PhaseChange
 from tams_app.session.recorders import REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.colour import bgr_of
-from tams_app.video.live.recorded import decoded
+from tams_app.video.core.codecs import bgr_of
+from tams_app.video.live.codecs import decoded
 
 SHORTEST_S = 0.5  # less cannot be judged
 LONGEST_S = 8.0  # more wears the rater out

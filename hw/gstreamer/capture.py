@@ -57,19 +57,19 @@ class GstCapture:
         """
         gst.require_elements(_ELEMENTS)
         Gst = gst.load().Gst
-        self._pipeline = gst.parse_pipeline(_description(source, video, paced))
-        self._failure = self._lacks = ""
-        bus = self._pipeline.get_bus()
+        self._pipeline = gst.Pipeline(_description(source, video, paced), "the capture chain")
+        self._lacks = ""
+        bus = self._pipeline.elements.get_bus()
         bus.enable_sync_message_emission()
         bus.connect("sync-message::element", self._on_element_message)
-        self._sink = self._pipeline.get_by_name("frames")
-        self.gate = DamageGate(self._pipeline, self._sink, self._fail)
+        self._sink = self._pipeline["frames"]
+        self.gate = DamageGate(self._pipeline, self._sink)
         for element, values in (properties or {}).items():
             for name, value in values.items():
-                self._pipeline.get_by_name(element).set_property(name, value)
-        self._pipeline.use_clock(Gst.SystemClock.obtain())
+                self._pipeline[element].set_property(name, value)
+        self._pipeline.elements.use_clock(Gst.SystemClock.obtain())
         try:
-            gst.set_playing(self._pipeline, "the capture chain")
+            self._pipeline.play()
         except SetupError as error:
             self.close()
             raise DeviceError(str(error)) from error
@@ -90,9 +90,10 @@ class GstCapture:
         buffer = sample.get_buffer()
         running_ns = sample.get_segment().to_running_time(Gst.Format.TIME, buffer.pts)
         if running_ns == Gst.CLOCK_TIME_NONE:
-            self._failure = "its frames carry no times; put the video in a container like .mkv"
+            reason = "its frames carry no times; put the video in a container like .mkv"
+            self._pipeline.failure = reason
             return None
-        capture_ns = self._pipeline.get_base_time() + running_ns
+        capture_ns = self._pipeline.elements.get_base_time() + running_ns
         return RawFrame(capture_ns, gst.pixels_of(buffer))
 
     @property
@@ -103,17 +104,15 @@ class GstCapture:
     @property
     def failure(self) -> str:
         """The cause for which there will be no more frames; "" if nothing went wrong."""
-        if not self._failure and (reason := gst.poll_bus(self._pipeline)):
-            decoder = self._pipeline.get_by_name("decoder")  # of a file
+        pipeline = self._pipeline
+        if not pipeline.failure and (reason := gst.poll_bus(pipeline.elements)):
+            decoder = pipeline["decoder"]  # of a file
             if decoder and decoder.srcpads and not self._sink.sinkpads[0].get_current_caps():
                 reason = "it has no video stream; choose another file"
             elif decoder:
                 reason = f"it is damaged or not a video ({reason}); choose another file"
-            self._failure = self._lacks or reason
-        return self._failure
-
-    def _fail(self, reason: str) -> None:
-        self._failure = reason
+            pipeline.failure = self._lacks or reason
+        return pipeline.failure
 
     def _on_element_message(self, _bus: Any, message: Any) -> None:
         lacks = gst.missing_plugin(message)
@@ -122,7 +121,7 @@ class GstCapture:
 
     def close(self) -> None:
         """Let go of the source; may be called twice."""
-        gst.shut_down(self._pipeline)
+        self._pipeline.close()
 
 
 def _description(source: str, video: VideoConfig, paced: bool) -> str:

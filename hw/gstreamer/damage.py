@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 import re
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -30,8 +29,8 @@ class DamageGate:
     and avdec_mjpeg, which logs it, ends the process for one wrong byte of a picture's header.
     """
 
-    def __init__(self, pipeline: Any, sink: Any, fail: Callable[[str], None]) -> None:
-        """Of a pipeline that ends in `sink`, before it plays; `fail` receives errors in here."""
+    def __init__(self, pipeline: gst.Pipeline, sink: Any) -> None:
+        """Of a pipeline that ends in `sink`, before it plays."""
         self.damaged = 0  # frames left out so far
         self.cause = ""  # of the newest of them
         self.lacks = ""  # what keeps it from finding damage: the end of a camera's sentence
@@ -39,20 +38,23 @@ class DamageGate:
         self._is_undecoded = False  # the newest JPEG, so far
         self._is_predicted = False  # what is decoded, from frames before it
         self._whole_from_ns: int | None = 0  # decoded frames; None: a keyframe must come first
-        self._fail = fail
+        self._pipeline = pipeline
         Gst = gst.load().Gst
-        pipeline.connect("deep-element-added", lambda *added: self._watch(added[-1]))
-        elements = pipeline.iterate_recurse()
+        pipeline.elements.connect("deep-element-added", self._on_added)
+        elements = pipeline.elements.iterate_recurse()
         while (found := elements.next())[0] == Gst.IteratorResult.OK:
             self._watch(found[1])
         pad = sink.get_static_pad("sink")
-        gst.add_probe(pad, Gst.PadProbeType.BUFFER, self._on_frame, fail)
+        pipeline.add_probe(pad, Gst.PadProbeType.BUFFER, self._on_frame)
+
+    def _on_added(self, _bin: Any, _sub_bin: Any, element: Any) -> None:
+        self._watch(element)
 
     def _watch(self, element: Any) -> None:
         klass = element.get_metadata("klass")
         if "Decoder" in klass and ("Video" in klass or "Image" in klass):
             pad = element.get_static_pad("sink")
-            gst.add_probe(pad, gst.load().Gst.PadProbeType.BUFFER, self._on_coded, self._fail)
+            self._pipeline.add_probe(pad, gst.load().Gst.PadProbeType.BUFFER, self._on_coded)
 
     def _on_coded(self, pad: Any, probe: Any) -> Any:
         Gst = gst.load().Gst

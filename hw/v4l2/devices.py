@@ -1,24 +1,76 @@
-"""Cameras that are plugged in, their modes, and the choice of the one that is meant."""
+"""Cameras that are plugged in, their modes, and the choice of the one that is meant.
+
+A V4L2 device is asked as linux/videodev2.h numbers and lays out its questions.
+"""
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
-from collections.abc import Callable, Iterator, Sequence
+import struct
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from io import FileIO
 from pathlib import Path
+from typing import Any
 
-from hw.v4l2 import ioctl
-from hw.v4l2.ioctl import every
 from tams_app.errors import DeviceError
 
+# Number, and layout of the structure that goes there and back.
+QUERYCAP = 0, "<16s32s32s6I"  # driver, card, bus, version, capabilities, those of the node
+ENUM_FMT = 2, "<3I32s5I"  # index, type, flags, description, fourcc
+G_CTRL = 27, "<Ii"  # id, value
+S_CTRL = 28, "<Ii"
+ENUM_FRAMESIZES = 74, "<11I"  # index, fourcc, kind, width and height or their ranges
+ENUM_FRAMEINTERVALS = 75, "<13I"  # index, fourcc, width, height, kind, one or two fractions [s]
+QUERY_EXT_CTRL = 103, "<2I32sqqQqI39I"  # id, type, name, minimum, maximum, step, default, flags
+
+_MOST = 128  # answers of a list
+_END = (errno.EINVAL, errno.ENOTTY, errno.ENODATA, errno.EPIPE)
 MJPEG = ("MJPG", "JPEG")
 _LINKS = ("by-id", "by-path")
 _RATE_TOLERANCE = 0.01  # 29.97 will do for 30
 _CAPTURES = 1  # among the capabilities of a node, and the type of its buffers
 _COMPRESSED = 1  # among the flags of a format
 _DISCRETE = 1  # kind of a size or rate: not a range
+
+
+def ask(device: FileIO, question: tuple[int, str], *given: int) -> tuple[Any, ...]:
+    """The structure that the driver answers with; `given`: how that of the question begins.
+
+    OSError if it refuses.
+    """
+    number, layout = question
+    size = struct.calcsize(layout)
+    direction = 2 if question is QUERYCAP else 3  # read, or written and read
+    asked = b"".join((one & 0xFFFF_FFFF).to_bytes(4, "little") for one in given)
+    request = direction << 30 | size << 16 | ord("V") << 8 | number
+    return struct.unpack(layout, fcntl.ioctl(device, request, asked.ljust(size, b"\0")))
+
+
+def every(
+    device: FileIO,
+    question: tuple[int, str],
+    *given: int,
+    next_flag: int = 0,
+) -> Iterator[tuple[Any, ...]]:
+    """All answers of a list, whose question begins with an index.
+
+    `next_flag`: the question is instead the number of the last answer with this flag, which asks
+    for the one after it.
+    """
+    index = next_flag
+    for _ in range(_MOST):
+        try:
+            answer = ask(device, question, index, *given)
+        except OSError as error:
+            if error.errno in _END:
+                return
+            raise
+        yield answer
+        index = answer[0] | next_flag if next_flag else answer[0] + 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,12 +147,11 @@ def choose_camera(
     name: str = "",
     serial: str = "",
     path: str = "",
-    resolve: Callable[[str], str] = os.path.realpath,
 ) -> CameraInfo:
     """The one camera that has everything of `name`, `serial`, `path` that is given.
 
-    DeviceError, which lists what was found, if none or several have. `resolve` follows links,
-    such as those a laboratory makes by rules of its own.
+    DeviceError, which lists what was found, if none or several have. A path may be a link, such
+    as those a laboratory makes by rules of its own.
     """
     wanted = {"name": name, "serial": serial, "path": path}
     matches = [
@@ -108,7 +159,7 @@ def choose_camera(
         for info in found
         if (not name or info.name == name)
         and (not serial or info.serial == serial)
-        and (not path or path in info.paths or resolve(path) == info.node)
+        and (not path or path in info.paths or os.path.realpath(path) == info.node)
     ]
     if len(matches) == 1:
         return matches[0]
@@ -153,7 +204,7 @@ def _camera(node: Path, sys_node: Path, links: dict[str, list[str]]) -> CameraIn
     refusal = ""
     try:
         with FileIO(node, "r+") as device:
-            _, card, _, _, _, capabilities, *_ = ioctl.ask(device, ioctl.QUERYCAP)
+            _, card, _, _, _, capabilities, *_ = ask(device, QUERYCAP)
             if not capabilities & _CAPTURES:
                 return None
             name = name or card.rstrip(b"\0").decode(errors="replace")
@@ -179,7 +230,7 @@ def _attribute(file: Path) -> str:
 
 
 def _modes(device: FileIO) -> Iterator[CameraMode]:
-    for _, _, flags, _, fourcc, *_ in every(device, ioctl.ENUM_FMT, _CAPTURES):
+    for _, _, flags, _, fourcc, *_ in every(device, ENUM_FMT, _CAPTURES):
         name = fourcc.to_bytes(4, "little").decode("latin-1").strip()
         for width, height, largest in _sizes(device, fourcc):
             found, any_rate = _rates(device, fourcc, *(largest or (width, height)))
@@ -190,7 +241,7 @@ def _modes(device: FileIO) -> Iterator[CameraMode]:
 
 def _sizes(device: FileIO, fourcc: int) -> Iterator[tuple[int, int, tuple[int, int] | None]]:
     """Width and height [px] of the frames, and up to where if it is a range."""
-    for _, _, kind, *ends in every(device, ioctl.ENUM_FRAMESIZES, fourcc):
+    for _, _, kind, *ends in every(device, ENUM_FRAMESIZES, fourcc):
         if kind != _DISCRETE:  # a range stands alone
             narrowest, widest, _, lowest, highest, *_ = ends
             yield narrowest, lowest, (widest, highest)
@@ -201,7 +252,7 @@ def _sizes(device: FileIO, fourcc: int) -> Iterator[tuple[int, int, tuple[int, i
 def _rates(device: FileIO, fourcc: int, width: int, height: int) -> tuple[list[Fraction], bool]:
     """The frame rates [1/s], and whether any between the two there are will do."""
     rates: list[Fraction] = []
-    for answer in every(device, ioctl.ENUM_FRAMEINTERVALS, fourcc, width, height):
+    for answer in every(device, ENUM_FRAMEINTERVALS, fourcc, width, height):
         any_rate = answer[4] != _DISCRETE
         periods = (answer[5:7], answer[7:9]) if any_rate else (answer[5:7],)
         rates += [Fraction(parts, seconds) for seconds, parts in periods if seconds and parts]

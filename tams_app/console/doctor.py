@@ -68,7 +68,7 @@ def configuration(config: Config) -> Iterator[Finding]:
 def codecs(config: Config) -> Iterator[Finding]:
     """The configured encoder and decoder."""
     from tams_app import gst
-    from tams_app.video.live.installed_codecs import installed_codecs
+    from tams_app.video.live.codecs import installed_codecs
 
     if gst.missing_elements():
         return  # named above

@@ -64,7 +64,8 @@ def network(
     """
     from tams_app.video.live.netem import run_network
 
-    run_network(settings, name, interface, action, typer.echo)
+    for line in run_network(settings, name, interface, action):
+        typer.echo(line)
 
 
 def _phases() -> list[str]:

@@ -126,7 +126,7 @@ class Senders(Video):
         self._senders: dict[str, VideoSender] = {}
         self._parts.stack.callback(self.close)
         for view, stream in self._streams.items():
-            sender = VideoSender(stream, clock, log.record, log.record, self._uplink)
+            sender = VideoSender(stream, self._uplink, clock, log.record)
             self._senders[view] = sender
 
     @property
@@ -151,19 +151,11 @@ class Senders(Video):
         }
         if self._emulated is None:
             return ends
-        relay = RelayClient(
-            self._emulated,
-            ends,
-            seed=self._config.seed,
-            log_directory=self._parts.logs,
-            on_packets=self._on_packets,
-            on_failure=self._parts.on_failure,
-            epoch_ns=self._epoch_ns,
-        )
+        relay = RelayClient(self._parts.logs, self._on_packets, self._parts.on_failure)
         self._parts.stack.callback(relay.close)
-        ends = relay.start()
-        if (pid := relay.pid) is not None:
-            self._parts.measure("relay", pid)
+        ends = relay.emulate(self._emulated, ends, self._config.seed, self._epoch_ns)
+        if relay.process is not None and relay.process.pid is not None:
+            self._parts.measure("relay", relay.process.pid)
         return ends
 
     def start(self, entrances: Mapping[str, ViewPorts]) -> None:
@@ -198,7 +190,9 @@ class Senders(Video):
         self._log.packets(packets)
 
     def _send(self, frame: Frame, left_out: bool) -> None:
-        self._senders[frame.view].push(frame, left_out)
+        dropped = self._senders[frame.view].push(frame, left_out)
+        if dropped is not None:
+            self._log.record(dropped)
 
     def _wire_bytes(self) -> int:
         return sum(sender.wire_bytes for sender in self._senders.values())

@@ -31,8 +31,7 @@ from tams_app.task.episodes import Episodes
 from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
-from tams_app.video.live.networks import read_trace, resolve_network
-from tams_app.video.live.traces import described
+from tams_app.video.live.networks import described, read_trace, resolve_network
 
 if TYPE_CHECKING:  # `run` needs nothing of the link
     from tams_app.robot.linked_operator import LinkedOperator

@@ -14,14 +14,13 @@ from tams_app.records import Frame, Phase, UplinkReport
 from tams_app.robot.ground import Ground
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import SOFTWARE, Codecs
-from tams_app.video.core.flight import FlightBound
-from tams_app.video.core.pacer import Pacer
+from tams_app.video.core.pacer import FlightBound, Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
 from tams_app.video.core.protection import Protection
-from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink, uplink_report
 from tams_app.video.core.repair import RepairRule, repair_rule
-from tams_app.video.core.stream import StreamSettings
+from tams_app.video.core.rtcp import ReceivedFeedback, uplink_report
+from tams_app.video.core.sender import StreamSettings, Uplink
 from tams_app.video.live.networks import network_capacity
 
 TakeFrame: TypeAlias = Callable[[Frame], None]
@@ -70,16 +69,14 @@ class Video(ABC):
         protected = video.views if self.rule.parity else ()
         always = video.repair.parity == "on"
         self._protection = Protection(protected, network, self.rule, video.fps, always, real)
-        self._flight = FlightBound(video.views) if feedback else None
         most_kbps = config.policy.budget.max_kbps
         self._uplink = Uplink(
             {view: ReceivedFeedback(view, media_ssrc(video, view)) for view in received},
             feedback,
             {view: ViewParity(parity_ssrc(video, view), feedback) for view in protected},
-            self.may_resend,
+            FlightBound(video.views, threading.Lock()) if feedback else None,
             Pacer(sum(start_kbps.values()), most_kbps, threading.Lock()) if feedback else None,
         )
-        self._flight_lock = threading.Lock()  # cameras, policy and senders ask
         self._clock, self._log = ground.clock, ground.log
         self._captured = captured
 
@@ -113,18 +110,10 @@ class Video(ABC):
 
         `capacity_kbps` paces what leaves.
         """
-        if self._flight is not None:
-            with self._flight_lock:
-                self._flight.set(limit_bytes, target_kbps)
+        if self._uplink.flight is not None:
+            self._uplink.flight.set(limit_bytes, target_kbps)
         if self._uplink.pacer is not None:
             self._uplink.pacer.set(capacity_kbps)
-
-    def may_resend(self, size_bytes: int) -> bool:
-        """True if a packet may be sent again without exceeding what may be under way."""
-        if self._flight is None:
-            return True
-        with self._flight_lock:
-            return self._flight.admits_resend(size_bytes)
 
     @abstractmethod
     def pad(self, size_bytes: int) -> None:
@@ -135,14 +124,13 @@ class Video(ABC):
         return uplink_report(now_ns, self._wire_bytes(), tuple(self._uplink.received.values()))
 
     def _exceeds_flight(self, view: str) -> bool:
-        if self._flight is None:
+        flight, pacer = self._uplink.flight, self._uplink.pacer
+        if flight is None:
             return False
         reported_ns = max(received.newest_sent_ns for received in self._uplink.received.values())
         sent_bytes, now_ns = self._wire_bytes(), self._clock.now_ns()
-        pacer = self._uplink.pacer
         waiting_bytes = 0.0 if pacer is None else pacer.waiting_bytes(now_ns)
-        with self._flight_lock:
-            return self._flight.exceeded(view, now_ns, sent_bytes, reported_ns, waiting_bytes)
+        return flight.exceeded(view, now_ns, sent_bytes, reported_ns, waiting_bytes)
 
     @abstractmethod
     def _send(self, frame: Frame, left_out: bool) -> None: ...

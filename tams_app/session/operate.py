@@ -20,7 +20,7 @@ from tams_app.station.operator_side import OperatorSide
 from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import call_robot
 from tams_app.station.screen import Screen
-from tams_app.video.live.installed_codecs import installed_codecs
+from tams_app.video.live.codecs import installed_codecs
 
 
 @contextmanager

@@ -13,7 +13,7 @@ from tams_app.robot.side import RobotSide, bind_video, start_devices
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.mailbox import Sentences
 from tams_app.session.session import Outset, Session
-from tams_app.video.live.installed_codecs import installed_codecs
+from tams_app.video.live.codecs import installed_codecs
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7

@@ -18,7 +18,7 @@ from tams_app.session.session import Outset, Session
 from tams_app.station.hand import OperatorHand, launch_operator
 from tams_app.station.receivers import Receivers
 from tams_app.station.screen import Screen
-from tams_app.video.live.installed_codecs import installed_codecs
+from tams_app.video.live.codecs import installed_codecs
 
 
 @contextmanager

@@ -41,7 +41,7 @@ class Displays:
 class FreshVideo:
     """The frames shown of all views, of which one counts on two conditions; from any thread.
 
-    It is whole (`tams_app.video.core.repair`), and each display shows it, or a newer one: one
+    It is whole (`tams_app.video.core.receiver`), and each display shows it, or a newer one: one
     that stands still, or puts off its drawing, shows what it showed before. Without displays a
     frame counts at once.
     """

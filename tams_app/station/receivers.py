@@ -46,7 +46,7 @@ class Receivers:
         self._fresh = FreshVideo(config.views, displays)
         self._times: dict[str, deque[int]] = {view: deque(maxlen=200) for view in config.views}
         self._stages = {view: StageMeans() for view in config.views}
-        self._host = config.bind_host
+        self._newest: dict[str, ShownFrame] = {}
         self._receivers: dict[str, VideoReceiver] = {}
         with ExitStack() as stack:  # where one cannot bind, the others let go of their ports
             for view in config.views:
@@ -60,10 +60,7 @@ class Receivers:
     @property
     def ports(self) -> dict[str, ViewPorts]:
         """By view, where its packets must arrive."""
-        return {
-            view: ViewPorts(self._host, one.rtp_port, one.reports_port, 0)
-            for view, one in self._receivers.items()
-        }
+        return {view: one.ports for view, one in self._receivers.items()}
 
     def start(self, entrances: Mapping[str, ViewPorts]) -> None:
         """Begin to receive; feedback goes to `entrances`, by view."""
@@ -72,7 +69,7 @@ class Receivers:
 
     def shown(self, view: str) -> ShownFrame | None:
         """The newest frame of `view`; None before the first."""
-        return self._receivers[view].mailbox.latest()
+        return self._newest.get(view)
 
     def steered_by(self, view: str) -> SteeredBy:
         """The frame of this view that the operator can steer by now."""
@@ -108,6 +105,7 @@ class Receivers:
         self._stack.close()
 
     def _shown(self, shown: ShownFrame) -> None:
+        self._newest[shown.view] = shown
         self._fresh.shown(shown)
         self._times[shown.view].append(shown.shown_ns)
         self._stages[shown.view].step("decoder", shown.received_ns, shown.shown_ns)

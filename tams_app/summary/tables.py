@@ -16,7 +16,7 @@ from tams_app.recording import SessionLog
 from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
-from tams_app.video.core.frame_interval import FrameIntervals
+from tams_app.video.core.rate_control import FrameIntervals
 from tams_app.video.core.uplink_figures import ReportedPackets
 
 _TIMESTAMPS_SINCE = 3  # schema of the log

@@ -27,7 +27,7 @@ from tams_app.summary.tables import (
 )
 from tams_app.summary.tracking import steps, tracking_error, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.frame_interval import freeze_ns
+from tams_app.video.core.rate_control import freeze_ns
 from tams_app.video.core.stages import NETWORK, STAGES
 
 ENOUGH = 0.8  # of the frames a second that were asked for

@@ -20,7 +20,7 @@ from tams_app.export.lerobot import dataset as writing
 from tams_app.export.lerobot import video
 from tams_app.export.lerobot.statistics import PixelStatistics
 from tams_app.recording import read_video
-from tams_app.video.core.colour import bgr_of, i420_of
+from tams_app.video.core.codecs import bgr_of, i420_of
 from tests.calibration.weights_session import HEIGHT, WIDTH, seen
 from tests.export.conftest import Export
 from tests.export.sessions import CAPTURES_NS, GRIPPER_CLOSES, TICKS, Dataset, moving_session

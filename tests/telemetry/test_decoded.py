@@ -11,8 +11,8 @@ import pytest
 
 from tams_app.recording import LOG_NAME, read_video
 from tams_app.records import EncodedFrame, Image, ShownFrame
-from tams_app.video.core.colour import bgr_of
-from tams_app.video.live.recorded import decoded
+from tams_app.video.core.codecs import bgr_of
+from tams_app.video.live.codecs import decoded
 from tests.foxglove_messages import messages
 from tests.session.virtual.runs import WALL_NS, run, short
 

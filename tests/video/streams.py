@@ -14,18 +14,17 @@ from tams_app.config import VideoConfig
 from tams_app.records import DroppedFrame, EncodedFrame, PacketArrival, ShownFrame
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
-from tams_app.video.core.colour import bgr_of
-from tams_app.video.core.pacer import Pacer
+from tams_app.video.core.codecs import bgr_of
+from tams_app.video.core.pacer import FlightBound, Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
-from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.stream import StreamSettings
+from tams_app.video.core.rtcp import ReceivedFeedback
+from tams_app.video.core.sender import StreamSettings, Uplink
+from tams_app.video.live.codecs import decoded
 from tams_app.video.live.receiver import VideoReceiver
-from tams_app.video.live.recorded import decoded
 from tams_app.video.live.sender import VideoSender
-from tams_app.video.live.udp import ViewPorts
-from tams_app.video.live.view_decoder import ViewDecoder
+from tams_app.video.live.view_codecs import ViewDecoder
 from tests.video.lossy_link import LossyLink
 from tests.video.scenes import HEIGHT, WIDTH, frame
 
@@ -43,7 +42,7 @@ class Stream:
         rule: RepairRule,
         kbps: float,
         feedback: bool = False,
-        may_resend: Callable[[int], bool] = lambda _size_bytes: True,
+        flight: FlightBound | None = None,
         pacer: Pacer | None = None,
     ) -> None:
         self.clock = MonotonicClock()
@@ -53,21 +52,17 @@ class Stream:
         self.received = ReceivedFeedback("eih", media_ssrc(config, "eih"))
         self._arrived = threading.Condition()
         self.parity = ViewParity(parity_ssrc(config, "eih"), feedback) if rule.parity else None
+        parity = {"eih": self.parity} if self.parity else {}
         self.sender = VideoSender(
-            StreamSettings("eih", config, rule.rtx, kbps, 80.0), self.clock,
-            self.encoded.append, self.dropped.append,
-            Uplink({"eih": self.received}, feedback,
-                   {"eih": self.parity} if self.parity else {}, may_resend, pacer),
-        )  # fmt: skip
+            StreamSettings("eih", config, rule.rtx, kbps, 80.0),
+            Uplink({"eih": self.received}, feedback, parity, flight, pacer),
+            self.clock,
+            self.encoded.append,
+        )
         self.receiver = VideoReceiver(
             "eih", config, rule, self.clock, self.sender.sent.find, self._note, feedback
         )
-        self.exits = ViewPorts(
-            "127.0.0.1",
-            self.receiver.rtp_port,
-            self.receiver.reports_port,
-            self.sender.feedback_port,
-        )
+        self.exits = replace(self.receiver.ports, feedback=self.sender.feedback_port)
         self._pushed = 0
         self._period_s = 1.0 / config.fps
         self.capture_ns = self.clock.now_ns()
@@ -82,7 +77,9 @@ class Stream:
         for each in frames:
             time.sleep(max(0.0, due - time.monotonic()))
             ready_ns = self.clock.now_ns()
-            self.sender.push(replace(each, capture_ns=self.capture_ns, ready_ns=ready_ns))
+            each = replace(each, capture_ns=self.capture_ns, ready_ns=ready_ns)
+            if (dropped := self.sender.push(each)) is not None:
+                self.dropped.append(dropped)
             self.capture_ns += round(self._period_s * NS_PER_S)
             self._pushed += 1
             self._wait_for_encoder()

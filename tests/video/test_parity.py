@@ -15,7 +15,7 @@ from tams_app.video.core.packets import (
     transport_sequence,
     with_transport_sequence,
 )
-from tams_app.video.core.parity import HEADER_BYTES, ParityDecoder, ParityEncoder
+from tams_app.video.core.parity import HEADER_BYTES, ParityDecoder, ViewParity
 
 pytestmark = pytest.mark.untimed
 
@@ -25,6 +25,12 @@ MEDIA_SSRC, PARITY_SSRC = 0x54410000, 0x54420000
 def media(sequence: int, payload: bytes, timestamp: int = 3000, marker: bool = False) -> bytes:
     second = MEDIA_PAYLOAD_TYPE | (marker << 7)
     return struct.pack("!BBHII", 0x80, second, sequence % 65536, timestamp, MEDIA_SSRC) + payload
+
+
+def encoder(groups: int, numbered: bool = False) -> ViewParity:
+    made = ViewParity(PARITY_SSRC, numbered)
+    made.groups = groups
+    return made
 
 
 @st.composite
@@ -54,7 +60,7 @@ def received(decoder: ParityDecoder, packets: list[bytes]) -> list[bytes]:
 def test_one_packet_lost_of_each_group_is_restored_bit_for_bit(
     packets: list[bytes], groups: int, data: st.DataObject
 ) -> None:
-    parity = ParityEncoder(PARITY_SSRC).protect(packets, groups)
+    parity = encoder(groups).protect(packets)
     count = len(parity)
     assert count == min(groups, len(packets))
     lost = [data.draw(st.sampled_from(packets[group::count])) for group in range(count)]
@@ -66,7 +72,7 @@ def test_one_packet_lost_of_each_group_is_restored_bit_for_bit(
 def test_as_many_lost_in_a_row_as_there_are_parity_packets_are_restored(
     packets: list[bytes], groups: int, data: st.DataObject
 ) -> None:
-    parity = ParityEncoder(PARITY_SSRC).protect(packets, groups)
+    parity = encoder(groups).protect(packets)
     sent = packets + parity
     start = data.draw(st.integers(0, len(sent) - 1))
     lost = sent[start : start + len(parity)]
@@ -80,7 +86,7 @@ def test_order_duplicates_and_late_parity_change_nothing_that_is_restored(
     packets: list[bytes], others: list[bytes], groups: int, data: st.DataObject
 ) -> None:
     assume(timestamp_of(packets[0]) != timestamp_of(others[0]))
-    parity = ParityEncoder(PARITY_SSRC).protect(packets, groups)
+    parity = encoder(groups).protect(packets)
     lost = data.draw(st.sampled_from(packets))
     arrived = [packet for packet in [*packets, *parity, *others, *others] if packet != lost]
     arrived += data.draw(st.lists(st.sampled_from(arrived), max_size=4)) if arrived else []
@@ -96,7 +102,7 @@ def test_two_lost_of_one_group_are_not_restored_and_nothing_false_is(
 ) -> None:
     header = read_rtp(packets[-1])
     packets += [media(header.sequence + 1, b"x", header.timestamp)]
-    parity = ParityEncoder(PARITY_SSRC).protect(packets, 1)
+    parity = encoder(1).protect(packets)
     lost = data.draw(st.lists(st.sampled_from(packets), min_size=2, max_size=2, unique=True))
     arrived = [packet for packet in packets if packet not in lost]
     decoder = ParityDecoder(MEDIA_SSRC)
@@ -108,30 +114,30 @@ def test_two_lost_of_one_group_are_not_restored_and_nothing_false_is(
 def test_no_bytes_whatever_break_it_or_keep_it_from_working(
     hostile: list[bytes], packets: list[bytes]
 ) -> None:
-    encoder, decoder = ParityEncoder(PARITY_SSRC), ParityDecoder(MEDIA_SSRC)
+    protecting, decoder = encoder(1), ParityDecoder(MEDIA_SSRC)
     for datagram in hostile:
         header = struct.pack("!BBHII", 0x80, PARITY_PAYLOAD_TYPE, 1, 3001, PARITY_SSRC)
         for one in (datagram, header + datagram):
-            encoder.protect([one], 1)
+            protecting.protect([one])
             decoder.media(one)
             decoder.parity(one)
     assume(timestamp_of(packets[0]) != 3001)
-    parity = encoder.protect(packets, 1)
+    parity = protecting.protect(packets)
     assert received(decoder, packets[1:] + parity) == packets[:1]
 
 
 def test_what_is_kept_is_bounded() -> None:
-    decoder, encoder = ParityDecoder(MEDIA_SSRC), ParityEncoder(PARITY_SSRC)
+    decoder, protecting = ParityDecoder(MEDIA_SSRC), encoder(1)
     for number in range(3000):
         packets = [media(4 * number + n, b"abc", 90 * number) for n in range(4)]
-        received(decoder, packets[:2] + encoder.protect(packets, 1))
+        received(decoder, packets[:2] + protecting.protect(packets))
     assert len(decoder._media) <= 1024
     assert len(decoder._waiting) <= 64
 
 
 def test_a_parity_packet_whose_lengths_do_not_add_up_restores_nothing() -> None:
     packets = [media(n, b"abcd") for n in range(2)]
-    (parity,) = ParityEncoder(PARITY_SSRC).protect(packets, 1)
+    (parity,) = encoder(1).protect(packets)
     lengths = slice(12 + HEADER_BYTES - 2, 12 + HEADER_BYTES)
     forged = bytearray(parity)
     forged[lengths] = struct.pack("!H", 1 << 12)
@@ -143,7 +149,7 @@ def test_a_parity_packet_whose_lengths_do_not_add_up_restores_nothing() -> None:
 def test_numbered_packets_restore_the_same_and_the_last_one_ends_the_frame(
     packets: list[bytes], groups: int
 ) -> None:
-    parity = ParityEncoder(PARITY_SSRC, numbered=True).protect(packets, groups)
+    parity = encoder(groups, numbered=True).protect(packets)
     numbered = [with_transport_sequence(one, 54321) for one in parity]
     assert [transport_sequence(one) for one in numbered] == [54321] * len(parity)
     headers = [header for one in numbered if (header := read_rtp(one)) is not None]

@@ -1,4 +1,4 @@
-"""The SSIM helper, in this process with a clock that is ours and as a process of its own."""
+"""The SSIM helper, in this process with our clock and as a process of its own, and its pace."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 import psutil
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tams_app.config import load_config
 from tams_app.records import Frame, FrameQuality, Image, Pose
@@ -21,8 +23,15 @@ from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import open_block
 from tams_app.session.quality import LiveQuality, TaskRegions
 from tams_app.station.mount_memory import MountMemory
-from tams_app.station.quality_process import WAITING_FATES, SparePace, ViewScores, run
-from tams_app.units import NS_PER_MS
+from tams_app.station.quality_process import (
+    LARGEST_SHARE,
+    LEAST_SHARE,
+    WAITING_FATES,
+    SparePace,
+    ViewScores,
+    run,
+)
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.ssim import FrameMoments, luma_of, ssim
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, FrameBlock, FrameReader, RingLayout
 from tests.faults.applications import until
@@ -32,6 +41,7 @@ pytestmark = pytest.mark.waiting
 
 WIDTH, HEIGHT = 96, 64
 FRAME_NS = 33 * NS_PER_MS
+WORK_NS = 10 * NS_PER_MS
 
 
 def image(index: int) -> Image:
@@ -238,3 +248,54 @@ def test_a_view_that_is_corrected_is_live_as_it_is_drawn(tmp_path: Path) -> None
     }
     assert len(live["eih"]) > 5
     assert min(live["eih"][2:]) > max(live["gt"][2:]) + 0.05
+
+
+def paced(idles: list[float]) -> list[float]:
+    """The share after each look at the machine."""
+    at = iter(idles)
+    pace = SparePace(lambda: next(at), 0)
+    shares = []
+    for second in range(1, len(idles) + 1):
+        pace.rest_ns(WORK_NS, second * NS_PER_S)
+        shares.append(pace.share)
+    return shares
+
+
+def test_it_begins_with_little_and_grows_to_half_a_core_where_cores_are_idle() -> None:
+    shares = paced([0.4] * 20)
+    assert shares[0] < 0.1
+    assert shares == sorted(shares)
+    assert shares[-1] == LARGEST_SHARE
+
+
+def test_a_full_machine_halves_it_at_each_look_down_to_a_few_frames_a_second() -> None:
+    shares = paced([0.4] * 20 + [0.0] * 5)
+    assert shares[20:23] == [0.25, 0.125, 0.0625]
+    assert shares[-1] == LEAST_SHARE
+
+
+def test_between_scarce_and_ample_it_stays() -> None:
+    assert len(set(paced([0.07] * 5))) == 1
+
+
+def test_the_machine_is_looked_at_twice_a_second_however_short_the_work() -> None:
+    looks = []
+
+    def idle() -> float:
+        looks.append(1)
+        return 0.5
+
+    pace = SparePace(idle, 0)
+    for step in range(1, 101):
+        pace.rest_ns(WORK_NS, step * 10 * NS_PER_MS)
+    assert len(looks) == 2
+
+
+@given(st.lists(st.floats(0, 1), max_size=40), st.integers(0, NS_PER_S))
+def test_work_never_takes_more_than_half_of_the_time(idles: list[float], worked_ns: int) -> None:
+    at = iter([*idles, 1.0])
+    pace = SparePace(lambda: next(at), 0)
+    for second in range(1, len(idles) + 2):
+        rest_ns = pace.rest_ns(worked_ns, second * NS_PER_S)
+        assert rest_ns >= worked_ns
+        assert LEAST_SHARE <= pace.share <= LARGEST_SHARE

@@ -1,9 +1,8 @@
-"""The encoder servo on a model of x264, and on the real one."""
+"""The time between frames, the encoder servo on a model of x264 and on the real one, and drops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 import pytest
@@ -12,12 +11,20 @@ from hypothesis import strategies as st
 
 from tams_app.config import VideoConfig
 from tams_app.records import IP_UDP_HEADER_BYTES, Frame
-from tams_app.units import NS_PER_S
-from tams_app.video.core.frame_interval import FrameIntervals, FrameTime
-from tams_app.video.core.rate_control import WINDOW_FRAMES, X264_FPS, EncoderServo, SourceDrop
-from tams_app.video.core.stream import StreamSettings
-from tams_app.video.live.view_encoder import ViewEncoder
-from tams_app.video.virtual.chains import EncoderChain
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.rate_control import (
+    LONGEST_NS,
+    SHORTEST_NS,
+    WINDOW_FRAMES,
+    X264_FPS,
+    EncoderServo,
+    FrameIntervals,
+    FrameTime,
+    SourceDrop,
+    freeze_ns,
+)
+from tams_app.video.core.sender import AdmittedFrame, Sender, StreamSettings, Uplink
+from tams_app.video.virtual.sender import EncoderChain
 from tams_app.video.virtual.stepped_clock import SteppedClock
 from tests.video.camera_times import camera_times_ns
 from tests.video.scenes import image
@@ -214,19 +221,19 @@ def wire_bytes_of_frames(targets_kbps: list[float], first_frame: int = 0) -> lis
 
     In one thread: each frame is encoded and counted before the next one is admitted.
     """
-    ignore: Callable[[object], None] = lambda _: None  # noqa: E731
     clock = SteppedClock(NS_PER_S)
     stream = StreamSettings("eih", VideoConfig(), False, targets_kbps[0], 80.0)
-    frames = ViewEncoder(stream, clock, ignore, ignore)
-    chain = EncoderChain(stream, frames, clock)
-    chain.start()
+    sender = Sender(stream, Uplink())
+    chain = EncoderChain(sender, clock)
     sizes: list[int] = []
     for index, target_kbps in enumerate(targets_kbps):
-        frames.set_target_kbps(target_kbps)
+        sender.set_target_kbps(target_kbps)
         clock.move_to(NS_PER_S + index * NS_PER_S // FPS)
         captured = Frame("eih", index, clock.now_ns(), image(first_frame + index))
-        buffer = frames.admit(captured, sum(sizes))
-        packets = chain.encode(buffer) if buffer is not None else []
+        admitted = sender.admit(captured, sum(sizes), clock.now_ns())
+        packets = []
+        if isinstance(admitted, AdmittedFrame):
+            _, packets = chain.encode(captured, admitted)
         sizes.append(sum(len(packet) + IP_UDP_HEADER_BYTES for packet in packets))
     chain.close()
     return sizes
@@ -255,3 +262,60 @@ def test_below_the_threshold_frames_are_dropped_and_the_rate_still_meets_the_tar
     assert sizes.count(0) == pytest.approx(180 * 3 / 8, abs=2)
     sent_kbps = sum(sizes[30:]) * 8 / 1000 / (150 / FPS)
     assert sent_kbps == pytest.approx(50.0, rel=0.06)
+
+
+def watched(times_ns: list[int]) -> list[FrameTime]:
+    intervals = FrameIntervals(FRAME_NS)
+    return [intervals.step(t_ns) for t_ns in times_ns]
+
+
+@given(st.lists(st.integers(0, 5 * NS_PER_S), max_size=60))
+def test_whatever_a_camera_does_its_interval_stays_within_bounds(steps_ns: list[int]) -> None:
+    for time in watched(list(accumulate(steps_ns, initial=NS_PER_S))):
+        assert SHORTEST_NS <= time.usual_ns <= LONGEST_NS
+        assert SHORTEST_NS <= time.elapsed_ns <= LONGEST_NS
+
+
+@given(st.lists(st.integers(10 * NS_PER_MS, 5 * NS_PER_S), max_size=60))
+def test_no_frame_is_paid_more_than_the_time_that_has_passed(steps_ns: list[int]) -> None:
+    times = watched(list(accumulate(steps_ns, initial=NS_PER_S)))[1:]
+    assert all(time.paid_ns <= step for time, step in zip(times, steps_ns, strict=True))
+    assert all(time.paid_ns <= 1.5 * time.usual_ns + 1 for time in times)
+    assert all(time.paid_ns <= time.counted_ns <= time.elapsed_ns for time in times)
+
+
+@given(st.floats(5.0, 60.0))
+def test_at_a_constant_rate_the_interval_is_the_cameras(rate_hz: float) -> None:
+    for time in watched(camera_times_ns((rate_hz, 2)))[1:]:
+        assert time.usual_ns == pytest.approx(NS_PER_S / rate_hz, abs=1)
+        assert time.paid_ns == time.counted_ns == time.elapsed_ns
+
+
+@given(st.floats(5.0, 60.0), st.floats(5.0, 60.0))
+def test_a_change_of_the_rate_is_followed_from_the_second_interval(
+    before_hz: float, after_hz: float
+) -> None:
+    times_ns = camera_times_ns((before_hz, 1), (after_hz, 1))
+    second = round(before_hz) + 1
+    after = watched(times_ns)[second + 1 :]
+    assert all(time.usual_ns == pytest.approx(NS_PER_S / after_hz, abs=2) for time in after)
+
+
+def test_a_missed_frame_is_counted_and_the_next_is_not_twice_as_large() -> None:
+    times_ns = camera_times_ns((30, 1))
+    del times_ns[10]
+    time = watched(times_ns)[10]
+    assert time.usual_ns == pytest.approx(FRAME_NS, abs=1)
+    assert time.paid_ns == pytest.approx(1.5 * FRAME_NS, abs=2)
+    assert time.counted_ns == pytest.approx(2 * FRAME_NS, abs=2)
+
+
+def test_a_gap_is_neither_paid_nor_counted() -> None:
+    times_ns = camera_times_ns((30, 1))
+    after_gap = watched([*times_ns, times_ns[-1] + 3 * NS_PER_S])[-1]
+    assert after_gap.counted_ns == pytest.approx(2 * FRAME_NS, abs=2)
+
+
+@pytest.mark.parametrize(("rate_hz", "freeze_ms"), [(60, 200), (30, 200), (15, 200), (5, 500)])
+def test_a_freeze_is_200_ms_or_two_missing_frames(rate_hz: int, freeze_ms: int) -> None:
+    assert freeze_ns(NS_PER_S // rate_hz) == freeze_ms * NS_PER_MS

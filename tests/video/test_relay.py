@@ -52,16 +52,11 @@ class Ends:
         }
         self.records, self.failures = [], []
         self.client = RelayClient(
-            network,
-            exits,
-            seed=5,
-            log_directory=tmp_path,
-            on_packets=self.records.extend,
-            on_failure=lambda *failure: self.failures.append(failure),
-            **{"epoch_ns": time.monotonic_ns()} | options,
+            tmp_path, self.records.extend, lambda *failure: self.failures.append(failure)
         )
         stack.callback(self.client.close)
-        self.entrances = self.client.start()
+        options = {"epoch_ns": time.monotonic_ns()} | options
+        self.entrances = self.client.emulate(network, exits, 5, **options)
 
     def send(self, view, flow, datagram):
         ports = self.entrances[view]
@@ -179,7 +174,7 @@ def test_a_trace_begins_at_the_epoch_given(between, tmp_path):
 
 def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
     ends = between(Network())
-    os.kill(ends.client.pid, signal.SIGKILL)
+    os.kill(ends.client.process.pid, signal.SIGKILL)
     until(lambda: ends.failures, "the relay's end")
     ((name, failure),) = ends.failures
     assert name == "relay-reports"
@@ -188,15 +183,8 @@ def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
 
 
 def test_a_relay_that_cannot_bind_says_so(between, tmp_path):
-    client = RelayClient(
-        Network(),
-        {"eih": ViewPorts("192.0.2.1", 1, 2, 3)},
-        seed=1,
-        log_directory=tmp_path,
-        on_packets=lambda records: None,
-        on_failure=lambda name, failure: None,
-        epoch_ns=0,
-    )
+    client = RelayClient(tmp_path, lambda records: None, lambda name, failure: None)
+    nowhere = {"eih": ViewPorts("192.0.2.1", 1, 2, 3)}
     with pytest.raises(HelperError, match=r"the link relay cannot start .*check video\.bind_host"):
-        client.start()
+        client.emulate(Network(), nowhere, seed=1, epoch_ns=0)
     client.close()

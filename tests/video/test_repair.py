@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from tams_app.config import Network, RepairConfig, load_config
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.repair import KeyframeRequests, RepairRule, repair_rule
+from tams_app.video.core.receiver import KeyframeRequests
+from tams_app.video.core.repair import RepairRule, repair_rule
 
 pytestmark = pytest.mark.untimed
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import threading
 import time
 from dataclasses import replace
 from itertools import pairwise
@@ -71,14 +72,14 @@ class PunctualClock(MonotonicClock):
     """After a sleep it says once that it is on time, however late the machine has woken it."""
 
     def __init__(self) -> None:
-        self._woken_ns: int | None = None
+        self._woken = threading.local()  # frames are pushed in another thread
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         super().sleep_until_ns(deadline_ns)
-        self._woken_ns = deadline_ns
+        self._woken.ns = deadline_ns
 
     def now_ns(self) -> int:
-        woken_ns, self._woken_ns = self._woken_ns, None
+        woken_ns, self._woken.ns = getattr(self._woken, "ns", None), None
         return super().now_ns() if woken_ns is None else woken_ns
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketArrival
 from tams_app.units import NS_PER_S
-from tams_app.video.core.flight import FlightBound
+from tams_app.video.core.pacer import FlightBound
 from tams_app.video.core.packets import REPAIR_PAYLOAD_TYPE, read_rtp, transport_sequence
 from tests.faults.applications import until
 from tests.video.lossy_link import Keep, LossyLink
@@ -63,9 +63,7 @@ def test_packets_are_sent_again_only_within_the_bound_on_what_is_under_way(limit
     bound.set(limit_bytes, {"eih": 6000.0})
     bound.exceeded("eih", 1, 0, 0)
     link = LossyLink(lost_in({20, 30, 40, 50, 60}))
-    with stream(
-        link, PATIENT, kbps=6000.0, feedback=True, may_resend=bound.admits_resend
-    ) as joined:
+    with stream(link, PATIENT, kbps=6000.0, feedback=True, flight=bound) as joined:
         joined.push(range(30))
         if limit_bytes == 1e9:
             until(lambda: any(map(is_repair, link.rtp)), "a packet sent again")

@@ -9,8 +9,13 @@ from tams_app.capacity import TraceCapacity
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.errors import ConfigError
 from tams_app.units import NS_PER_MS
-from tams_app.video.live.networks import network_capacity, read_trace, resolve_network
-from tams_app.video.live.traces import described, parse_trace
+from tams_app.video.live.networks import (
+    described,
+    network_capacity,
+    parse_trace,
+    read_trace,
+    resolve_network,
+)
 
 pytestmark = pytest.mark.untimed
 
@@ -45,22 +50,18 @@ def test_mahimahi_opportunities_at_time_zero_close_the_round():
     ("text", "reason"),
     [
         ("", "x: is empty"),
-        ("\n \n", "x: is empty"),
         ("t_ms,kbps\n", "x: holds a header but no rows"),
         ("time,rate\n0,1\n", "x, line 1: the header must be t_ms,kbps"),
         ("t_ms,kbps\n0,1\n\n100,abc\n", "x, line 4: '100,abc' is not two numbers"),
         ("t_ms,kbps\n0,1,2\n", "x, line 2: a row holds two numbers"),
         ("t_ms,kbps\n0,1\n100,2\n100,3\n", "x, line 4: t_ms must be greater"),
         ("t_ms,kbps\n0,1\n100,-2\n", "x, line 3: kbps must be 0 or from 1 to 1,000,000,000"),
-        ("t_ms,kbps\n0,1\n100,1e-300\n", "x, line 3: kbps must be 0 or from 1"),
         ("t_ms,kbps\n0,0.99\n", "x, line 2: kbps must be 0 or from 1"),
         ("t_ms,kbps\n0,1000000001\n", "x, line 2: kbps must be 0 or from 1"),
-        ("t_ms,kbps\n0,1\n1e300,2\n", "x, line 3: the trace is longer than a day"),
         ("t_ms,kbps\n-1e308,1\n1e308,2\n", "x, line 3: the trace is longer than a day"),
         ("t_ms,kbps\n1e308,1\n-1e308,2\n", "x, line 3: t_ms must be greater"),
         ("t_ms,kbps\n0,1\n43200001,2\n", "x, line 3: the trace is longer than a day"),
         ("1\n86400001\n", "x, line 2: the trace is longer than a day"),
-        (f"1\n{'9' * 23}\n", "x, line 2: the trace is longer than a day"),
         (f"1\n{'9' * 5000}\n", "x, line 2: the trace is longer than a day"),
         (f"1\n{'0' * 5000}\n", "x, line 2: times must not go back"),
         ("t_ms,kbps\n0,nan\n", "x, line 2: numbers must be finite"),

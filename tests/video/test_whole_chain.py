@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tams_app.video.core.repair import WholeChain, has_idr
+from tams_app.video.core.receiver import WholeChain, has_idr
 
 pytestmark = pytest.mark.untimed
 

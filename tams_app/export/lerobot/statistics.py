@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.video.core.colour import Planes, bgr_of
+from tams_app.video.core.codecs import Planes, bgr_of
 
 Statistics: TypeAlias = dict[str, list[Any]]
 """min, max, mean, std, count and quantiles of a feature."""

@@ -13,8 +13,8 @@ from tams_app.errors import LogError
 from tams_app.export.lerobot.episode import EpisodeSource, unusable
 from tams_app.export.lerobot.statistics import PixelStatistics
 from tams_app.recording import read_video
-from tams_app.video.core.colour import Planes
-from tams_app.video.live.recorded import decoded
+from tams_app.video.core.codecs import Planes
+from tams_app.video.live.codecs import decoded
 
 # Constant quality, near to lossless beside what the uplink took. A learner reads frames in any
 # order: for one it decodes ten at most. Without B frames the first has the time 0.

@@ -38,7 +38,7 @@ from tams_app.session.predicting import TrialMount
 from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.video import FrameScores, TrialVideo
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.stepped_clock import EventQueue
 
 # From the instant a frame shows to the sender: what the live rig takes for drawing and handing
 # over (docs/MEASUREMENTS.md, Live and virtual: medians of 18, 11 and 12 ms by view).

@@ -17,7 +17,7 @@ from tams_app.session.virtual.operator import VirtualOperator
 from tams_app.session.virtual.side import VirtualRobotSide
 from tams_app.session.virtual.video import FrameScores
 from tams_app.units import NS_PER_S
-from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.stepped_clock import EventQueue
 
 START_NS = NS_PER_S
 ENGAGED_WITHIN_S = 30.0  # else they never will: they need about three

@@ -6,14 +6,14 @@ from collections.abc import Callable, Mapping
 
 from tams_app.config import Config
 from tams_app.recording.journal import Journal
-from tams_app.records import Frame, ShownFrame
+from tams_app.records import Frame, PacketRecord, ShownFrame
 from tams_app.robot.ground import Ground
 from tams_app.robot.video import TakeFrame, Video
 from tams_app.session.quality import task_regions
 from tams_app.video.core.quality import Correction, Fate, Scorer, ViewQuality
 from tams_app.video.core.ssim import luma_of
 from tams_app.video.live.networks import resolve_network
-from tams_app.video.virtual.shared import VideoRecords
+from tams_app.video.virtual.shared import VideoRecord
 from tams_app.video.virtual.video import VirtualVideo
 
 
@@ -73,35 +73,44 @@ class TrialVideo(Video):
         `captured` gets each camera's frame before it is sent, and `shown` each decoded one, after
         the captures that came before it.
         """
-        config, log, epoch_ns = ground.config, ground.log, ground.clock.now_ns()
+        config, epoch_ns = ground.config, ground.clock.now_ns()
         network = resolve_network(config, config.network)
         super().__init__(ground, network, epoch_ns, captured)
+        self._shown = shown
         self._chains = VirtualVideo(
             self._streams,
             network,
             self.rule,
             config.seed,
             epoch_ns,
-            VideoRecords(log.record, log.record, shown, log.packets),
             self._uplink,
         )
 
     def advance_to(self, now_ns: int) -> None:
         """Let everything happen to the video that is due up to `now_ns`."""
-        self._chains.advance_to(now_ns)
+        self._keep(self._chains.advance_to(now_ns))
 
     def set_targets(self, target_kbps: dict[str, int]) -> None:
         self._chains.set_targets(target_kbps)
 
     def pad(self, size_bytes: int) -> None:
-        self._chains.pad(size_bytes)
+        self._keep(self._chains.pad(size_bytes))
 
     def close(self) -> None:
         """Stop the chains; may be called twice."""
         self._chains.close()
 
     def _send(self, frame: Frame, left_out: bool) -> None:
-        self._chains.push(frame, left_out)
+        self._keep(self._chains.push(frame, left_out))
 
     def _wire_bytes(self) -> int:
         return self._chains.wire_bytes()
+
+    def _keep(self, records: list[VideoRecord]) -> None:
+        for record in records:
+            if isinstance(record, PacketRecord):
+                self._log.packets((record,))
+            elif isinstance(record, ShownFrame):
+                self._shown(record)
+            else:
+                self._log.record(record)

@@ -21,7 +21,7 @@ from tams_app.session.virtual.side import VirtualRobot, repeat
 from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS
 from tams_app.teleop.hands import SIMULATED
 from tams_app.units import NS_PER_S
-from tams_app.video.virtual.event_queue import EventQueue
+from tams_app.video.virtual.stepped_clock import EventQueue
 
 _YIELD_NS = NS_PER_S // 10
 

@@ -7,7 +7,9 @@ receiver's, gets the timestamps back from the decoder. Between them goes the tim
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from tams_app.units import NS_PER_MS, NS_PER_S
 
@@ -38,6 +40,10 @@ class SentFrame:
     capture_ns: int
     pushed_ns: int
     ready_ns: int = 0
+
+
+Identify: TypeAlias = Callable[[int], SentFrame | None]
+"""Which capture an RTP timestamp stands for (`SentFrames.find`); None: it is not known."""
 
 
 class SentFrames:

@@ -38,25 +38,45 @@ _CHANGE = 12  # of 255: more than a camera's noise
 _SMOOTHING = 1 / 30  # a second of frames
 
 
-class ParityEncoder:
+class ViewParity:
+    """Protects one view's frames; `groups` may be set by any thread.
+
+    Attributes:
+        groups: parity packets for each frame, 0 for none; fewer come of a frame of fewer packets.
+        packets_per_frame: media packets, smoothed over a second.
+        changed_share: of the picture since the frame before, smoothed over a second.
+    """
+
     def __init__(self, ssrc: int, numbered: bool = False) -> None:
         """`numbered`: its packets have room for the session's number, by which reports know it."""
+        self.groups = 0
+        self.packets_per_frame = 1.0
+        self.changed_share = 0.0
         self._ssrc = ssrc
         self._numbered = numbered
         self._sequence = 0
+        self._last: NDArray[np.int16] | None = None
 
-    def protect(self, packets: Sequence[bytes], groups: int) -> list[bytes]:
+    def captured(self, image: Image) -> None:
+        """A frame that will be encoded: 20 µs."""
+        seen = image[_GRID // 2 :: _GRID, _GRID // 2 :: _GRID, _GREEN].astype(np.int16)
+        if self._last is not None and seen.shape == self._last.shape:
+            changed = float(np.mean(np.abs(seen - self._last) > _CHANGE))
+            self.changed_share += _SMOOTHING * (changed - self.changed_share)
+        self._last = seen
+
+    def protect(self, packets: Sequence[bytes]) -> list[bytes]:
         """The parity packets of one frame, to be sent behind its last packet.
 
         Args:
             packets: the frame's RTP packets, numbered one after the other.
-            groups: how many parity packets are wanted; fewer come of a frame of fewer packets.
 
         Returns:
             The parity packets, of which the last is marked as a frame's end is, so that the
             receiver reports them at once; none of a frame that is no RTP, or too long for a group.
         """
-        groups = min(groups, len(packets))
+        self.packets_per_frame += _SMOOTHING * (len(packets) - self.packets_per_frame)
+        groups = min(self.groups, len(packets))
         if groups == 0 or -(-len(packets) // groups) > _MOST_PACKETS or groups > _MOST_PACKETS:
             return []
         order = [(len(packets) + turn) % groups for turn in range(groups)]
@@ -86,37 +106,6 @@ class ParityEncoder:
         )
         self._sequence = (self._sequence + 1) % SEQUENCES
         return header + group + _xor(payloads)
-
-
-class ViewParity:
-    """Protects one view's frames; `groups` may be set by any thread.
-
-    Attributes:
-        groups: parity packets for each frame, 0 for none.
-        packets_per_frame: media packets, smoothed over a second.
-        changed_share: of the picture since the frame before, smoothed over a second.
-    """
-
-    def __init__(self, ssrc: int, numbered: bool = False) -> None:
-        """`numbered`: for the receiver's feedback (`ParityEncoder`)."""
-        self.groups = 0
-        self.packets_per_frame = 1.0
-        self.changed_share = 0.0
-        self._encoder = ParityEncoder(ssrc, numbered)
-        self._last: NDArray[np.int16] | None = None
-
-    def captured(self, image: Image) -> None:
-        """A frame that will be encoded: 20 µs."""
-        seen = image[_GRID // 2 :: _GRID, _GRID // 2 :: _GRID, _GREEN].astype(np.int16)
-        if self._last is not None and seen.shape == self._last.shape:
-            changed = float(np.mean(np.abs(seen - self._last) > _CHANGE))
-            self.changed_share += _SMOOTHING * (changed - self.changed_share)
-        self._last = seen
-
-    def protect(self, packets: Sequence[bytes]) -> list[bytes]:
-        """The parity packets to send behind the packets of one frame."""
-        self.packets_per_frame += _SMOOTHING * (len(packets) - self.packets_per_frame)
-        return self._encoder.protect(packets, self.groups) if self.groups else []
 
 
 class ParityDecoder:

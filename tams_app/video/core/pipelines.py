@@ -1,7 +1,7 @@
 """The launch descriptions of the video chains, in pieces.
 
-`encoder_chain` and `decoder_chain` are the paper's chains without their ends. `session_sender` and
-`session_receiver` put an appsrc or appsink and an rtpsession around them, between the network's
+`encoder_chain` and `decoder_chain` are the paper's chains without their ends. Live, `VideoSender`
+and `VideoReceiver` put an appsrc or appsink and an rtpsession around them, between the network's
 ends. Settings and their reasons: FINDINGS 2 and 3.
 """
 
@@ -18,12 +18,11 @@ from tams_app.video.core.packets import (
     TRANSPORT_SEQUENCE_BYTES,
     TRANSPORT_SEQUENCE_URI,
     media_ssrc,
-    parity_ssrc,
     repair_ssrc,
 )
 from tams_app.video.core.rate_control import X264_FPS
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.stream import StreamSettings
+from tams_app.video.core.sender import StreamSettings
 
 RTCP_CAPS = "application/x-rtcp"
 # To a payloader: write the extension. To a receiving session: report on what has it, after the last
@@ -37,20 +36,21 @@ RECEIVER_REPORTS_NS = 20 * NS_PER_MS
 # Nothing a sender reports is urgent, and it shares the uplink: at 20 ms it took 70 kbit/s a view.
 SENDER_REPORTS_NS = 500 * NS_PER_MS
 _SESSION = f"rtpsession name=session rtp-profile=avpf bandwidth={SESSION_BANDWIDTH_BPS}"
-_RECEIVING = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
-_SENDING = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS}"
+RECEIVING_SESSION = f"{_SESSION} rtcp-min-interval={RECEIVER_REPORTS_NS}"
+SENDING_SESSION = f"{_SESSION} rtcp-min-interval={SENDER_REPORTS_NS} update-ntp64-header-ext=false"
 RTX_HISTORY_MS = 1000
 RTX_PAYLOAD_TYPES = f"application/x-rtp-pt-map,{MEDIA_PAYLOAD_TYPE}=(uint){REPAIR_PAYLOAD_TYPE};"
 # The last media packets, and every parity packet: nothing of Python runs for a media packet.
-RECENT_PACKETS = 256
-_RECENT = f"appsink name=recent async=false sync=false max-buffers={RECENT_PACKETS} drop=true"
+RECENT_SINK = "appsink name=recent async=false sync=false max-buffers=256 drop=true"
 _ENCODINGS = {
     REPAIR_PAYLOAD_TYPE: "RTX",
     PARITY_PAYLOAD_TYPE: "PARITY",
     PADDING_PAYLOAD_TYPE: "PADDING",
 }
 _PACED = "! queue name=paced max-size-buffers=0 max-size-bytes=0 max-size-time=0 "
-_PARITY = "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
+PARITY_SINK = (
+    "appsink name=parity async=false sync=false emit-signals=true max-buffers=64 drop=true"
+)
 # Without async=false a live appsink never leaves PAUSED.
 SHOWN_FRAMES = (
     "appsink name=frames async=false sync=false emit-signals=true max-buffers=4 drop=true"
@@ -60,7 +60,7 @@ SHOWN_FRAMES = (
 def raw_caps(config: VideoConfig) -> str:
     """Caps of raw frames, at the rate that x264 is to take them for.
 
-    GStreamer would take 720 rows or more for BT.709; `colour` has one matrix.
+    GStreamer would take 720 rows or more for BT.709; `codecs` has one matrix.
     """
     return (
         f"video/x-raw,format=I420,colorimetry=bt601,width={config.width},height={config.height},"
@@ -120,69 +120,4 @@ def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
         f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
         f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
         f"! rtph264depay name=depayloader request-keyframe=true ! h264parse ! {decoder.launch}"
-    )
-
-
-def session_sender(
-    stream: StreamSettings,
-    encoder_kbps: int,
-    *,
-    rtp_out: str,
-    reports_out: str,
-    feedback_in: str,
-    feedback: bool = False,
-    paced: bool = False,
-) -> str:
-    """A sender with its rtpsession; frames enter by the appsrc `frames`.
-
-    `rtp_out`, `reports_out`: launch descriptions of the sinks of its RTP and RTCP packets,
-    `feedback_in`: of the source of the receiver's RTCP (live: UDP). `feedback`: as `encoder_chain`.
-
-    `paced`: packets wait in the queue of that name, resent ones do not.
-
-    max-buffers=4: with two the first frames are lost while x264 starts.
-    """
-    history = f"! rtprtxsend name=rtx max-size-time={RTX_HISTORY_MS} " if stream.rtx else ""
-    return (
-        f"{_SENDING} update-ntp64-header-ext=false "
-        "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
-        f'leaky-type=downstream caps="{raw_caps(stream.config)}" '
-        f"! {encoder_chain(stream, encoder_kbps, feedback, paced)} {history}"
-        "! session.send_rtp_sink "
-        f"session.send_rtp_src ! {rtp_out} session.send_rtcp_src ! {reports_out} "
-        f"{feedback_in} ! session.recv_rtcp_sink"
-    )
-
-
-def session_receiver(
-    config: VideoConfig,
-    view: str,
-    rule: RepairRule,
-    *,
-    rtp_in: str,
-    reports_in: str,
-    feedback_out: str,
-    decoder: Decoder = AVDEC,
-) -> str:
-    """A receiver with its rtpsession; frames leave by the appsink `frames`.
-
-    `rtp_in`, `reports_in`: launch descriptions of the sources of the sender's RTP and RTCP,
-    `feedback_out`: of the sink of its own RTCP.
-
-    Only the view's own SSRCs are linked on. With parity, `recent` keeps the media packets that
-    `parity` may need.
-    """
-    decoding = decoder_chain(rule, decoder)
-    media = f"ssrcdemux.src_{media_ssrc(config, view)} ! "
-    if rule.parity:
-        media = (
-            f"ssrcdemux.src_{parity_ssrc(config, view)} ! {_PARITY} "
-            f"{media} tee name=media media. ! {_RECENT} media. ! "
-        )
-    resent = "! rtprtxreceive name=rtx " if rule.rtx else ""
-    return (
-        f"{_RECEIVING} {rtp_in} ! session.recv_rtp_sink "
-        f"session.recv_rtp_src {resent}! rtpssrcdemux name=ssrcdemux "
-        f"{media}{decoding} ! {SHOWN_FRAMES} {reports_in} ! session.recv_rtcp_sink "
-        f"session.send_rtcp_src ! {feedback_out}"
     )

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from tams_app.records import FrameQuality, TaskRegion
-from tams_app.video.core.frame_interval import FrameIntervals, freeze_ns
+from tams_app.video.core.rate_control import FrameIntervals, freeze_ns
 from tams_app.video.core.ssim import FrameMoments, Luma, Similarity, similarity
 
 Correction: TypeAlias = Callable[[Luma, int, int], Luma]

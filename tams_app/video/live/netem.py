@@ -74,11 +74,11 @@ def _netem(network: Network) -> list[str]:
         options += ["loss", f"{100 * network.loss:.6g}%"]
     if not options:
         return []
-    # All that is under way and queued must fit netem's own limit, which on some kernels counts
+    # All that is in flight and queued must fit netem's own limit, which on some kernels counts
     # what waits in the child too.
     rate_kbps = network.rate_kbps or 100_000.0
-    under_way_bytes = 2 * (network.latency_ms + network.jitter_ms) * rate_kbps / 8
-    held_bytes = under_way_bytes + _queue_bytes(network)
+    in_flight_bytes = 2 * (network.latency_ms + network.jitter_ms) * rate_kbps / 8
+    held_bytes = in_flight_bytes + _queue_bytes(network)
     packets = max(1000, math.ceil(held_bytes / _SMALLEST_PACKET_BYTES))
     return ["netem", "limit", str(packets), *options, "rate", _ORDERING_RATE]
 
@@ -175,14 +175,9 @@ def _failure(command: list[str], stderr: str) -> TamsError:
 
 
 def run_network(
-    config: Config,
-    name: str,
-    interface: str,
-    action: str,
-    notify: Callable[[str], object],
-    runner: Runner = run_tc,
-) -> None:
-    """The command `run_tams.py network`; `action` is one of ACTIONS.
+    config: Config, name: str, interface: str, action: str, runner: Runner = run_tc
+) -> list[str]:
+    """The command `run_tams.py network`, and the lines that it prints; `action` is one of ACTIONS.
 
     Only apply, rate (the rate alone) and remove change anything. ConfigError, SetupError.
     """
@@ -190,16 +185,17 @@ def run_network(
         raise ConfigError(f"--action: {not_one_of(action, ACTIONS)}")
     network = resolve_network(config, name)
     if action == "show":
-        notify(show(interface, runner))
-    elif action == "remove":
+        return [show(interface, runner)]
+    if action == "remove":
         removed = remove(interface, runner)
-        notify(f"{interface} is as before" if removed else f"nothing was set on {interface}")
-    elif action == "print":
-        set_up = [shlex.join(command) for command in commands(network, interface)]
-        notify(f"# shapes everything that leaves by {interface}, not video alone; needs root")
-        for line in (*set_up, "# and to take it away", shlex.join(remove_command(interface))):
-            notify(line)
-    else:
-        apply(commands(network, interface, rate_only=action == "rate"), interface, runner)
-        part = "the rate of " if action == "rate" else ""
-        notify(f"{interface} now has {part}network {name}; --action remove takes it away")
+        return [f"{interface} is as before" if removed else f"nothing was set on {interface}"]
+    if action == "print":
+        return [
+            f"# shapes everything that leaves by {interface}, not video alone; needs root",
+            *map(shlex.join, commands(network, interface)),
+            "# and to take it away",
+            shlex.join(remove_command(interface)),
+        ]
+    apply(commands(network, interface, rate_only=action == "rate"), interface, runner)
+    part = "the rate of " if action == "rate" else ""
+    return [f"{interface} now has {part}network {name}; --action remove takes it away"]

@@ -1,29 +1,28 @@
-"""One view's receiver: RTP in, the newest frame in a mailbox."""
+"""One view's receiver: RTP in, frames out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
-from tams_app.records import ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.video.core import pipelines
 from tams_app.video.core.codecs import AVDEC, Decoder
-from tams_app.video.core.frame_identity import SentFrame
+from tams_app.video.core.frame_identity import Identify
 from tams_app.video.core.packets import media_ssrc, parity_ssrc, receiver_ssrc
 from tams_app.video.core.parity import ParityDecoder
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
-from tams_app.video.live.view_decoder import ViewDecoder, caps_of_payload_type
+from tams_app.video.live.view_codecs import TakeShown, ViewDecoder, caps_of_payload_type
 
 
 class VideoReceiver:
-    """Receives and decodes one view; the newest frame waits in `mailbox`.
+    """Receives and decodes one view.
 
-    Construct, give the sender's side the ports, `start`, read `mailbox`, `poll`, `close`.
+    Construct, give the sender's side `ports`, `start`, `poll`, `close`.
     """
 
     def __init__(
@@ -32,16 +31,16 @@ class VideoReceiver:
         config: VideoConfig,
         rule: RepairRule,
         clock: Clock,
-        identify: Callable[[int], SentFrame | None],
-        on_shown: Callable[[ShownFrame], None],
+        identify: Identify,
+        take: TakeShown,
         feedback: bool = False,
         decoder: Decoder = AVDEC,
     ) -> None:
         """Bind the ports for RTP and for the sender's RTCP; ConfigError if one is taken.
 
-        `identify` and `on_shown` are those of the `ViewDecoder`. `feedback`: whether it reports
-        when each packet came; the sender must agree, as with `rule.rtx`. `decoder`: one that is
-        here (`installed_codecs`). SetupError if GStreamer lacks an element.
+        `feedback`: whether it reports when each packet came; the sender must agree, as with
+        `rule.rtx`. `decoder`: one that is here (`installed_codecs`). SetupError if GStreamer lacks
+        an element.
         """
         gst.require_elements()
         self.view = view
@@ -49,10 +48,8 @@ class VideoReceiver:
         self._rule = rule
         self._feedback = feedback
         self._decoder = decoder
-        self._frames = ViewDecoder(view, config, rule, clock, identify, on_shown)
-        self.mailbox = self._frames.mailbox
-        self._failure = ""
-        self._pipeline: Any = None
+        self._clock, self._identify, self._take = clock, identify, take
+        self._pipeline: gst.Pipeline | None = None
         ports = requested_ports(config, view)
         what = f"receiver of view {view}"
         self._rtp_socket = UdpSocket(ports.host, ports.rtp, what)
@@ -61,73 +58,70 @@ class VideoReceiver:
         except TamsError:
             self._rtp_socket.close()
             raise
-
-    @property
-    def rtp_port(self) -> int:
-        """The port for media and repair packets, from which feedback is sent."""
-        return self._rtp_socket.port
-
-    @property
-    def reports_port(self) -> int:
-        """The port for the sender's RTCP."""
-        return self._reports_socket.port
+        rtp, reports = self._rtp_socket.port, self._reports_socket.port
+        self.ports = ViewPorts(ports.host, rtp, reports, 0)  # where its packets must arrive
 
     def start(self, link: ViewPorts) -> None:
         """Begin to receive from `link.feedback`, where feedback goes to. SetupError if refused."""
-        Gst = gst.load().Gst
-        pipeline = gst.parse_pipeline(
-            pipelines.session_receiver(
-                self._config,
-                self.view,
-                self._rule,
-                rtp_in=udp_source("rtp_in", pipelines.received_caps(self._feedback)),
-                reports_in=udp_source("reports_in", pipelines.RTCP_CAPS),
-                feedback_out=udp_sink("feedback_out", link.host, link.feedback),
-                decoder=self._decoder,
-            )
-        )
-        self._pipeline = pipeline
+        description, what = self._description(link), f"the receiver of view {self.view}"
+        self._pipeline = pipeline = gst.Pipeline(description, what)
         if self._feedback:
-            gst.count_from_boot(pipeline)  # arrivals of all views on one clock
+            gst.count_from_boot(pipeline.elements)  # arrivals of all views on one clock
         for one in (self._rtp_socket, self._reports_socket):
             one.connect(link.host, link.feedback)
         for end in ("rtp_in", "feedback_out"):
-            self._rtp_socket.attach(pipeline.get_by_name(end))
-        self._reports_socket.attach(pipeline.get_by_name("reports_in"))
-        self._resent = pipeline.get_by_name("rtx")
-        if self._resent is not None:
-            structure, _ = Gst.Structure.from_string(pipelines.RTX_PAYLOAD_TYPES)
-            self._resent.set_property("payload-type-map", structure)
-        session = pipeline.get_by_name("session")
+            self._rtp_socket.attach(pipeline[end])
+        self._reports_socket.attach(pipeline["reports_in"])
+        pipeline.set_structure("rtx", "payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
+        session = pipeline["session"]
         session.connect("request-pt-map", caps_of_payload_type)
         ssrc = receiver_ssrc(self._config, self.view)  # shows where its feedback belongs
         session.get_property("internal-session").set_property("internal-ssrc", ssrc)
-        pipeline.get_by_name("ssrcdemux").connect("pad-added", self._on_stream)
+        pipeline["ssrcdemux"].connect("pad-added", partial(self._on_stream, pipeline))
+        self.decoder = ViewDecoder(
+            self.view, self._config, self._rule, pipeline, self._clock, self._identify, self._take
+        )
         if self._rule.parity:
-            self._recent = pipeline.get_by_name("recent")
             self._parity = ParityDecoder(media_ssrc(self._config, self.view))
-            pipeline.get_by_name("parity").connect("new-sample", self._on_parity)
-        self._frames.attach(pipeline)
-        gst.set_playing(pipeline, f"the receiver of view {self.view}")
+            pipeline["parity"].connect("new-sample", partial(self._on_parity, pipeline))
+        pipeline.play()
 
     def poll(self) -> str:
         """Look after the receiver; its failure in one sentence, "" while it works."""
-        if not self._failure and self._pipeline is not None:
-            reason = self._frames.failure or gst.poll_bus(self._pipeline)
-            if reason:
-                self._failure = f"the receiver of view {self.view} failed: {reason}"
-        return self._failure
+        return "" if self._pipeline is None else self._pipeline.poll()
 
     def close(self) -> None:
         """Stop receiving and free the ports; may be called twice."""
         if self._pipeline is not None:
-            gst.shut_down(self._pipeline)
+            self._pipeline.close()
         self._rtp_socket.close()
         self._reports_socket.close()
 
+    def _description(self, link: ViewPorts) -> str:
+        """Frames leave by the appsink `frames`; only the view's own SSRCs are linked on.
+
+        With parity, `recent` keeps the media packets that `parity` may need.
+        """
+        rule, config, view = self._rule, self._config, self.view
+        media = f"ssrcdemux.src_{media_ssrc(config, view)} ! "
+        if rule.parity:
+            media = (
+                f"ssrcdemux.src_{parity_ssrc(config, view)} ! {pipelines.PARITY_SINK} "
+                f"{media} tee name=media media. ! {pipelines.RECENT_SINK} media. ! "
+            )
+        return (
+            f"{pipelines.RECEIVING_SESSION} "
+            f"{udp_source('rtp_in', pipelines.received_caps(self._feedback))} "
+            "! session.recv_rtp_sink session.recv_rtp_src "
+            f"{'! rtprtxreceive name=rtx ' if rule.rtx else ''}! rtpssrcdemux name=ssrcdemux "
+            f"{media}{pipelines.decoder_chain(rule, self._decoder)} ! {pipelines.SHOWN_FRAMES} "
+            f"{udp_source('reports_in', pipelines.RTCP_CAPS)} ! session.recv_rtcp_sink "
+            f"session.send_rtcp_src ! {udp_sink('feedback_out', link.host, link.feedback)}"
+        )
+
     # --- in GStreamer's threads -------------------------------------------------------------
 
-    def _on_stream(self, _: Any, pad: Any) -> None:
+    def _on_stream(self, pipeline: gst.Pipeline, _: Any, pad: Any) -> None:
         """Drain other senders' packets: an unlinked stream would end the whole receiver."""
         name = pad.get_name()
         own = [media_ssrc(self._config, self.view)]
@@ -136,27 +130,27 @@ class VideoReceiver:
             return
         drain = gst.load().Gst.ElementFactory.make("fakesink")
         drain.set_property("async", False)
-        self._pipeline.add(drain)
+        pipeline.elements.add(drain)
         drain.sync_state_with_parent()
         pad.link(drain.get_static_pad("sink"))
 
-    def _on_parity(self, appsink: Any) -> Any:
+    def _on_parity(self, pipeline: gst.Pipeline, appsink: Any) -> Any:
         """Restore what a frame's parity can; media and parity come in one thread."""
         try:
-            self._restore(appsink)
+            self._restore(pipeline["recent"], appsink)
         except Exception as error:  # noqa: BLE001 - the shell notifies the owner
-            self._frames.failure = repr(error)
+            pipeline.fail(error)
         return gst.load().Gst.FlowReturn.OK
 
-    def _restore(self, appsink: Any) -> None:
+    def _restore(self, recent: Any, appsink: Any) -> None:
         Gst = gst.load().Gst
         restored: list[bytes] = []
-        for buffer in gst.pull_available(self._recent):
+        for buffer in gst.pull_available(recent):
             restored += self._parity.media(buffer.extract_dup(0, buffer.get_size()))
         for buffer in gst.pull_available(appsink):
             restored += self._parity.parity(buffer.extract_dup(0, buffer.get_size()))
             arrived_ns = buffer.dts
-        entrance = self._frames.jitterbuffer.get_static_pad("sink")
+        entrance = self.decoder.jitterbuffer.get_static_pad("sink")
         for packet in restored:
             lost = Gst.Buffer.new_wrapped(packet)
             lost.dts = arrived_ns

@@ -244,33 +244,21 @@ def main() -> None:
         relay.close()
 
 
-class RelayClient:
+class RelayClient(ReportingHelper[list[PacketRecord]]):
     """One relay process between the video ends.
 
-    `exits` say per view where the link's flows come out (what the ends have bound). A trace
-    begins at `epoch_ns` of the machine's monotonic clock. `on_packets` and `on_failure` are called
-    in the reading thread; a relay that ends unasked is a failure. Records name a packet's
-    delivery when it is decided, up to the link's delay ahead of time.
+    `on_packets` and `on_failure` are called in the reading thread; a relay that ends unasked is a
+    failure. Records name a packet's delivery when it is decided, up to the link's delay ahead of
+    time.
     """
 
     def __init__(
         self,
-        network: Network,
-        exits: Mapping[str, ViewPorts],
-        *,
-        seed: int,
         log_directory: Path | None,
         on_packets: Callable[[list[PacketRecord]], None],
         on_failure: Callable[[str, BaseException], None],
-        epoch_ns: int,
     ) -> None:
-        self._specification = {
-            "network": network.model_dump(mode="json"),
-            "seed": seed,
-            "epoch_ns": epoch_ns,
-            "exits": {view: asdict(ports) for view, ports in exits.items()},
-        }
-        self._helper = ReportingHelper(
+        super().__init__(
             "relay",
             "tams_app.video.live.relay",
             log_directory=log_directory,
@@ -281,19 +269,23 @@ class RelayClient:
             "end this session and start anew",
         )
 
-    def start(self) -> dict[str, ViewPorts]:
-        """Start the relay; returns per view the entrances to send to. HelperError if it cannot."""
-        ready = self._helper.start(self._specification)
+    def emulate(
+        self, network: Network, exits: Mapping[str, ViewPorts], seed: int, epoch_ns: int
+    ) -> dict[str, ViewPorts]:
+        """Start the relay; per view the entrances to send to. HelperError if it cannot start.
+
+        `exits` say per view where the link's flows come out (what the ends have bound). A trace
+        begins at `epoch_ns` of the machine's monotonic clock.
+        """
+        ready = self.start(
+            {
+                "network": network.model_dump(mode="json"),
+                "seed": seed,
+                "epoch_ns": epoch_ns,
+                "exits": {view: asdict(ports) for view, ports in exits.items()},
+            }
+        )
         return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
-
-    @property
-    def pid(self) -> int | None:
-        """The relay's process id; None before the start."""
-        return self._helper.process.pid if self._helper.process else None
-
-    def close(self) -> None:
-        """End the relay and read what it still has to report; may be called twice."""
-        self._helper.close()
 
 
 if __name__ == "__main__":

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -13,25 +12,19 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core import pipelines
 from tams_app.video.core.pacer import Pacer
-from tams_app.video.core.packets import Padding, media_ssrc, padding_ssrc
-from tams_app.video.core.parity import ViewParity
-from tams_app.video.core.received_feedback import Uplink
+from tams_app.video.core.packets import RTP_HEADER_BYTES, TRANSPORT_SEQUENCE_BYTES, media_ssrc
+from tams_app.video.core.rtcp import ReceivedFeedback, read_arrivals, read_blocks
+from tams_app.video.core.sender import Sender, StreamSettings, Uplink
 from tams_app.video.core.stages import StageMeans
-from tams_app.video.core.stream import StreamSettings
-from tams_app.video.live.session_feedback import PacketFeedback, ReceptionReports
-from tams_app.video.live.udp import (
-    UdpSocket,
-    ViewPorts,
-    requested_ports,
-    udp_sink,
-    udp_source,
-    wire_bytes_sent,
-)
-from tams_app.video.live.view_encoder import ViewEncoder
+from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
+from tams_app.video.live.view_codecs import TakeEncoded, ViewEncoder
 
 # A machine that wakes threads so late has no time for pacing: frames leave at once for a while.
 _LATE_NS, _UNPACED_NS = 5 * NS_PER_MS, 5 * NS_PER_S
 _LEAVING = 64  # frames: more than the pacer ever holds
+# the session counts a packet's payload alone
+_HEADER_BYTES = IP_UDP_HEADER_BYTES + RTP_HEADER_BYTES + TRANSPORT_SEQUENCE_BYTES
+_TRANSPORT_FEEDBACK = (205, 15)  # packet type and format
 
 
 class VideoSender:
@@ -42,40 +35,27 @@ class VideoSender:
     """
 
     def __init__(
-        self,
-        stream: StreamSettings,
-        clock: Clock,
-        on_encoded: Callable[[EncodedFrame], None],
-        on_dropped: Callable[[DroppedFrame], None],
-        uplink: Uplink,
+        self, stream: StreamSettings, uplink: Uplink, clock: Clock, take: TakeEncoded
     ) -> None:
         """Bind the port for feedback; ConfigError if it is taken.
 
-        `on_encoded` and `on_dropped` are those of the `ViewEncoder`. SetupError if GStreamer lacks
-        an element.
+        SetupError if GStreamer lacks an element.
         """
         gst.require_elements()
-        self._stream, config = stream, stream.config
-        self.view = view = stream.view
-        self._on_encoded = on_encoded
+        self.view, config = stream.view, stream.config
+        self._sender = Sender(stream, uplink)
+        self.sent = self._sender.sent
+        self.set_target_kbps = self._sender.set_target_kbps
+        self._clock = clock
+        self._take = take
         self.stages = StageMeans()  # until the packets leave
         self._leaving: deque[int] = deque(maxlen=_LEAVING)  # when each was encoded [ns]
-        self._parity = uplink.parity.get(view)
         self._packets: list[bytes] = []  # of the frame that is being packetised
-        self._padding = Padding(padding_ssrc(config, view), config.mtu_bytes)
-        self._padded_bytes = 0
-        self._frames = ViewEncoder(stream, clock, self._encoded, on_dropped)
-        self._clock = clock
-        self._received = uplink.received.get(view)
-        self._feedback = uplink.feedback
-        self._may_resend = partial(uplink.may_resend, config.mtu_bytes)
         self._pacer = uplink.pacer
         self._unpaced_until_ns = 0
-        self.sent = self._frames.sent
-        self._failure = ""
-        self._pipeline: Any = None
-        ports = requested_ports(config, view)
-        self._socket = UdpSocket(ports.host, ports.feedback, f"sender of view {view}")
+        self._pipeline: gst.Pipeline | None = None
+        ports = requested_ports(config, self.view)
+        self._socket = UdpSocket(ports.host, ports.feedback, f"sender of view {self.view}")
 
     @property
     def feedback_port(self) -> int:
@@ -89,91 +69,88 @@ class VideoSender:
         SetupError if GStreamer refuses.
         """
         self._link = link
-        pipeline = gst.parse_pipeline(
-            pipelines.session_sender(
-                self._stream,
-                self._frames.encoder_kbps,
-                rtp_out=udp_sink("rtp_out", link.host, link.rtp),
-                reports_out=udp_sink("reports_out", link.host, link.reports),
-                feedback_in=udp_source("feedback_in", pipelines.RTCP_CAPS),
-                feedback=self._feedback,
-                paced=self._pacer is not None,
-            )
-        )
-        self._pipeline = pipeline
-        self._source = pipeline.get_by_name("frames")
-        self._udpsink = pipeline.get_by_name("rtp_out")
-        self._resender = pipeline.get_by_name("rtx")
+        sender, uplink = self._sender, self._sender.uplink
+        description, what = self._description(link), f"the sender of view {self.view}"
+        self._pipeline = pipeline = gst.Pipeline(description, what)
+        self._source = pipeline["frames"]
+        self._udpsink = pipeline["rtp_out"]
         self._socket.connect(link.host, link.rtp)  # Linux lets it send to `link.reports` as well
         for end in ("rtp_out", "reports_out", "feedback_in"):
-            self._socket.attach(pipeline.get_by_name(end))
+            self._socket.attach(pipeline[end])
         # else a session that sent RTCP before the first frame imposes a random SSRC
-        session = pipeline.get_by_name("session")
+        session = pipeline["session"]
         self._rtp_entrance = session.get_static_pad("send_rtp_sink")
-        ssrc = media_ssrc(self._stream.config, self.view)
-        session.get_property("internal-session").set_property("internal-ssrc", ssrc)
-        if self._received is not None and self._feedback:
-            self._listener: object = PacketFeedback(
-                session, self._received, self._clock, self._may_resend, self._frames.fail
-            )
-        elif self._received is not None:
-            self._listener = ReceptionReports(session, self._received, self._frames.fail)
-        if self._resender is not None:
-            self._set_structure("payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
-            self._set_structure("ssrc-map", pipelines.rtx_ssrcs(self._stream.config, self.view))
+        config = sender.stream.config
+        internal = session.get_property("internal-session")
+        internal.set_property("internal-ssrc", media_ssrc(config, self.view))
         kinds = gst.load().Gst.PadProbeType
+        packets = kinds.BUFFER | kinds.BUFFER_LIST
+        if sender.received is not None and uplink.feedback:
+            self._listener = PacketFeedback(pipeline, sender, sender.received, self._clock)
+        elif sender.received is not None:
+            listen = partial(_on_reports, sender.received)
+            pipeline.add_probe(session.get_static_pad("recv_rtcp_sink"), kinds.BUFFER, listen)
+        pipeline.set_structure("rtx", "payload-type-map", pipelines.RTX_PAYLOAD_TYPES)
+        pipeline.set_structure("rtx", "ssrc-map", pipelines.rtx_ssrcs(config, self.view))
         if self._pacer is not None:
-            paced = pipeline.get_by_name("paced").get_static_pad("src")
             pace = partial(self._pace, self._pacer)
-            gst.add_probe(paced, kinds.BUFFER | kinds.BUFFER_LIST, pace, self._frames.fail)
-        if self._parity is not None:
-            packets = pipeline.get_by_name("payloader").get_static_pad("src")
-            protect = partial(self._on_packets, self._parity)
-            gst.add_probe(packets, kinds.BUFFER | kinds.BUFFER_LIST, protect, self._frames.fail)
-        self._frames.attach(pipeline)
-        gst.set_playing(pipeline, f"the sender of view {self.view}")
+            pipeline.add_probe(pipeline["paced"].get_static_pad("src"), packets, pace)
+        if sender.parity is not None:
+            payloader = pipeline["payloader"].get_static_pad("src")
+            pipeline.add_probe(payloader, packets, self._on_packets)
+        self._encoder = ViewEncoder(sender, pipeline, self._clock, self._encoded)
+        pipeline.play()
 
-    def push(self, frame: Frame, left_out: bool = False) -> None:
+    def push(self, frame: Frame, left_out: bool = False) -> DroppedFrame | None:
         """Encode and send `frame`; not if `left_out`, nor if its target cannot pay for it."""
-        buffer = self._frames.admit(frame, self.wire_bytes - self._padded_bytes, left_out)
-        if buffer is not None:
-            if self._parity is not None:
-                self._parity.captured(frame.image)
-            self._source.emit("push-buffer", buffer)
+        admitted = self._sender.admit(frame, self.wire_bytes, self._clock.now_ns(), left_out)
+        if isinstance(admitted, DroppedFrame):
+            return admitted
+        self._source.emit("push-buffer", self._encoder.buffer(frame, admitted))
+        return None
 
     def pad(self, size_bytes: int) -> None:
-        """Send so much beside the frames, which the target does not pay for; from one thread.
-
-        Nothing is sent before the first frame has left, nor without feedback, which numbers it.
-        """
-        if not self._feedback or not self.wire_bytes:
-            return
-        for packet in self._padding.packets(size_bytes):
-            self._padded_bytes += len(packet) + IP_UDP_HEADER_BYTES
+        """Send so much beside the frames, which the target does not pay for; from one thread."""
+        for packet in self._sender.padding(size_bytes, self.wire_bytes):
             self._rtp_entrance.chain(gst.load().Gst.Buffer.new_wrapped(packet))
-
-    def set_target_kbps(self, kbps: float) -> None:
-        """The wire rate to meet from the next frame on: IP datagrams, repair included."""
-        self._frames.set_target_kbps(kbps)
 
     @property
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far: media, repair and padding."""
-        return wire_bytes_sent(self._udpsink, self._link)
+        sent = self._udpsink.emit("get-stats", self._link.host, self._link.rtp)
+        payload: int = sent.get_value("bytes-sent")  # exact, 3 µs, no packet callback
+        packets: int = sent.get_value("packets-sent")
+        return payload + packets * IP_UDP_HEADER_BYTES
 
     def poll(self) -> str:
         """Look after the sender; its failure in one sentence, "" while it works."""
-        if not self._failure and self._pipeline is not None:
-            reason = self._frames.failure or gst.poll_bus(self._pipeline)
-            if reason:
-                self._failure = f"the sender of view {self.view} failed: {reason}"
-        return self._failure
+        return "" if self._pipeline is None else self._pipeline.poll()
 
     def close(self) -> None:
         """Stop sending and free the port; may be called twice."""
         if self._pipeline is not None:
-            gst.shut_down(self._pipeline)
+            self._pipeline.close()
         self._socket.close()
+
+    def _description(self, link: ViewPorts) -> str:
+        """Frames enter by the appsrc `frames`: with max-buffers=2 the first are lost while x264
+        starts. Where packets are paced, resent ones are not.
+        """
+        stream, feedback = self._sender.stream, self._sender.uplink.feedback
+        kbps, paced = self._sender.first_encoder_kbps, self._pacer is not None
+        history = f"! rtprtxsend name=rtx max-size-time={pipelines.RTX_HISTORY_MS} "
+        return (
+            f"{pipelines.SENDING_SESSION} "
+            "appsrc name=frames is-live=true format=time block=false max-buffers=4 "
+            f'leaky-type=downstream caps="{pipelines.raw_caps(stream.config)}" '
+            f"! {pipelines.encoder_chain(stream, kbps, feedback, paced)} "
+            f"{history if stream.rtx else ''}! session.send_rtp_sink "
+            f"session.send_rtp_src ! {udp_sink('rtp_out', link.host, link.rtp)} "
+            f"session.send_rtcp_src ! {udp_sink('reports_out', link.host, link.reports)} "
+            f"{udp_source('feedback_in', pipelines.RTCP_CAPS)} ! session.recv_rtcp_sink"
+        )
+
+    # --- in GStreamer's threads -----------------------------------------------------------------
 
     def _encoded(self, frame: EncodedFrame) -> None:
         if self._pacer is not None:
@@ -182,9 +159,9 @@ class VideoSender:
         stages.step("camera", frame.capture_ns, frame.ready_ns)
         stages.step("to_encoder", frame.ready_ns, frame.pushed_ns)
         stages.step("encoder", frame.pushed_ns, frame.encoded_ns)
-        self._on_encoded(frame)
+        self._take(frame)
 
-    def _on_packets(self, parity: ViewParity, pad: Any, probe: Any) -> Any:
+    def _on_packets(self, pad: Any, probe: Any) -> Any:
         """In the encoder's thread: send a frame's parity behind its last packet."""
         Gst = gst.load().Gst
         for buffer in gst.buffers_of(probe):
@@ -192,7 +169,7 @@ class VideoSender:
         if not buffer.has_flags(Gst.BufferFlags.MARKER):
             return Gst.PadProbeReturn.OK
         packets, self._packets = self._packets, []
-        if not (protecting := parity.protect(packets)):
+        if not (protecting := self._sender.protect(packets)):
             return Gst.PadProbeReturn.OK
         session = pad.get_peer()
         if probe.type & Gst.PadProbeType.BUFFER_LIST:
@@ -210,26 +187,27 @@ class VideoSender:
         Gst = gst.load().Gst
         buffers = list(gst.buffers_of(probe))
         sizes_bytes = [one.get_size() + IP_UDP_HEADER_BYTES for one in buffers]
-        parts, now_ns = pacer.parts(sizes_bytes), self._clock.now_ns()
+        now_ns = self._clock.now_ns()
         if now_ns < self._unpaced_until_ns:
             self._leave(buffers[-1])
             return Gst.PadProbeReturn.OK
-        leave_ns = [pacer.reserve(now_ns, sum(sizes_bytes[part])) for part in parts]
-        if len(parts) == 1:
-            self._clock.sleep_until_ns(leave_ns[0])
+        waiting = pacer.schedule(now_ns, sizes_bytes)
+        if len(waiting) == 1:
+            self._clock.sleep_until_ns(waiting[0][0])
             self._leave(buffers[-1])
             return Gst.PadProbeReturn.OK
-        while parts:
-            self._clock.sleep_until_ns(leave_ns[0])
+        while waiting:
+            leaves_ns, first = waiting[0]
+            self._clock.sleep_until_ns(leaves_ns)
             # this thread may wake late, and then what has become due leaves together
             now_ns = self._clock.now_ns()
-            due = max(1, sum(one <= now_ns for one in leave_ns))
-            if now_ns - leave_ns[0] > _LATE_NS:
-                self._unpaced_until_ns, due = now_ns + _UNPACED_NS, len(parts)
+            due = max(1, sum(one_ns <= now_ns for one_ns, _ in waiting))
+            if now_ns - leaves_ns > _LATE_NS:
+                self._unpaced_until_ns, due = now_ns + _UNPACED_NS, len(waiting)
             together = Gst.BufferList.new()
-            for one in buffers[parts[0].start : parts[due - 1].stop]:
+            for one in buffers[first.start : waiting[due - 1][1].stop]:
                 together.insert(-1, one)
-            del parts[:due], leave_ns[:due]
+            del waiting[:due]
             pad.get_peer().chain_list(together)
         self._leave(buffers[-1])
         return Gst.PadProbeReturn.DROP
@@ -239,6 +217,64 @@ class VideoSender:
         if self._leaving and last.has_flags(gst.load().Gst.BufferFlags.MARKER):
             self.stages.step("sender", self._leaving.popleft(), self._clock.now_ns())
 
-    def _set_structure(self, name: str, text: str) -> None:
-        structure, _ = gst.load().Gst.Structure.from_string(text)
-        self._resender.set_property(name, structure)
+
+class PacketFeedback:
+    """Hands to `received` what is reported of each packet, never in Python for each of them.
+
+    The session reports which packets a message is about, when they left and how large they were.
+    When they arrived is read from the message itself: GStreamer 1.22 misreads long gaps (`rtcp`).
+    Both come in one thread, the message first. Before a packet is sent again, `sender` is asked.
+    """
+
+    def __init__(
+        self, pipeline: gst.Pipeline, sender: Sender, received: ReceivedFeedback, clock: Clock
+    ) -> None:
+        self._pipeline, self._sender = pipeline, sender
+        self._received, self._clock = received, clock
+        self._arrived_ns: dict[int, int] = {}
+        session = pipeline["session"]
+        internal = session.get_property("internal-session")
+        internal.connect("on-feedback-rtcp", self._on_feedback)
+        entrance = session.get_static_pad("send_rtp_sink")
+        kinds = gst.load().Gst.PadProbeType
+        pipeline.add_probe(entrance, kinds.EVENT_UPSTREAM, self._on_event)
+
+    def _on_feedback(self, _: Any, kind: int, form: int, *about: Any) -> None:
+        try:
+            if (kind, form) == _TRANSPORT_FEEDBACK:
+                message = about[-1]  # a buffer, after the SSRCs; None: nothing follows these
+                content = b"" if message is None else message.extract_dup(0, message.get_size())
+                self._arrived_ns = read_arrivals(content)
+        except Exception as error:  # noqa: BLE001 - the shell notifies the owner
+            self._pipeline.fail(error)
+
+    def _on_event(self, pad: Any, probe: Any) -> Any:
+        structure = probe.get_event().get_structure()
+        name = "" if structure is None else structure.get_name()
+        if name == "RTPTWCCPackets":
+            self._report(structure.get_value("packets"))
+        elif name == "GstRTPRetransmissionRequest" and not self._sender.may_retransmit():
+            return gst.load().Gst.PadProbeReturn.DROP
+        return gst.load().Gst.PadProbeReturn.OK
+
+    def _report(self, packets: Any) -> None:
+        if not self._arrived_ns:  # a damaged message
+            return
+        rows = [
+            (
+                packet.get_value("seqnum"),
+                packet.get_value("local-ts"),
+                packet.get_value("size") + _HEADER_BYTES,
+            )
+            for packet in packets
+        ]
+        self._received.report(self._clock.now_ns(), rows, self._arrived_ns)
+
+
+def _on_reports(received: ReceivedFeedback, _pad: Any, probe: Any) -> Any:
+    """Hand on the report blocks of a datagram that comes."""
+    modules, buffer = gst.load(), probe.get_buffer()
+    datagram = buffer.extract_dup(0, buffer.get_size())
+    wall_ns = modules.GLib.get_real_time() * 1000  # the session's own source of it
+    received.blocks(read_blocks(datagram, wall_ns))
+    return modules.Gst.PadProbeReturn.OK

@@ -12,7 +12,6 @@ from typing import Any
 from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.errors import ConfigError
-from tams_app.records import IP_UDP_HEADER_BYTES
 
 # A 33 ms frame at 20 Mbit/s is 80 kB; room for many while the decoder waits for the GIL.
 RECEIVE_BUFFER_BYTES = 2_000_000
@@ -96,11 +95,3 @@ def udp_source(name: str, caps: str) -> str:
 def udp_sink(name: str, host: str, port: int) -> str:
     """Launch description of a sending end that never waits; a `UdpSocket` is attached to `name`."""
     return f"udpsink name={name} host={host} port={port} sync=false async=false"
-
-
-def wire_bytes_sent(udpsink: Any, ports: ViewPorts) -> int:
-    """IP datagram bytes that left through the RTP `udpsink`: exact, 3 µs, no packet callback."""
-    sent = udpsink.emit("get-stats", ports.host, ports.rtp)
-    payload: int = sent.get_value("bytes-sent")
-    packets: int = sent.get_value("packets-sent")
-    return payload + packets * IP_UDP_HEADER_BYTES

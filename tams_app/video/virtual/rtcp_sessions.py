@@ -1,28 +1,33 @@
 """The two RTCP sessions of one view, without packets: what they count and ask, when it leaves.
 
 Calibrated against GStreamer's rtpsession (`benchmarks.experiments.feedback_model` at 628dd78b).
+The rules of timing, of regular reports and of early ones that cannot wait, are those of RFC 3550
+(6.3) and RFC 4585 (3.5), as rtpsession applies them between two ends (no dithering): `bandwidth`
+sets an interval of a few milliseconds, the regular reports keep `t_rr_interval` apart, and one
+early report may follow each regular one at once; the next early one waits for the interval to pass.
 """
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 from itertools import pairwise
 from random import Random
 
 from tams_app.records import PacketKind
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
-from tams_app.video.core.packets import SEQUENCES, RtpHeader
+from tams_app.video.core.packets import SEQUENCES, RtpHeader, transport_sequence
 from tams_app.video.core.pipelines import (
     RECEIVER_REPORTS_NS,
     SENDER_REPORTS_NS,
     SESSION_BANDWIDTH_BPS,
 )
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, ReportBlock
-from tams_app.video.virtual.rtcp_timing import RtcpReport, RtcpTiming
 
+_RTCP_SHARE = 0.05  # of the session's bandwidth
+_COMPENSATION = 2.71828 - 1.5  # RFC 3550, 6.3.1: reconsideration converges to less than intended
+_FIRST_AVERAGE_BYTES = 100
 # Sizes [bytes] of IP datagrams as rtpsession fills them: UDP and IP, a report, SDES with a name
 # of 28 characters (all of it, or in an early report the name alone), then what is asked.
 _HEADERS = 28
@@ -40,6 +45,96 @@ _KEYFRAME_TIMEOUT_NS = 5 * NS_PER_S
 _ARRIVALS_TIMEOUT_NS = 100 * NS_PER_MS
 _LONGEST_ROUND_TRIP_NS = 5 * NS_PER_S
 _ROUND_TRIP_UNIT_NS = NS_PER_S / 65536
+
+
+class RtcpReport(Enum):
+    """The kind of report: an early one carries no reception statistics."""
+
+    REGULAR = "regular"
+    EARLY = "early"
+
+
+class RtcpTiming:
+    """The timer of one session; silent until `start`.
+
+    `t_rr_interval_ns`: mean time between regular reports (T_rr_interval). `bandwidth_bps`: of the
+    whole session, of which RTCP gets a twentieth.
+    """
+
+    def __init__(self, random: Random, t_rr_interval_ns: int, bandwidth_bps: float) -> None:
+        self.members = 2  # the two ends; every further stream is one more
+        self._random = random
+        self._t_rr_interval_ns = t_rr_interval_ns
+        self._rtcp_bps = _RTCP_SHARE * bandwidth_bps
+        self._average_bytes = _FIRST_AVERAGE_BYTES
+        self._next_regular_ns: int | None = None
+        self._next_early_ns: int | None = None
+        self._interval_ns = 0
+        self._last_ns: int | None = None  # any report
+        self._last_regular_ns: int | None = None
+
+    @property
+    def next_ns(self) -> int | None:
+        """The time at which `step` must be called [ns]; None while the session is silent."""
+        return self._next_regular_ns if self._next_early_ns is None else self._next_early_ns
+
+    def start(self, now_ns: int) -> None:
+        """The first packet came or went; later calls change nothing."""
+        if self._next_regular_ns is None:
+            self._interval_ns = self._jittered_interval_ns()
+            self._next_regular_ns = now_ns + self._interval_ns
+
+    def observe(self, size_bytes: int) -> None:
+        """A report of `size_bytes` (IP datagram) was sent or received."""
+        self._average_bytes = (size_bytes + 15 * self._average_bytes) >> 4
+
+    def request(self, now_ns: int, time_left_ns: int) -> None:
+        """Something wants to leave before `now_ns + time_left_ns`: an early report, if allowed.
+
+        If none is allowed, what wants to leave goes with the next regular report.
+        """
+        if self._next_early_ns is not None or self._next_regular_ns is None:
+            return
+        if self._last_ns is None or now_ns > self._next_regular_ns:
+            return
+        if self._last_ns == self._last_regular_ns:
+            self._next_early_ns = now_ns
+        elif self._last_ns + self._interval_ns <= now_ns + time_left_ns:
+            self._next_early_ns = max(now_ns, self._last_ns + self._interval_ns)
+
+    def step(self, now_ns: int) -> RtcpReport | None:
+        """The timer has run out: which report leaves now, None if it was reconsidered."""
+        report: RtcpReport | None
+        if self._next_early_ns is not None:
+            self._next_early_ns = None
+            self._last_ns = now_ns
+            report = RtcpReport.EARLY
+        else:
+            report = self._regular(now_ns)
+        if self._next_regular_ns is not None and self._next_regular_ns < now_ns:
+            self._interval_ns = self._jittered_interval_ns()
+            self._next_regular_ns = now_ns + max(self._interval_ns, self._spread_ns())
+        return report
+
+    def _regular(self, now_ns: int) -> RtcpReport | None:
+        interval_ns = self._jittered_interval_ns()
+        is_first = self._last_ns is None
+        if self._last_ns is not None and now_ns < self._last_ns + interval_ns:
+            self._interval_ns = interval_ns
+            self._next_regular_ns = self._last_ns + interval_ns
+            return None
+        self._interval_ns = interval_ns
+        wait_ns = interval_ns if is_first else max(interval_ns, self._spread_ns())
+        self._next_regular_ns = now_ns + wait_ns
+        self._last_ns = self._last_regular_ns = now_ns
+        return RtcpReport.REGULAR
+
+    def _jittered_interval_ns(self) -> int:
+        seconds = 8 * self._average_bytes * self.members / self._rtcp_bps
+        return int(seconds * NS_PER_S * self._random.uniform(0.5, 1.5) / _COMPENSATION)
+
+    def _spread_ns(self) -> int:
+        return int(self._random.uniform(0.5, 1.5) * self._t_rr_interval_ns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,19 +215,36 @@ class StreamStatistics:
 
 
 class ReceiverSession:
-    """Collects what the jitter buffer and the depayloader ask for until RTCP may leave."""
+    """Counts what comes, and collects what is asked for until RTCP may leave."""
 
-    def __init__(self, random: Random, rtx: bool) -> None:
+    def __init__(
+        self, random: Random, rtx: bool, media_ssrc: int = 0, feedback: bool = False
+    ) -> None:
+        """`feedback`: it reports when each packet came."""
         self.timing = RtcpTiming(random, RECEIVER_REPORTS_NS, SESSION_BANDWIDTH_BPS)
         self._nacks: dict[int, int] = {}  # sequence number -> when asking becomes pointless
         self._rtx = rtx
         self._pli = False
         self._kinds: set[PacketKind] = set()  # that have come
         self._report_transit_ns: int | None = None
+        self._media_ssrc = media_ssrc
+        self._statistics = StreamStatistics()
+        self._arrivals = ArrivalMessages() if feedback else None
 
-    def received(self, now_ns: int, kind: PacketKind) -> None:
+    def received(
+        self, now_ns: int, kind: PacketKind, packet: bytes = b"", header: RtpHeader | None = None
+    ) -> None:
+        """A packet came; its header, None if it is no RTP."""
         self.timing.start(now_ns)
         self._kinds.add(kind)
+        if header is None:
+            return
+        if kind is PacketKind.MEDIA:
+            self._statistics.received(now_ns, header)
+        if self._arrivals is not None:
+            sequence = transport_sequence(packet)
+            if self._arrivals.received(now_ns, sequence, header.marker):
+                self.timing.request(now_ns, _ARRIVALS_TIMEOUT_NS)
 
     def received_report(self, transit_ns: int, size_bytes: int) -> None:
         self._report_transit_ns = transit_ns
@@ -150,16 +262,7 @@ class ReceiverSession:
         self._pli = True
         self.timing.request(now_ns, _KEYFRAME_TIMEOUT_NS)
 
-    def report_arrivals(self, now_ns: int) -> None:
-        """A message about packets that came is ready."""
-        self.timing.request(now_ns, _ARRIVALS_TIMEOUT_NS)
-
-    def step(
-        self,
-        now_ns: int,
-        take_arrivals: Callable[[], tuple[ArrivalMessage, ...]] = tuple,
-        block: Callable[[], ReportBlock | None] = lambda: None,
-    ) -> Feedback | None:
+    def step(self, now_ns: int) -> Feedback | None:
         """The datagram that leaves now, None if the timer was reconsidered."""
         report = self.timing.step(now_ns)
         if report is None:
@@ -173,10 +276,10 @@ class ReceiverSession:
             size_bytes += _REPORT_BLOCK * len(self._kinds | {PacketKind.MEDIA})
         self.timing.observe(size_bytes)
         transit_ns = self._report_transit_ns if regular else None
-        arrivals = take_arrivals()
+        arrivals = () if self._arrivals is None else self._arrivals.take()
         for message in arrivals:
             self.timing.observe(message.size_bytes)
-        reported = block() if regular else None
+        reported = self._statistics.block(self._media_ssrc) if regular else None
         return Feedback(now_ns, nacks, pli, size_bytes, transit_ns, arrivals, reported)
 
     def _take_nacks(self, now_ns: int, regular: bool) -> tuple[int, ...]:
@@ -246,25 +349,6 @@ class SenderSession:
             return False
         self._last_keyframe_ns = now_ns
         return True
-
-
-class SentPackets:
-    """The packets that rtprtxsend keeps: media of the last `history_ms`, by sequence number."""
-
-    def __init__(self, history_ms: int) -> None:
-        self._history_ticks = 90 * history_ms
-        self._packets: dict[int, bytes] = {}
-        self._order: deque[tuple[int, int]] = deque()  # (RTP timestamp, sequence number)
-
-    def keep(self, sequence: int, timestamp: int, packet: bytes) -> None:
-        self._packets[sequence] = packet
-        self._order.append((timestamp, sequence))
-        while timestamp - self._order[0][0] > self._history_ticks:
-            del self._packets[self._order.popleft()[1]]
-
-    def find(self, sequence: int) -> bytes | None:
-        """The packet with this number; None if it is forgotten."""
-        return self._packets.get(sequence)
 
 
 def _nack_bytes(nacks: tuple[int, ...]) -> int:

@@ -1,39 +1,31 @@
-"""The parts that all views of one run in virtual time share."""
+"""The parts that all views of one run in virtual time share, and what a run gives out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import TypeAlias
 
 from tams_app.records import DroppedFrame, EncodedFrame, PacketRecord, ShownFrame
 from tams_app.video.core.link import Link
-from tams_app.video.virtual.event_queue import EventQueue
-from tams_app.video.virtual.rtcp_sessions import Feedback
-from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.stepped_clock import EventQueue, SteppedClock
 from tams_app.video.virtual.wait_idle import IdleGate
 
 # What encoder and decoder take in virtual time; live: `make bench`, medians.
 ENCODING_NS, DECODING_NS = 4_500_000, 2_500_000
 
 
-@dataclass(frozen=True, slots=True)
-class VideoRecords:
-    """Receivers of all views' events; called in the advancing thread, in order of time."""
-
-    encoded: Callable[[EncodedFrame], None]
-    dropped: Callable[[DroppedFrame], None]
-    shown: Callable[[ShownFrame], None]
-    packets: Callable[[list[PacketRecord]], None]
-    # of a view: what its receiver asks for, and when that arrives [ns]
-    feedback: Callable[[str, Feedback, int], None] = lambda _view, _feedback, _arrives_ns: None
+VideoRecord: TypeAlias = EncodedFrame | DroppedFrame | ShownFrame | PacketRecord
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """The one link, the one clock, and the queue of events."""
+    """The one link, the one clock, the queue of events, and what has happened by now.
+
+    records: of all views, in the order of time, until they are taken.
+    """
 
     link: Link
     events: EventQueue
     clock: SteppedClock
     idle_gate: IdleGate
-    records: VideoRecords
+    records: list[VideoRecord] = field(default_factory=list)

@@ -1,17 +1,43 @@
-"""GStreamer's test clock: time moves on request, and its waits end one at a time."""
+"""Time that moves on request: GStreamer's test clock, whose waits end one at a time, a queue of
+actions beside it, and pipelines that run by it.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import heapq
+from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import Any, TypeAlias
 
 from tams_app import gst
 from tams_app.errors import SetupError, TamsError
 
+Action: TypeAlias = Callable[[], None]
+
+
+class EventQueue:
+    """A queue of actions in the order of time, and of posting where times are equal."""
+
+    def __init__(self) -> None:
+        self._posted = 0
+        self._entries: list[tuple[int, int, Action]] = []
+
+    @property
+    def next_ns(self) -> int | None:
+        """The time when the next action is due [ns]; None if there is none."""
+        return self._entries[0][0] if self._entries else None
+
+    def post(self, due_ns: int, action: Action) -> None:
+        self._posted += 1
+        heapq.heappush(self._entries, (due_ns, self._posted, action))
+
+    def do_next(self) -> None:
+        heapq.heappop(self._entries)[2]()
+
 
 class SteppedClock:
-    """The clock of all pipelines of one run; also a `Clock` for the parts beside them.
+    """The clock of all pipelines of one run.
 
     `start_ns` must not be 0: GStreamer takes a base time of 0 for none.
     """
@@ -26,12 +52,6 @@ class SteppedClock:
 
     def now_ns(self) -> int:
         return self._now_ns
-
-    def sleep_until_ns(self, deadline_ns: int) -> None:
-        self.move_to(max(self._now_ns, deadline_ns))
-
-    def suspended_ns(self) -> int:
-        return 0
 
     def move_to(self, now_ns: int) -> None:
         """Set the time, which never goes back (ValueError); no wait ends by that alone."""
@@ -60,20 +80,69 @@ class SteppedClock:
 
 
 class LaterClock:
-    """The stepped clock as read when a processor's work of `later_ns` is done."""
+    """A `Clock`: the stepped one as read when a processor's work of `later_ns` is done."""
 
-    def __init__(self, clock: SteppedClock, later_ns: int = 0) -> None:
-        self._clock = clock
-        self.later_ns = later_ns
+    def __init__(self, clock: SteppedClock, later_ns: int) -> None:
+        self._clock, self._later_ns = clock, later_ns
 
     def now_ns(self) -> int:
-        return self._clock.now_ns() + self.later_ns
+        return self._clock.now_ns() + self._later_ns
 
     def sleep_until_ns(self, deadline_ns: int) -> None:
         raise TamsError("a chain in virtual time must not sleep")
 
     def suspended_ns(self) -> int:
         return 0
+
+
+class Chain:
+    """A pipeline on the stepped clock; what is pushed enters its element `first`.
+
+    What derives from it calls `play` once it has taken its elements.
+    """
+
+    def __init__(self, description: str, first: str, clock: SteppedClock, what: str) -> None:
+        Gst = gst.load().Gst
+        self.pipeline = gst.Pipeline(description, what)
+        self._ok = Gst.FlowReturn.OK
+        clock.drive(self.pipeline.elements)
+        self.entrance = self.pipeline[first].get_static_pad("sink")
+        self._pad = Gst.Pad.new("feed", Gst.PadDirection.SRC)
+        self._pad.set_active(True)
+        self._is_first = True
+
+    def play(self, caps: str) -> None:
+        """Begin, with what is pushed of these caps; SetupError if GStreamer refuses."""
+        Gst = gst.load().Gst
+        self.pipeline.play()
+        self._pad.link(self.entrance)
+        segment = Gst.Segment()
+        segment.init(Gst.Format.TIME)
+        for event in (
+            Gst.Event.new_stream_start(self.pipeline.what),
+            Gst.Event.new_caps(Gst.Caps.from_string(caps)),
+            Gst.Event.new_segment(segment),
+        ):
+            self._pad.push_event(event)
+
+    def push(self, buffer: Any) -> None:
+        """Hand a buffer in; TamsError if the chain does not take it.
+
+        The first is marked as such, as every source of GStreamer does: the depayloader's request
+        for a keyframe at the start hangs on it.
+        """
+        if self._is_first:
+            self._is_first = False
+            buffer.set_flags(gst.load().Gst.BufferFlags.DISCONT)
+        flow = self._pad.push(buffer)
+        if flow != self._ok:
+            reason = gst.poll_bus(self.pipeline.elements) or flow.value_nick
+            raise TamsError(f"{self.pipeline.what} failed: {reason}")
+
+    def close(self) -> None:
+        """End the chain and its threads; may be called twice."""
+        self._pad.set_active(False)
+        self.pipeline.close()
 
 
 @cache

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import ExitStack
+from functools import partial
 
 from tams_app import gst
 from tams_app.config import Network
 from tams_app.records import Frame
-from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.link import Link
-from tams_app.video.core.received_feedback import Uplink
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.stream import StreamSettings
+from tams_app.video.core.sender import Sender, StreamSettings, Uplink
 from tams_app.video.live.networks import network_capacity
-from tams_app.video.virtual.event_queue import EventQueue
 from tams_app.video.virtual.receiver import VirtualReceiver
 from tams_app.video.virtual.rtcp_sessions import Feedback
 from tams_app.video.virtual.sender import VirtualSender
-from tams_app.video.virtual.shared import Shared, VideoRecords
-from tams_app.video.virtual.stepped_clock import SteppedClock
+from tams_app.video.virtual.shared import Shared, VideoRecord
+from tams_app.video.virtual.stepped_clock import EventQueue, SteppedClock
 from tams_app.video.virtual.wait_idle import IdleGate, IdleWaiter
 
 _NEVER_NS = 1 << 63
@@ -30,7 +28,8 @@ class VirtualVideo:
 
     For one thread of a process that runs nothing else. The same inputs give the same bytes,
     frames and times on the same machine. Time begins at `start_ns` > 0, where a capacity trace
-    begins too; `advance_to` moves it.
+    begins too; `advance_to` moves it. What has happened is returned, in order of time, by what let
+    it happen.
     """
 
     def __init__(
@@ -40,68 +39,56 @@ class VirtualVideo:
         rule: RepairRule,
         seed: int,
         start_ns: int,
-        records: VideoRecords,
         uplink: Uplink,
     ) -> None:
         """Start the chains; SetupError if GStreamer lacks something. `streams` by view."""
         gst.require_elements()
         self._clock = SteppedClock(start_ns)
         self._events = EventQueue()
-        self._waiter = IdleWaiter()
-        self._idle_gate = IdleGate(self._waiter, self._clock)
+        waiter = IdleWaiter()
+        self._idle_gate = IdleGate(waiter, self._clock)
         link = Link(network, network_capacity(network, start_ns), tuple(streams), seed)
-        shared = Shared(link, self._events, self._clock, self._idle_gate, records)
+        self._shared = shared = Shared(link, self._events, self._clock, self._idle_gate)
         self._senders: dict[str, VirtualSender] = {}
         self.receivers: dict[str, VirtualReceiver] = {}
-        for view, stream in streams.items():
-            receiver = VirtualReceiver(
-                view,
-                stream.config,
-                rule,
-                seed,
-                shared,
-                self._identify_for(view),
-                self._return_to(view),
-                uplink.feedback,
-            )
-            self.receivers[view] = receiver
-            self._senders[view] = VirtualSender(
-                stream,
-                seed,
-                shared,
-                receiver.arrive,
-                receiver.arrive_report,
-                uplink,
-            )
-        self._ends: tuple[VirtualReceiver | VirtualSender, ...] = (
-            *self.receivers.values(),
-            *self._senders.values(),
-        )
-        for end in self._ends:
-            end.start()
-        self._idle_gate.wait()
+        with ExitStack() as stack:
+            stack.callback(waiter.close)
+            for view, stream in streams.items():
+                sender = Sender(stream, uplink)
+                self.receivers[view] = receiver = VirtualReceiver(
+                    view, stream.config, rule, seed, shared, sender.sent.find, uplink.feedback
+                )
+                stack.callback(receiver.close)
+                self._senders[view] = VirtualSender(sender, seed, shared, receiver)
+                stack.callback(self._senders[view].close)
+            self._idle_gate.wait()
+            self._stack = stack.pop_all()
+        self._timings = [receiver.timing for receiver in self.receivers.values()]
+        self._timings += [sender.timing for sender in self._senders.values()]
 
     @property
     def now_ns(self) -> int:
         return self._clock.now_ns()
 
-    def push(self, frame: Frame, left_out: bool = False) -> None:
+    def push(self, frame: Frame, left_out: bool = False) -> list[VideoRecord]:
         """Encode a frame at this moment; nothing of it is sent before time advances.
 
         `left_out`: it is not to be sent. TamsError if the encoder fails.
         """
         self._senders[frame.view].push(frame, left_out)
+        return self._take_records()
 
     def set_targets(self, target_kbps: Mapping[str, float]) -> None:
         """The wire rate each view is to meet from its next frame on."""
         for view, kbps in target_kbps.items():
             self._senders[view].set_target_kbps(kbps)
 
-    def pad(self, size_bytes: int) -> None:
+    def pad(self, size_bytes: int) -> list[VideoRecord]:
         """Send so much padding now, in the first view's session."""
         next(iter(self._senders.values())).pad(size_bytes)
+        return self._take_records()
 
-    def advance_to(self, now_ns: int) -> None:
+    def advance_to(self, now_ns: int) -> list[VideoRecord]:
         """Let everything happen that is due up to `now_ns`, one event after the other.
 
         Of what is due at once, GStreamer's waits end first, then the queue's actions, then RTCP.
@@ -111,7 +98,7 @@ class VirtualVideo:
         while True:
             wait_ns = _or_never(self._clock.next_ns())
             action_ns = _or_never(self._events.next_ns)
-            reports_ns = min([_or_never(end.timing.next_ns) for end in self._ends])
+            reports_ns = min([_or_never(timing.next_ns) for timing in self._timings])
             due_ns = min(wait_ns, action_ns, reports_ns)
             if due_ns > now_ns:
                 break
@@ -128,6 +115,7 @@ class VirtualVideo:
             else:
                 self._send_reports(due_ns)
         self._clock.move_to(now_ns)
+        return self._take_records()
 
     def wire_bytes(self) -> int:
         """IP datagram bytes sent so far by all views together, padding included."""
@@ -135,21 +123,24 @@ class VirtualVideo:
 
     def close(self) -> None:
         """End all chains; may be called twice."""
-        with ExitStack() as stack:
-            stack.callback(self._waiter.close)
-            for end in self._ends:
-                stack.callback(end.close)
+        self._stack.close()
 
-    def _identify_for(self, view: str) -> Callable[[int], SentFrame | None]:
-        return lambda timestamp: self._senders[view].sent.find(timestamp)
-
-    def _return_to(self, view: str) -> Callable[[Feedback], None]:
-        return lambda feedback: self._senders[view].obey(feedback)
+    def _take_records(self) -> list[VideoRecord]:
+        records = self._shared.records.copy()
+        self._shared.records.clear()
+        return records
 
     def _send_reports(self, now_ns: int) -> None:
-        for end in self._ends:
-            if _or_never(end.timing.next_ns) <= now_ns:
-                end.step()
+        for view, receiver in self.receivers.items():
+            if _or_never(receiver.timing.next_ns) <= now_ns and (feedback := receiver.step()):
+                arrives_ns = self._shared.link.feedback(feedback.sent_ns, view)
+                self._send_feedback(view, feedback, arrives_ns)
+        for sender in self._senders.values():
+            if _or_never(sender.timing.next_ns) <= now_ns:
+                sender.step()
+
+    def _send_feedback(self, view: str, feedback: Feedback, arrives_ns: int) -> None:
+        self._events.post(arrives_ns, partial(self._senders[view].obey, feedback))
 
     def _collect(self) -> None:
         for receiver in self.receivers.values():

@@ -47,7 +47,7 @@ class PlayedSource:
         self.capture = GstCapture(chain, SMALL)
         if self.probe is not None:
             name, see = self.probe
-            pad = self.capture._pipeline.get_by_name(name).get_static_pad("src")
+            pad = self.capture._pipeline[name].get_static_pad("src")
             pad.add_probe(gst.load().Gst.PadProbeType.BUFFER, see)
         return self.capture
 
@@ -119,7 +119,7 @@ def test_a_camera_that_falls_silent_is_opened_again(make: Make) -> None:
     camera, notes = make(source)
     camera.start()
     before = next_of(camera)
-    source.capture._pipeline.get_by_name("valve").set_property("drop", True)
+    source.capture._pipeline["valve"].set_property("drop", True)
     before = until_trouble(camera, before)
     assert "delivers no frames" in notes[0][1]
     after = next_of(camera)

@@ -87,13 +87,6 @@ def test_damaged_jpegs_are_left_out_counted_and_reported_once(
     ]
 
 
-def test_what_follows_the_end_of_a_jpeg_is_no_damage(tmp_path: Path) -> None:
-    mjpeg(tmp_path / "padded.mkv", FRAMES, lambda data: data + bytes(99) + b"left over", ODD)
-    film = Film(played(tmp_path / "padded.mkv"), FRAMES)
-    assert (film.damage, film.damaged) == ([], 0)
-    assert None not in film.numbers
-
-
 def test_without_the_library_that_finds_holes_a_camera_runs_and_says_so_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hw.v4l2 import controls as ids
+from hw.v4l2 import source as ids
 from tams_app.config import VideoConfig
 
 SOURCE = Path(__file__).parent / "fake_v4l2.c"

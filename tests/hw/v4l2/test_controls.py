@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hw.v4l2.controls import (
+from hw.v4l2.source import (
     AUTO_WHITE_BALANCE,
     EXPOSURE_ABSOLUTE,
     EXPOSURE_AUTO,
@@ -15,10 +15,9 @@ from hw.v4l2.controls import (
     Control,
     control_name,
     plan_settings,
-    refuse_long_exposure,
 )
 from tams_app.config import CameraConfig
-from tams_app.errors import ConfigError, DeviceError
+from tams_app.errors import DeviceError
 
 pytestmark = pytest.mark.untimed
 
@@ -98,13 +97,6 @@ def test_a_value_out_of_range_is_refused_with_the_range(
 ) -> None:
     with pytest.raises(DeviceError, match=sentence):
         plan(**keys)
-
-
-def test_an_exposure_longer_than_a_frame_is_a_configuration_error() -> None:
-    refuse_long_exposure("eih", config(exposure_us=33_333), 30)
-    refuse_long_exposure("eih", config(), 30)
-    with pytest.raises(ConfigError, match=r"cameras\.eih\.exposure_us: 33400 .* set 33333 or less"):
-        refuse_long_exposure("eih", config(exposure_us=33_400), 30)
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from tams_app.session.virtual.trial import START_NS, VirtualTrial
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.frame_interval import freeze_ns
+from tams_app.video.core.rate_control import freeze_ns
 from tests.session.virtual.runs import (
     LONG_ENOUGH,
     PARTICIPANT,

@@ -18,11 +18,11 @@ from tams_app.units import NS_PER_S
 from tams_app.video.core.concealment import concealed_frames
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
-from tams_app.video.core.received_feedback import ReceivedFeedback, Uplink
 from tams_app.video.core.repair import RepairRule, repair_rule
-from tams_app.video.core.stream import StreamSettings
+from tams_app.video.core.rtcp import ReceivedFeedback
+from tams_app.video.core.sender import StreamSettings, Uplink
 from tams_app.video.virtual.rtcp_sessions import Feedback
-from tams_app.video.virtual.shared import VideoRecords
+from tams_app.video.virtual.shared import VideoRecord
 from tams_app.video.virtual.video import VirtualVideo
 from tests.video.scenes import frame
 from tests.video.streams import checksum, decoded_checksums, jitter_counts
@@ -52,15 +52,15 @@ class Run:
     jitter: dict[str, dict[str, int]] = field(default_factory=dict)
     wire_bytes: int = 0
 
-    @property
-    def records(self) -> VideoRecords:
-        return VideoRecords(
-            self.encoded.append,
-            self.dropped.append,
-            self.shown.append,
-            self.packets.extend,
-            lambda *told: self.feedback.append(told),
-        )
+    def keep(self, records: list[VideoRecord]) -> None:
+        lists: dict[type, list[Any]] = {
+            EncodedFrame: self.encoded,
+            DroppedFrame: self.dropped,
+            ShownFrame: self.shown,
+            PacketRecord: self.packets,
+        }
+        for record in records:
+            lists[type(record)].append(record)
 
     @property
     def nacks(self) -> int:
@@ -101,6 +101,29 @@ class Run:
         return sha.hexdigest()
 
 
+class KeptVideo(VirtualVideo):
+    """Video whose records the run keeps, and what receivers ask for, with when it arrives."""
+
+    run: Run
+
+    def push(self, frame: Frame, left_out: bool = False) -> list[VideoRecord]:
+        return self._kept(super().push(frame, left_out))
+
+    def pad(self, size_bytes: int) -> list[VideoRecord]:
+        return self._kept(super().pad(size_bytes))
+
+    def advance_to(self, now_ns: int) -> list[VideoRecord]:
+        return self._kept(super().advance_to(now_ns))
+
+    def _send_feedback(self, view: str, feedback: Feedback, arrives_ns: int) -> None:
+        super()._send_feedback(view, feedback, arrives_ns)
+        self.run.feedback.append((view, feedback, arrives_ns))
+
+    def _kept(self, records: list[VideoRecord]) -> list[VideoRecord]:
+        self.run.keep(records)
+        return records
+
+
 def make(
     run: Run,
     network: Network,
@@ -108,7 +131,6 @@ def make(
     kbps: float = 900.0,
     rule: RepairRule | None = None,
     seed: int = 1,
-    records: VideoRecords | None = None,
     groups: int = 0,
     feedback: bool = False,
     **more: Any,
@@ -119,15 +141,16 @@ def make(
     for each in parity.values():
         each.groups = groups
     rule = rule or repair_rule(network, config.pli_min_interval_ms)
-    return VirtualVideo(
+    video = KeptVideo(
         {view: StreamSettings(view, config, rule.rtx, kbps, 80.0) for view in views},
         network,
         rule,
         seed,
         START_NS,
-        records or run.records,
         Uplink(feedback=feedback, parity=parity, **more),
     )
+    video.run = run
+    return video
 
 
 def receivers_of(views: tuple[str, ...]) -> dict[str, ReceivedFeedback]:

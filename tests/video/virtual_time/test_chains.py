@@ -11,12 +11,12 @@ from tams_app import gst
 from tams_app.config import VideoConfig
 from tams_app.records import EncodedFrame, ShownFrame
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.packets import read_rtp
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.core.stream import StreamSettings
-from tams_app.video.live.view_decoder import ViewDecoder
-from tams_app.video.live.view_encoder import ViewEncoder
-from tams_app.video.virtual.chains import DecoderChain, EncoderChain, time_left_ms
+from tams_app.video.core.sender import Sender, StreamSettings, Uplink
+from tams_app.video.virtual.receiver import DecoderChain, time_left_ms
+from tams_app.video.virtual.sender import EncoderChain
 from tams_app.video.virtual.stepped_clock import SteppedClock
 from tams_app.video.virtual.wait_idle import IdleWaiter
 from tests.video.scenes import frame
@@ -36,31 +36,31 @@ class Ends:
         self.encoded: list[EncodedFrame] = []
         self.shown: list[ShownFrame] = []
         stream = StreamSettings("eih", config, rule.rtx, 1500.0, 80.0)
-        self.frames = ViewEncoder(stream, self.clock, self.encoded.append, lambda dropped: None)
-        self.images = ViewDecoder(
-            "eih", config, rule, self.clock, self.frames.sent.find, self.shown.append
-        )
-        self.encoder = EncoderChain(stream, self.frames, self.clock)
-        self.decoder = DecoderChain("eih", rule, self.images, self.clock)
+        self.sender, self.identified = Sender(stream, Uplink()), True
+        self.encoder = EncoderChain(self.sender, self.clock)
+        self.decoder = DecoderChain("eih", config, rule, self.identify, self.clock)
         self.waiter = IdleWaiter()
-        self.encoder.start()
-        self.decoder.start()
+
+    def identify(self, timestamp: int) -> SentFrame | None:
+        return self.sender.sent.find(timestamp) if self.identified else None
 
     def packets(self, index: int) -> list[bytes]:
         captured = frame(index, capture_ns=self.clock.now_ns())
-        buffer = self.frames.admit(captured, 0)
-        return self.encoder.encode(buffer)
+        admitted = self.sender.admit(captured, 0, self.clock.now_ns())
+        encoded, packets = self.encoder.encode(captured, admitted)
+        self.encoded += encoded
+        return packets
 
     def feed(self, packet: bytes, resent: bool = False) -> None:
         self.decoder.feed(packet, resent)
-        self.waiter.wait()
+        self._wait()
 
     def let_pass(self, duration_ns: int) -> None:
         end_ns = self.clock.now_ns() + duration_ns
         while (due_ns := self.clock.next_ns()) is not None and due_ns <= end_ns:
             self.clock.move_to(max(due_ns, self.clock.now_ns()))
             self.clock.end_next_wait()
-            self.waiter.wait()
+            self._wait()
         self.clock.move_to(end_ns)
 
     def carry(self, indices: range) -> None:
@@ -68,6 +68,10 @@ class Ends:
             for packet in self.packets(index):
                 self.feed(packet)
             self.let_pass(FRAME_NS)
+
+    def _wait(self) -> None:
+        self.waiter.wait()
+        self.shown += self.decoder.take_shown()
 
     def close(self) -> None:
         self.encoder.close()
@@ -100,7 +104,7 @@ def test_a_requested_keyframe_is_the_next_frame(ends: Ends) -> None:
 
 def test_a_frame_that_nobody_can_identify_is_not_shown(ends: Ends) -> None:
     ends.carry(range(16))
-    ends.images._identify = lambda timestamp: None
+    ends.identified = False
     ends.carry(range(16, 20))
     assert [seen.index for seen in ends.shown] == list(range(16))
 

@@ -11,8 +11,7 @@ import pytest
 from tams_app.config import Network, VideoConfig
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.received_feedback import uplink_report
-from tams_app.video.core.rtcp import ARRIVAL_TICK_NS
+from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, uplink_report
 from tests.video.streams import jitter_counts
 from tests.video.virtual_time.runs import NETWORKS, Run, drive, make, receivers_of, run_whole
 

@@ -11,8 +11,7 @@ import pytest
 from tams_app.config import Network
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketArrival, PacketKind, PacketRecord
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.flight import FlightBound
-from tams_app.video.core.pacer import Pacer
+from tams_app.video.core.pacer import FlightBound, Pacer
 from tests.video.scenes import frame
 from tests.video.virtual_time.runs import CLEAN, START_NS, Run, drive, make, receivers_of
 
@@ -44,7 +43,7 @@ def test_packets_are_sent_again_only_within_the_bound(limit_bytes: float, resent
     run, bound = Run(), FlightBound(("eih",))
     bound.set(limit_bytes, {"eih": 900.0})
     bound.exceeded("eih", START_NS, 0, 0)
-    with closing(make(run, LOSSY, feedback=True, may_resend=bound.admits_resend)) as video:
+    with closing(make(run, LOSSY, feedback=True, flight=bound)) as video:
         drive(video, ("eih",), range(60))
     assert run.nacks > 3
     assert any(one.kind is PacketKind.REPAIR for one in run.packets) == resent

@@ -1,21 +1,38 @@
-"""The bitstream of a recorded view, decoded."""
+"""The codecs of this machine: those that are configured, and the decoding of a recorded view."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
+from dataclasses import replace
 from typing import Any
 
 from tams_app import gst
-from tams_app.errors import UnreadableLogError
+from tams_app.config import VideoConfig
+from tams_app.errors import SetupError, UnreadableLogError
 from tams_app.records import EncodedFrame
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import AVDEC
-from tams_app.video.core.colour import Planes
+from tams_app.video.core.codecs import AVDEC, DECODERS, ENCODERS, Codecs, Planes
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
 _UNDERWAY = 8  # frames inside the pipeline before one is waited for
 _DECODING_NS = 500 * NS_PER_MS  # then the next goes in, for this one may yield no frame
 _AT_THE_END_NS = 10_000 * NS_PER_MS
+
+
+def installed_codecs(config: VideoConfig) -> Codecs:
+    """What `config.encoder` and `config.decoder` name; SetupError if this machine lacks it."""
+    for key, element in (("encoder", config.encoder), ("decoder", config.decoder)):
+        if missing := gst.missing_elements((element,)):
+            default = VideoConfig.model_fields[key].default
+            raise SetupError(
+                f"video.{key}: GStreamer lacks {element}; install {missing[element]}, or leave the "
+                f"key out for {default}"
+            )
+    encoder, decoder = ENCODERS[config.encoder], DECODERS[config.decoder]
+    return Codecs(
+        replace(encoder, settings=gst.known_settings(encoder.element, encoder.settings)),
+        replace(decoder, settings=gst.known_settings(decoder.element, decoder.settings)),
+    )
 
 
 def decoded(units: Iterator[EncodedFrame]) -> Generator[tuple[int, Planes]]:
