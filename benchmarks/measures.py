@@ -10,7 +10,7 @@ import numpy as np
 
 from benchmarks.runs import Run
 from tams_app.summary.tables import LogTables
-from tams_app.summary.tracking import Windows, steps, windows
+from tams_app.summary.views import Windows, steps, windows
 from tams_app.units import NS_PER_S
 
 SETTLED_FRACTION = 0.15  # of the target

@@ -26,7 +26,7 @@ from hw.sim.operator.seeing import SeeingPerception
 from hw.sim.world.scene_renderer import CameraImages
 from tams_app.config import load_config
 from tams_app.printing import Console
-from tams_app.recording.writer import DirectRecorder
+from tams_app.recording.journal import DirectRecorder
 from tams_app.robot.control import ControlLoop
 from tams_app.robot.engine import Engine
 from tams_app.robot.observers import TRIAL_RATE_HZ

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from tams_app.recording import FrameCaptured, FrameSent, FrameShown, Header, SessionLog
+from tams_app.recording.journal import DirectRecorder
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import (
     IP_UDP_HEADER_BYTES,
     Activity,

@@ -12,9 +12,9 @@ from unittest.mock import Mock
 import pytest
 
 from tams_app.errors import LogError
-from tams_app.recording import Recorder, disk, read_log, read_video
+from tams_app.recording import Recorder, mcap_log, read_log, read_video
+from tams_app.recording.journal import CAPACITY, HANGS_NS, LOST, DirectRecorder
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import CAPACITY, HANGS_NS, LOST, DirectRecorder
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, VIEWS, header, live_records, never_fails, tick
@@ -111,7 +111,7 @@ def test_a_disk_that_fills_up_ends_it_in_one_sentence(
     item = next(iter(live_records(2.0)))
     file = McapLog(tmp_path / "session.mcap", header(), min_free_mb=100)
     with closing(DirectRecorder(file, clock)) as log:
-        monkeypatch.setattr(disk, "free_mb", lambda directory: 9.0)
+        monkeypatch.setattr(mcap_log, "free_mb", lambda directory: 9.0)
         clock.advance_ns(2 * NS_PER_S)
         with pytest.raises(LogError, match="only 9 MB are free"):
             log.record(item)

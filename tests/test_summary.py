@@ -28,7 +28,7 @@ from tams_app.records import (
 from tams_app.summary import summarise
 from tams_app.summary.quality import SSIM_KINDS
 from tams_app.summary.tables import LogTables
-from tams_app.summary.tracking import Windows, steps, windows
+from tams_app.summary.views import Windows, steps, windows
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.stages import STAGES
 from tests.synthetic_session import (

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tams_app.recording import FrameCaptured, FrameSent, FrameShown, SessionLog, read_log
+from tams_app.recording import FrameCaptured, FrameSent, FrameShown, SessionLog
 from tams_app.records import CameraRates, PacketFate, PacketKind, PacketRecord
 from tams_app.summary import summarise
 from tams_app.summary.tables import LogTables
@@ -122,9 +121,6 @@ def test_all_but_the_network_is_the_latency_without_it() -> None:
     assert own(without("sent", pushed_ns=0)) is None
 
 
-DATA = Path(__file__).parent / "data"
-
-
 def thinned(step: int, **changes: Any) -> SessionLog:
     """Five seconds of every `step`-th frame of 30 a second."""
     log = Synthetic(5.0).log()
@@ -133,10 +129,8 @@ def thinned(step: int, **changes: Any) -> SessionLog:
     return log
 
 
-def shortfall_of(log: SessionLog) -> str:
-    sentence = summarise(log)["rates"]["shortfall"]
-    assert isinstance(sentence, str)
-    return sentence
+def shortfall_of(log: SessionLog) -> Any:
+    return summarise(log)["rates"]["shortfall"]
 
 
 def test_frames_and_their_intervals_are_those_of_the_captures() -> None:
@@ -195,11 +189,3 @@ def test_nobody_is_told_to_ask_for_less_with_the_rate_that_they_asked_for(simula
     told = shortfall(5, {"eih": 3.9, "gt": 4.9}, {}, simulated=simulated)
     assert "--fps" not in told
     assert told.endswith("close other programs." if simulated else "shorten their exposure.")
-
-
-def test_a_log_from_before_has_its_rates_as_far_as_its_frames_tell() -> None:
-    log = read_log(DATA / "virtual-0.1.mcap")
-    summary = summarise(log)
-    for entry in summary["views"].values():
-        assert entry["fps"]["asked"] == log.header.fps
-        assert entry["fps"]["given"] > 0

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.experiments.ablation_cells import FACTORS, Cell
-from tams_app.study.statistics import Estimate, mean_interval
+from tams_app.report.pages import Estimate
+from tams_app.study.statistics import mean_interval
 
 Figures = Mapping[str, float | None]  # of one trial, by measure
 

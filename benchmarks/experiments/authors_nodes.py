@@ -26,8 +26,7 @@ from tams_app.config import load_config
 from tams_app.policy.allocation import STRATEGIES
 from tams_app.policy.phases import PhaseTracker
 from tams_app.records import Phase
-from tams_app.ros2.messages import String, TwistStamped
-from tams_app.ros2.topics import AUTHORS
+from tams_app.ros2.messages import AUTHORS, String, TwistStamped
 
 PHASE_HZ, ALLOCATIONS_EVERY = 50.0, 5  # as theirs: 50 and 10 times a second
 BUDGET_MBPS = 6.0  # until one is received

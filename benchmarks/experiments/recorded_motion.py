@@ -18,8 +18,8 @@ from hw.sim.operator.demo import demo_controller
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import read_ticks
+from tams_app.recording.journal import DirectRecorder
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import Outcome, Pose, Record, SceneTruth, Tick
 from tams_app.robot import build
 from tams_app.robot.control import LoopDevices, Signals, SteadyVideo

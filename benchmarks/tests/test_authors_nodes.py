@@ -16,8 +16,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.topic import Topic as DdsTopic
 
 from benchmarks.experiments.authors_nodes import Bool, Float32
-from tams_app.ros2.messages import HeaderMsg, Time, TwistMsg, TwistStamped, Vector3
-from tams_app.ros2.topics import AUTHORS
+from tams_app.ros2.messages import AUTHORS, HeaderMsg, Time, TwistMsg, TwistStamped, Vector3
 from tests.ros2.dds import RELIABLE, Node, free_domain, until
 
 pytestmark = pytest.mark.waiting

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks.measures import settling_time_s
 from tams_app.summary.tables import LogTables
-from tams_app.summary.tracking import windows
+from tams_app.summary.views import windows
 from tams_app.units import NS_PER_S
 from tests.synthetic_session import START_NS, Synthetic, overshoot
 

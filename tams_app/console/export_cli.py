@@ -89,13 +89,12 @@ def _lerobot(
     logs: Sequence[Path], out: Path | None, options: ExportOptions, console: Console
 ) -> None:
     """DIR for all of them together, or lerobot/ in the folder of the only one."""
-    from tams_app.export.lerobot.convert import ExportProgress, export_lerobot
+    from tams_app.export.lerobot.convert import export_lerobot
 
     if out is None and len(logs) > 1:
         raise ConfigError("--out: of several sessions say in which folder the dataset is to be")
     folder = out or logs[0].parent / "lerobot"
-    with ExportProgress(console) as progress:
-        episodes = export_lerobot(logs, folder, options, progress)
+    episodes = export_lerobot(logs, folder, options, console)
     rows = sum(episode.rows for episode in episodes)
     views = ", ".join(episodes[0].shape.views)
     number = "1 episode" if len(episodes) == 1 else f"{len(episodes)} episodes"

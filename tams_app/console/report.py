@@ -18,7 +18,7 @@ from tams_app.link.messages import (
 )
 from tams_app.printing import Console, waiting
 from tams_app.recording import LOG_NAME, SessionLog, damage_sentence, read_log
-from tams_app.recording.pictures import ShownPicture, read_pictures
+from tams_app.recording.reader import ShownPicture, read_pictures
 from tams_app.summary.joined import (
     clock_offsets,
     in_order,

@@ -26,8 +26,7 @@ from tams_app.outputs import refuse_existing
 from tams_app.recording import read_records
 from tams_app.recording.rates import RatesMeter
 from tams_app.ros2.conversion import Conversion, Sent
-from tams_app.ros2.messages import cdr, ros_name, typestore
-from tams_app.ros2.topics import RosTopic, published
+from tams_app.ros2.messages import RosTopic, cdr, published, ros_name, typestore
 from tams_app.telemetry import Scene
 
 _NEVER = QosTime(0, 0)  # as rosbag2 writes what is not set
@@ -44,11 +43,10 @@ def write_bag(log: Path, bag: Path, scene: Scene | None) -> Mapping[str, int]:
     try:
         with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
             return _fill(writer, log, scene)
-    except OSError as error:
+    except BaseException as error:
         shutil.rmtree(bag, ignore_errors=True)
-        raise LogError(f"{bag}: cannot be written: {error}") from error
-    except BaseException:
-        shutil.rmtree(bag, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise LogError(f"{bag}: cannot be written: {error}") from error
         raise
 
 

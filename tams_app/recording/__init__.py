@@ -1,5 +1,6 @@
 """The session log: written live by `Recorder`, read back by `read_log`."""
 
+from tams_app.recording.journal import Recorder as Recorder
 from tams_app.recording.mcap_log import Viewer as Viewer
 from tams_app.recording.mcap_stream import Gap as Gap
 from tams_app.recording.mcap_stream import damage_sentence as damage_sentence
@@ -17,4 +18,3 @@ from tams_app.recording.topics import FrameSent as FrameSent
 from tams_app.recording.topics import FrameShown as FrameShown
 from tams_app.recording.topics import Header as Header
 from tams_app.recording.topics import SessionLog as SessionLog
-from tams_app.recording.writer import Recorder as Recorder

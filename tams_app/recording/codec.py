@@ -13,6 +13,7 @@ import types
 import typing
 from collections.abc import Callable
 from enum import Enum
+from functools import partial
 from typing import Any, Generic, NamedTuple, TypeVar
 
 import msgspec
@@ -88,7 +89,7 @@ def _form(hint: Any) -> _Form:
     if origin is tuple:
         return _sequence(_form(parts[0]))
     if origin is np.ndarray:
-        return _Form(_NUMBERS, lambda tree: np.array(tree, dtype=np.float64))  # null becomes NaN
+        return _Form(_NUMBERS, partial(np.array, dtype=np.float64))  # null becomes NaN
     if hint is Rotation:
         return _Form(_NUMBERS, _read_rotation)
     if isinstance(hint, type) and issubclass(hint, Enum):
@@ -194,7 +195,7 @@ def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
     return {**logged, "concealed": logged["damaged"]}
 
 
-UPGRADES: dict[type, Callable[[dict[str, Any]], dict[str, Any]]] = {
+UPGRADES: dict[type, Convert] = {
     ArmState: _arm_state,
     FrameQuality: _frame_quality,
 }

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
+from operator import attrgetter
 from pathlib import Path
 from typing import IO, cast
 
@@ -107,7 +108,7 @@ class McapStream:
     def _by_index(self, file: IO[bytes], summary: Summary) -> Iterator[McapRecord]:
         """Every chunk that is whole; one that is not becomes a gap."""
         self.complete = True
-        for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+        for index in sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")):
             try:
                 yield from _whole_chunk(file, index)
             except DAMAGE:
@@ -147,7 +148,7 @@ def messages_between(path: Path, start_ns: int, end_ns: int) -> list[tuple[str, 
         with path.open("rb") as file:
             if (summary := _read_summary(file)) is None:
                 return None
-            for index in sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset):
+            for index in sorted(summary.chunk_indexes, key=attrgetter("chunk_start_offset")):
                 if index.message_start_time >= end_ns or index.message_end_time < start_ns:
                     continue
                 with suppress(*DAMAGE):
@@ -208,3 +209,51 @@ class _WholeReads:
         if len(data) < size:
             raise EndOfFile
         return data
+
+
+_VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+
+
+def protobuf_fields(message: bytes) -> dict[int, int | bytes]:
+    """The fields of a Foxglove message by number; of a repeated field the last value stays."""
+    return dict(protobuf_parts(message))
+
+
+def protobuf_parts(message: bytes) -> Iterator[tuple[int, int | bytes]]:
+    """Each field's number and value: integers for varint and fixed fields, bytes for the rest.
+
+    Just enough of the wire format: a field is a varint key (number << 3 | type) and its value
+    (protobuf.dev, "Encoding"). Raises ValueError if `message` is damaged.
+    """
+    at = 0
+    while at < len(message):
+        key, at = _varint(message, at)
+        number, kind = key >> 3, key & 7
+        if kind == _VARINT:
+            found, at = _varint(message, at)
+            yield number, found
+            continue
+        if kind == _BYTES:
+            size, at = _varint(message, at)
+        elif kind in (_FIXED32, _FIXED64):
+            size = 4 if kind == _FIXED32 else 8
+        else:
+            raise ValueError(f"unknown protobuf wire type {kind}")
+        value = message[at : at + size]
+        if len(value) < size:
+            raise ValueError("the protobuf message is cut off")
+        yield number, value if kind == _BYTES else int.from_bytes(value, "little")
+        at += size
+
+
+def _varint(message: bytes, at: int) -> tuple[int, int]:
+    value = shift = 0
+    while True:
+        if at >= len(message):
+            raise ValueError("the protobuf message is cut off")
+        byte = message[at]
+        at += 1
+        value |= (byte & 0x7F) << shift
+        if byte < 0x80:
+            return value, at
+        shift += 7

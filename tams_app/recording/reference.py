@@ -15,10 +15,8 @@ import numpy as np
 from foxglove.messages import RawImage
 from mcap.writer import Writer
 
-from tams_app.recording import wire
-from tams_app.recording.disk import LogFile
-from tams_app.recording.mcap_log import timestamp
-from tams_app.recording.mcap_stream import McapStream
+from tams_app.recording.mcap_log import LogFile, timestamp
+from tams_app.recording.mcap_stream import McapStream, protobuf_fields
 from tams_app.recording.topics import REFERENCE_PREFIX, REFERENCE_PROFILE
 from tams_app.records import Frame, Image
 from tams_app.runtime.mailbox import BoundedQueue
@@ -117,7 +115,7 @@ class ReferenceRecorder:
 def read_reference(path: Path, wall_offset_ns: int) -> Iterator[Frame]:
     """The captures as they were, in the order recorded; LogError if `path` is none of ours."""
     for topic, message in McapStream(path, REFERENCE_PROFILE):
-        stored = wire.fields(message.data)
+        stored = protobuf_fields(message.data)
         height, width, data = stored[_HEIGHT], stored[_WIDTH], stored[_DATA]
         assert isinstance(height, int)
         assert isinstance(width, int)

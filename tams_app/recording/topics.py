@@ -298,8 +298,12 @@ class SessionLog:
             [(self._seconds(gap.start_ns), self._seconds(gap.end_ns)) for gap in self.missing]
         )
 
+    def since_start_s(self, t_ns: int) -> float:
+        """A time of the session's clock in seconds since the session started."""
+        return (t_ns - self.header.started_ns) / NS_PER_S
+
     def _seconds(self, t_ns: int | None) -> float | None:
-        return None if t_ns is None else (t_ns - self.header.started_ns) / NS_PER_S
+        return None if t_ns is None else self.since_start_s(t_ns)
 
     @property
     def has_episodes(self) -> bool:

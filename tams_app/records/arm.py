@@ -10,8 +10,7 @@ from typing import Annotated, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records.geometry import Pose, Vector
-from tams_app.records.record import Record
+from tams_app.records.record import Pose, Record, Vector
 
 
 class ArmKinematics(Protocol):

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records.geometry import Pose, Vector
+from tams_app.records.record import Pose, Vector
 from tams_app.vectors import Floats3
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated
 
-from tams_app.records.geometry import Pose
+from tams_app.records.record import Pose
 
 
 class ControllerStatus(StrEnum):

@@ -1,4 +1,4 @@
-"""What a session's log keeps, and the fields that many of its records have.
+"""What a session's log keeps, the fields that many of its records have, poses and velocities.
 
 Each field of such a record, and of what is in it, is described once, where it stands:
 `Annotated[int, "what it is [unit]"]`. Viewers show the text beside the value (`recording/codec.py`)
@@ -8,7 +8,14 @@ and `log fields` is made of it. `null` there is None here.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Annotated, TypeAlias, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tams_app.rotation import Rotation
+from tams_app.vectors import ZERO, Floats3
 
 
 class Record:
@@ -23,7 +30,7 @@ FrameIndex: TypeAlias = Annotated[
     int, "number of the capture; in a log of `operate` its RTP timestamp"
 ]
 ViewName: TypeAlias = Annotated[str, "name of the view"]
-
+Vector: TypeAlias = NDArray[np.float64]
 
 T = TypeVar("T", bound=Record)
 
@@ -45,3 +52,27 @@ class Newest:
         """The newest of this type; None before the first."""
         found = self._records.get(kind)
         return found if isinstance(found, kind) else None
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A frame in its parent frame."""
+
+    position: Annotated[Vector, "x, y, z [m]"]
+    rotation: Annotated[Rotation, "quaternion x, y, z, w"]
+
+
+@dataclass(frozen=True, slots=True)
+class Twist:
+    """A velocity in the arm's base frame."""
+
+    linear: Annotated[Floats3, "velocity x, y, z [m/s]"]
+    angular: Annotated[Floats3, "angular velocity x, y, z [rad/s]"]
+
+    @staticmethod
+    def zero() -> Twist:
+        return Twist(ZERO, ZERO)
+
+    @property
+    def is_zero(self) -> bool:
+        return not (any(self.linear) or any(self.angular))

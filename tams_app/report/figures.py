@@ -1,42 +1,56 @@
-"""Rates over a session's time, and bitrates.png: the paper's bitrate tracking figure."""
+"""A session's figures over its time.
+
+bitrates.png is the paper's figure of bitrate tracking; the timeline has on one axis phases, rates,
+delay, quality, and what stopped the arm.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from tams_app.palette import view_colour
+from tams_app.palette import (
+    CAPACITY_ESTIMATE,
+    EMULATED_CAPACITY,
+    UPLINK_BUDGET,
+    UPLINK_SENT,
+    view_colour,
+)
 from tams_app.recording import SessionLog
+from tams_app.records import StopRecord
 from tams_app.report import plots
 from tams_app.summary.tables import Floats, Integers, LogTables, PacketTable, Span, Targets
+from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 
 WINDOW_NS = 250 * NS_PER_MS
 WINDOW_FRAMES = 7.5  # at least
 STEPS_PER_FRAME = 4  # how far the window slides at a time
-ROW_IN = 1.15
+_ROW_IN = 1.15
 _MIN_LABEL_FRACTION = 0.035  # of the width: phases shorter than this keep their line only
 _TARGET_PT, _MEASURED_PT = 0.9, 1.3
-
-
-def since_start_s(log: SessionLog, t_ns: int) -> float:
-    """A time of the session's clock in seconds since the session started."""
-    return (t_ns - log.header.started_ns) / NS_PER_S
+_TIMELINE_ROW_IN, _BAND_IN = 1.25, 0.55
+_HELD: dict[str, tuple[str, str]] = {  # the word, and the strokes behind the curves
+    ArmingState.HOLDING: ("hold", "//"),
+    ArmingState.FAULT: ("fault", "xx"),
+}
+_QUALITY_WINDOW_S = 1.0
 
 
 def all_since_start_s(log: SessionLog, t_ns: Integers) -> Floats:
-    """As `since_start_s`, of each."""
+    """As `log.since_start_s`, of each."""
     seconds: Floats = (t_ns - log.header.started_ns) / NS_PER_S
     return seconds
 
 
 def phase_stretches(log: SessionLog) -> list[plots.NamedStretch]:
     """Each phase with its end, in order."""
-    times_s = [since_start_s(log, t_ns) for t_ns in (*(c.t_ns for c in log.phases), log.ended_ns)]
+    times_s = [log.since_start_s(t_ns) for t_ns in (*(c.t_ns for c in log.phases), log.ended_ns)]
     names = (change.phase.value.replace("_", "-").title() for change in log.phases)
     return [plots.NamedStretch(*one) for one in zip(names, times_s, times_s[1:], strict=False)]
 
@@ -129,7 +143,7 @@ def bitrates_figure(tables: LogTables) -> Figure:
     """
     log, rates = tables.log, SentRates.of(tables)
     views = log.header.views
-    figure = plots.new_figure(plots.PAPER_IN, ROW_IN * len(views) + 0.75)
+    figure = plots.new_figure(plots.PAPER_IN, _ROW_IN * len(views) + 0.75)
     axes = figure.subplots(len(views), 1, sharex=True, squeeze=False)[:, 0]
     for place, (view, axis) in enumerate(zip(views, axes, strict=True)):
         if rates is not None:
@@ -180,7 +194,7 @@ def _draw_frames(axis: Axes, tables: LogTables, view: str, span: Span) -> None:
 
 def _draw_phases(log: SessionLog, axes: list[Axes], span: Span) -> None:
     """A dashed line where each phase begins, its name on top where it fits."""
-    start_s, end_s = (since_start_s(log, t_ns) for t_ns in (span.start_ns, span.end_ns))
+    start_s, end_s = (log.since_start_s(t_ns) for t_ns in (span.start_ns, span.end_ns))
     axes[0].set_xlim(start_s, end_s)
     for phase, change in zip(phase_stretches(log), log.phases, strict=True):
         begin_s, until_s = max(phase.start_s, start_s), min(phase.end_s, end_s)
@@ -195,3 +209,131 @@ def _draw_phases(log: SessionLog, axes: list[Axes], span: Span) -> None:
                 {"color": plots.FAINT, "linestyle": "--", "linewidth": 0.7, "zorder": 1},
                 {"fontsize": plots.TINY_PT - 1.5, "rotation": 20, "xytext": (2, 1), "va": "bottom"},
             )
+
+
+def held_stretches(log: SessionLog) -> list[plots.NamedStretch]:
+    """While the arm was held or stopped by a fault, with the word for it."""
+    found: list[plots.NamedStretch] = []
+    state, since_ns = "", 0
+    for arming, t_ns in (*((one.arming, one.started_ns) for one in log.ticks), ("", log.ended_ns)):
+        if arming != state:
+            if state in _HELD:
+                ends_s = (log.since_start_s(end_ns) for end_ns in (since_ns, t_ns))
+                found.append(plots.NamedStretch(_HELD[state][0], *ends_s))
+            state, since_ns = arming, t_ns
+    return found
+
+
+def stops_of(log: SessionLog) -> list[tuple[float, StopRecord]]:
+    """Each stop with its time in seconds since the start, in the order of their numbers."""
+    ordered = sorted(log.stops, key=attrgetter("visible_ns"))
+    return [(log.since_start_s(stop.visible_ns), stop) for stop in ordered]
+
+
+@plots.styled
+def timeline_figure(tables: LogTables) -> Figure:
+    """All of a session; also drawn for a log without any video."""
+    log = tables.log
+    views, ended_s = log.header.views, log.since_start_s(log.ended_ns)
+    heights = [_BAND_IN, *([_TIMELINE_ROW_IN] * (len(views) + 3))]
+    figure = plots.new_figure(plots.WIDE_IN, sum(heights) + 0.6)
+    rows = figure.subplots(
+        len(heights), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": heights}
+    )[:, 0]
+    band, *of_views, link, delay, quality = rows
+    plots.draw_phase_strip(band, phase_stretches(log), ended_s)
+    rates = SentRates.of(tables)
+    for place, (view, axis) in enumerate(zip(views, of_views, strict=True)):
+        dress_rate(axis, view.upper())
+        if rates is not None:
+            rates.draw(axis, place, view)
+        _draw_delay(delay, tables, place, view)
+        _draw_quality(quality, log, place, view)
+    most = max(0.001, *(axis.dataLim.y1 for axis in of_views))
+    for axis in of_views:  # one scale, so that the views can be compared
+        axis.set_ylim(0, 1.08 * most)
+    if rates is not None:
+        _draw_uplink(link, log, rates)
+    dress_rate(link, "Uplink")
+    for axis, label in ((delay, "Capture to\nscreen [ms]"), (quality, "SSIM live")):
+        axis.set_ylabel(label)
+        axis.grid(axis="y")
+    delay.set_ylim(bottom=0)
+    quality.set_ylim(top=1.0)
+    for axis in rows[1:]:
+        _draw_stops(axis, log)
+    for axis in (of_views[0], link, delay, quality):
+        if axis.get_legend_handles_labels()[0]:
+            ground: plots.Style = {"frameon": True, "facecolor": plots.GROUND, "edgecolor": "none"}
+            # the few points of quality: none is hidden
+            where = "best" if axis is quality else "lower right"
+            axis.legend(loc=where, ncols=4, fontsize=plots.TINY_PT, framealpha=0.85, **ground)
+    rows[-1].set_xlabel(plots.TIME_AXIS)
+    rows[-1].set_xlim(0.0, max(ended_s, 0.1))
+    return figure
+
+
+def _draw_uplink(link: Axes, log: SessionLog, rates: SentRates) -> None:
+    """Rate, budget and capacities of the uplink."""
+    if curves := list(rates.curves.values()):  # at the times of the first
+        t_s = curves[0].t_s
+        sent = sum(np.interp(t_s, curve.t_s, curve.kbps) for curve in curves) / 1000
+        link.plot(t_s, sent, color=UPLINK_SENT, lw=2.2, label="sent, all views")
+    step: plots.Style = {"where": "post", "lw": 1}
+    targets = rates.targets
+    budget_kbps, estimate_kbps = (
+        np.append(kbps, kbps[-1]) for kbps in (targets.budget_kbps, targets.capacity_kbps)
+    )
+    link.step(rates.t_s, budget_kbps / 1000, color=UPLINK_BUDGET, label="budget", **step)
+    dashed: plots.Style = {**step, "ls": "--", "color": CAPACITY_ESTIMATE}
+    link.step(rates.t_s, estimate_kbps / 1000, label="capacity estimate", **dashed)
+    if emulated := [one for one in log.capacities if one.capacity_kbps is not None]:
+        ends = np.array([*(one.t_ns for one in emulated), rates.span.end_ns])
+        kbps = np.array([one.capacity_kbps for one in (*emulated, emulated[-1])], dtype=float)
+        dotted: plots.Style = {**step, "ls": ":", "color": EMULATED_CAPACITY}
+        link.step(all_since_start_s(log, ends), kbps / 1000, label="emulated capacity", **dotted)
+
+
+def _draw_delay(axis: Axes, tables: LogTables, place: int, view: str) -> None:
+    frames = tables.frames[view]
+    shown = frames.shown_ns > 0
+    t_s = all_since_start_s(tables.log, frames.shown_ns[shown])
+    delay_ms = (frames.shown_ns[shown] - frames.capture_ns[shown]) / NS_PER_MS
+    curve = _broken(t_s, delay_ms)
+    axis.plot(*curve, color=view_colour(place), lw=1, label=view.upper())
+
+
+def _draw_quality(axis: Axes, log: SessionLog, place: int, view: str) -> None:
+    """Means of a second of what was on the screen."""
+    scored = [(one.capture_ns, one.live) for one in log.quality if one.view == view and one.live]
+    if not scored:
+        return
+    t_s = all_since_start_s(log, np.array([t_ns for t_ns, _ in scored], dtype=np.int64))
+    seconds = np.floor(t_s / _QUALITY_WINDOW_S)
+    values = np.array([value for _, value in scored])
+    ends = np.unique(seconds)
+    means = np.array([values[seconds == end].mean() for end in ends])
+    curve = _broken((ends + 0.5) * _QUALITY_WINDOW_S, means, _QUALITY_WINDOW_S)
+    axis.plot(*curve, ".-", ms=3, color=view_colour(place), label=view.upper())
+
+
+def _broken(t_s: Floats, values: Floats, longest_s: float = 1.0) -> tuple[Floats, Floats]:
+    """The points of a curve, with a break where none follows within `longest_s`."""
+    gaps = np.flatnonzero(np.diff(t_s) > longest_s) + 1
+    return np.insert(t_s, gaps, np.nan), np.insert(values, gaps, np.nan)
+
+
+def _draw_stops(axis: Axes, log: SessionLog) -> None:
+    """Holds and faults hatched, each stop a numbered line."""
+    for held in held_stretches(log):
+        strokes: plots.Style = {
+            "facecolor": "none",
+            "edgecolor": plots.HATCH,
+            "hatch": dict(_HELD.values())[held.name],
+        }
+        axis.axvspan(held.start_s, held.end_s, linewidth=0, zorder=0, **strokes)
+    line: plots.Style = {"color": plots.STOP, "lw": 1.2}
+    for number, (t_s, _) in enumerate(stops_of(log), start=1):
+        plots.draw_event(
+            axis, t_s, str(number), line, {"color": plots.STOP, "fontsize": plots.SMALL_PT}
+        )

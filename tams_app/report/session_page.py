@@ -13,31 +13,17 @@ import numpy as np
 
 from tams_app import __version__
 from tams_app.outputs import write_file
-from tams_app.printing import known
 from tams_app.recording import SessionLog
-from tams_app.recording.pictures import ShownPicture
-from tams_app.report.figures import phase_stretches, since_start_s
-from tams_app.report.pages import page_environment
+from tams_app.recording.reader import ShownPicture
+from tams_app.report.figures import phase_stretches, stops_of, timeline_figure
+from tams_app.report.pages import number, page_environment
 from tams_app.report.plots import NamedStretch, to_svg
-from tams_app.report.timeline import stops_of, timeline_figure
 from tams_app.summary.tables import LogTables, primary_at
 from tams_app.teleop.hands import words_of
 from tams_app.teleop.reasons import what_to_do
-from tams_app.units import NS_PER_MS
 from tams_app.video.core.stages import STAGES, slowest_stage, stage_words
 
 _LEAST_RANGE = 8  # of a picture's grey levels; an encoder's first frames may show nothing at all
-
-
-@dataclass(frozen=True, slots=True)
-class Stop:
-    """A stop as people read it; `rest_ms` is None if the session ended before the arm rested."""
-
-    number: int
-    t_s: float
-    reason: str
-    advice: str
-    rest_ms: float | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,16 +65,19 @@ def write_page(
 
     `pictures`: those that were shown, with times by the log's wall clock.
     """
-    log, environment = tables.log, page_environment()
-    environment.filters["number"] = known
-    stills = stills_of(log, pictures)
-    page = environment.get_template("session.html.j2").render(
+    log = tables.log
+    hand, stills = words_of(log.facts), stills_of(log, pictures)
+    template = page_environment().get_template("session.html.j2")
+    page = template.render(
         title=path.parent.name,
         version=__version__,
         header=log.header,
         summary=summary,
-        notes=[(since_start_s(log, note.t_ns), note.level, note.text) for note in log.notes],
-        stops=stop_rows(log),
+        notes=[(log.since_start_s(note.t_ns), note.level, note.text) for note in log.notes],
+        # numbered as in the figure
+        stops=[
+            (t_s, stop, what_to_do(stop.reason, stop.reason, hand)) for t_s, stop in stops_of(log)
+        ],
         stills=stills,
         has_pictures=any(still.pictures for still in stills),
         stages=stages_table(summary),
@@ -108,7 +97,7 @@ def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
             continue
         slowest_ms[view, slowest] = p95_ms[slowest]
         columns = (*stages.values(), entry["own_latency_ms"])
-        rows.append((view, [f"{known(one['p50'])} / {known(one['p95'])}" for one in columns]))
+        rows.append((view, [f"{number(one['p50'])} / {number(one['p95'])}" for one in columns]))
     if not rows:
         return None
     view, stage = max(slowest_ms, key=slowest_ms.__getitem__)
@@ -116,27 +105,12 @@ def stages_table(summary: Mapping[str, Any]) -> StagesTable | None:
     return StagesTable(names, rows, view, stage_words(stage))
 
 
-def stop_rows(log: SessionLog) -> list[Stop]:
-    """Each stop with what to do about it, numbered as in the figure."""
-    hand = words_of(log.facts)
-    return [
-        Stop(
-            number,
-            t_s,
-            stop.reason,
-            what_to_do(stop.reason, stop.reason, hand),
-            None if stop.stopped_ns is None else (stop.stopped_ns - stop.visible_ns) / NS_PER_MS,
-        )
-        for number, (t_s, stop) in enumerate(stops_of(log), start=1)
-    ]
-
-
 def stills_of(log: SessionLog, pictures: Iterable[ShownPicture]) -> list[PhaseStills]:
     """For each phase the first picture of each view that was shown in it and is not blank."""
     phases = phase_stretches(log)
     found: list[dict[str, StillPicture]] = [{} for _ in phases]
     for picture in pictures:
-        t_s = since_start_s(log, picture.shown_ns - log.header.wall_offset_ns)
+        t_s = log.since_start_s(picture.shown_ns - log.header.wall_offset_ns)
         for phase, of_phase in zip(phases, found, strict=True):
             is_new = phase.start_s <= t_s < phase.end_s and picture.view not in of_phase
             if is_new and not _is_blank(picture):

@@ -28,15 +28,16 @@ from tams_app.records import (
     StopRecord,
     Tick,
 )
-from tams_app.ros2 import messages, topics
-from tams_app.telemetry.lines import Spoken, line_of
+from tams_app.ros2 import messages
 from tams_app.telemetry.scene import (
     BASE,
     MOTION_HZ,
     Pace,
     PlacedFrame,
     Scene,
+    Spoken,
     joint_angles,
+    line_of,
     tcp_frame,
     thing_frames,
 )
@@ -65,7 +66,7 @@ _GRIPPER = {None: "unknown", False: "open", True: "closed"}
 class Sent:
     """A message, its topic and its time in nanoseconds since 1970."""
 
-    topic: topics.RosTopic
+    topic: messages.RosTopic
     message: IdlStruct
     wall_ns: int
 
@@ -91,7 +92,7 @@ class Conversion:
         """The messages that hold for the whole session."""
         if self._scene is not None:
             wall_ns = self._started_ns + self._offset_ns
-            yield self._transforms(topics.TF_STATIC, wall_ns, self._scene.still_frames())
+            yield self._transforms(messages.TF_STATIC, wall_ns, self._scene.still_frames())
 
     def of(self, record: Any) -> Iterator[Sent]:
         """The messages of a record, of which there may be none."""
@@ -100,10 +101,10 @@ class Conversion:
                 yield from self._on_tick(record)
             case SceneTruth():
                 wall_ns = record.t_ns + self._offset_ns
-                yield self._transforms(topics.TF, wall_ns, thing_frames(record))
+                yield self._transforms(messages.TF, wall_ns, thing_frames(record))
             case PhaseChange():
                 phase = messages.String(record.phase.value)
-                yield Sent(topics.PHASE, phase, record.t_ns + self._offset_ns)
+                yield Sent(messages.PHASE, phase, record.t_ns + self._offset_ns)
             case Allocation() if self._as_the_authors:
                 yield from self._on_allocation(record)
             case Rates():
@@ -121,7 +122,7 @@ class Conversion:
             messages.Vector3(*map(float, part)) for part in (tick.twist.linear, tick.twist.angular)
         )
         twist = messages.TwistMsg(linear, angular)
-        yield Sent(topics.TWIST, messages.TwistStamped(_header(wall_ns), twist), wall_ns)
+        yield Sent(messages.TWIST, messages.TwistStamped(_header(wall_ns), twist), wall_ns)
         if tick.arm is not None and tick.arm.received_ns != self._reported_ns:
             self._reported_ns = tick.arm.received_ns
             yield from self._on_arm(tick.arm)
@@ -135,22 +136,22 @@ class Conversion:
         wall_ns = arm.received_ns + self._offset_ns
         header = _header(wall_ns)
         place = messages.PoseMsg(messages.Point(*_xyz(arm.tcp)), _quaternion(arm.tcp))
-        yield Sent(topics.TCP_POSE, messages.PoseStamped(header, place), wall_ns)
+        yield Sent(messages.TCP_POSE, messages.PoseStamped(header, place), wall_ns)
         angles = joint_angles(arm)
         joints = messages.JointState(header, list(angles), list(angles.values()), [], [])
-        yield Sent(topics.JOINTS, joints, wall_ns)
+        yield Sent(messages.JOINTS, joints, wall_ns)
         if self._frames_pace.is_due(arm.received_ns):
             scene = self._scene
             moved: Iterable[PlacedFrame] = (
                 [tcp_frame(arm)] if scene is None else scene.arm_frames(arm)
             )
-            yield self._transforms(topics.TF, wall_ns, moved)
+            yield self._transforms(messages.TF, wall_ns, moved)
 
     def _on_allocation(self, allocation: Allocation) -> Iterator[Sent]:
         """As the authors' nodes say it: again and again, for who comes late."""
         views = {view.upper(): kbps / 1000 for view, kbps in allocation.target_kbps.items()}
         targets = json.dumps({"phase": allocation.phase.word, "targets_mbps": views})
-        for topic, text in zip(topics.AUTHORS, (allocation.phase.word, targets), strict=True):
+        for topic, text in zip(messages.AUTHORS, (allocation.phase.word, targets), strict=True):
             yield Sent(topic, messages.String(text), allocation.t_ns + self._offset_ns)
 
     def _on_rates(self, rates: Rates) -> Sent:
@@ -163,13 +164,13 @@ class Conversion:
         ]
         numbers = [number for row in rows.values() for number in row]
         array = messages.Float64MultiArray(messages.MultiArrayLayout(dimensions, 0), numbers)
-        return Sent(topics.RATES, array, rates.t_ns + self._offset_ns)
+        return Sent(messages.RATES, array, rates.t_ns + self._offset_ns)
 
     def _on_frame(self, frame: EncodedFrame) -> Sent:
-        captured = messages.Time.of(frame.capture_ns + self._offset_ns)
+        captured = messages.time_of(frame.capture_ns + self._offset_ns)
         video = messages.CompressedVideo(captured, optical(frame.view), frame.data, "h264")
         wall_ns = frame.encoded_ns + self._offset_ns
-        return Sent(topics.video_topic(frame.view), video, wall_ns)
+        return Sent(messages.video_topic(frame.view), video, wall_ns)
 
     def _on_line(self, record: Spoken) -> Sent:
         """A sentence that the operator reads, or a stop that was measured."""
@@ -178,12 +179,12 @@ class Conversion:
         status = messages.DiagnosticStatus(level, LINE_NAME, line.text, self._hardware, values)
         return self._diagnostics(line.t_ns + self._offset_ns, status)
 
-    def _diagnostics(self, wall_ns: int, status: messages.DiagnosticStatus) -> Sent:
+    def _diagnostics(self, wall_ns: int, status: IdlStruct) -> Sent:
         header = _header(wall_ns, "")
-        return Sent(topics.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
+        return Sent(messages.DIAGNOSTICS, messages.DiagnosticArray(header, [status]), wall_ns)
 
     def _transforms(
-        self, topic: topics.RosTopic, wall_ns: int, frames: Iterable[PlacedFrame]
+        self, topic: messages.RosTopic, wall_ns: int, frames: Iterable[PlacedFrame]
     ) -> Sent:
         moved = [
             messages.TransformStamped(
@@ -207,8 +208,8 @@ def optical(view: str) -> str:
     return f"{view}_optical"
 
 
-def _header(wall_ns: int, frame: str = BASE_LINK) -> messages.HeaderMsg:
-    return messages.HeaderMsg(messages.Time.of(wall_ns), frame)
+def _header(wall_ns: int, frame: str = BASE_LINK) -> Any:
+    return messages.HeaderMsg(messages.time_of(wall_ns), frame)
 
 
 def _xyz(pose: Pose) -> tuple[float, float, float]:
@@ -216,7 +217,7 @@ def _xyz(pose: Pose) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _quaternion(pose: Pose) -> messages.Quaternion:
+def _quaternion(pose: Pose) -> Any:
     x, y, z, w = map(float, pose.rotation)
     return messages.Quaternion(x, y, z, w)
 
@@ -227,7 +228,7 @@ def _number(rates: object, name: str) -> float:
     return nan if value is None else float(value)
 
 
-def _arm_status(tick: Tick, hardware: str, hand: HandWords) -> messages.DiagnosticStatus:
+def _arm_status(tick: Tick, hardware: str, hand: HandWords) -> Any:
     """A hold is a warning, a fault an error; the message says what the operator does about it."""
     message = tick.arming
     if tick.reason:
@@ -246,5 +247,5 @@ def _arm_status(tick: Tick, hardware: str, hand: HandWords) -> messages.Diagnost
     return messages.DiagnosticStatus(level, ARM_NAME, message, hardware, _pairs(values))
 
 
-def _pairs(values: dict[str, str]) -> list[messages.KeyValue]:
+def _pairs(values: dict[str, str]) -> list[IdlStruct]:
     return [messages.KeyValue(key, value) for key, value in values.items()]

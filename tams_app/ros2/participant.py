@@ -24,8 +24,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic as DdsTopic
 
 from tams_app.errors import SetupError
-from tams_app.ros2.messages import Empty, ros_name, type_hash
-from tams_app.ros2.topics import STOP, RosTopic, published
+from tams_app.ros2.messages import STOP, Empty, RosTopic, published, ros_name, type_hash
 from tams_app.units import NS_PER_MS
 
 BLOCKED_NS = 10 * NS_PER_MS  # at most, by a reader that takes nothing

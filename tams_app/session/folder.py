@@ -9,7 +9,7 @@ from pathlib import Path
 from tams_app.config import Config, dump_config
 from tams_app.errors import ConfigError, LogError
 from tams_app.outputs import write_file
-from tams_app.recording.disk import require_free_space
+from tams_app.recording.mcap_log import require_free_space
 from tams_app.video.live.frame_ring import CAPTURED, SHOWN, RingLayout
 
 

@@ -14,9 +14,8 @@ import psutil
 from tams_app import __version__
 from tams_app.config import Config
 from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
-from tams_app.recording.journal import Journal
+from tams_app.recording.journal import DirectRecorder, Journal
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.writer import DirectRecorder
 from tams_app.records import ServoMode, SystemSample
 from tams_app.robot.control import Signals
 from tams_app.runtime.clock import Clock

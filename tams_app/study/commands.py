@@ -16,13 +16,12 @@ from tams_app.config import DEFAULT_CONFIG, Config, load_config
 from tams_app.errors import ConfigError, require_extra
 from tams_app.outputs import inner_folder
 from tams_app.printing import Console, waiting
-from tams_app.study.dask_pool import DaskPool
 from tams_app.study.folder import REPORT_NAME, TABLES_NAME, StudyFolder
 from tams_app.study.guided import GuidedRun
 from tams_app.study.plan import Participant, ParticipantState, Plan, conditions_of_all, void
 from tams_app.study.planning import balance_sentence, make_plan
 from tams_app.study.runner import TrialRunner
-from tams_app.study.trial_process import LocalPool
+from tams_app.study.trial_process import DaskPool, LocalPool
 from tams_app.study.unattended import TrialsProgress, run_unattended
 
 REMARKS_NAME = "remarks.txt"

@@ -28,8 +28,8 @@ from tams_app.runtime.clock import MonotonicClock
 from tams_app.session.folder import furnish_session_folder, session_bytes
 from tams_app.session.run import run
 from tams_app.session.session import Outset
+from tams_app.study.guided import DROPS_FACT, MAX_DROPS, PLACED_FACT
 from tams_app.study.plan import PlannedTrial
-from tams_app.study.verdict import DROPS_FACT, MAX_DROPS, PLACED_FACT
 
 BEGINNING = (
     "The trial begins when the trigger is first pressed. p ends it when the block is placed, q "

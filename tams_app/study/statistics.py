@@ -19,6 +19,8 @@ import pandas as pd
 import statsmodels.formula.api as smf
 from scipy import stats
 
+from tams_app.report.pages import Estimate
+
 CONFIDENCE = 0.95
 # with fewer participants, differences of one sign are no evidence at 5 % (sign test: 2/2^5 = .0625)
 FEWEST_TO_TEST = 6
@@ -26,16 +28,6 @@ ALPHA = 1 - CONFIDENCE
 _NO_VARIATION = 1e-12
 _METHODS = ("bfgs", "lbfgs", "powell", "nm")  # any may fail where another finds the optimum
 _SMALL = 1e-6  # of the residual's variance: none
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A value with its interval over `n` units; both ends None where n is too small for one."""
-
-    value: float
-    low: float | None
-    high: float | None
-    n: int
 
 
 def mean_interval(values: Sequence[float]) -> Estimate | None:

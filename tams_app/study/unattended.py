@@ -14,10 +14,9 @@ from rich.progress import (
 )
 
 from tams_app.printing import Console
-from tams_app.study.dask_pool import DaskPool
 from tams_app.study.folder import StudyFolder
 from tams_app.study.plan import Attempt, AttemptState
-from tams_app.study.trial_process import Job, LocalPool
+from tams_app.study.trial_process import DaskPool, Job, LocalPool
 
 
 def run_unattended(

@@ -19,7 +19,7 @@ from tams_app.errors import LogError
 from tams_app.link.messages import OPERATOR_FACT, SESSION_FACT
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import Header, SessionLog
-from tams_app.recording.pictures import ShownPicture
+from tams_app.recording.reader import ShownPicture
 from tams_app.recording.topics import FrameShown
 from tams_app.records import HandHeard
 from tams_app.summary.operator import LINK_NAMES, round_trip_ms

@@ -170,9 +170,7 @@ def arm(log: SessionLog) -> dict[str, Any]:
             {
                 "t_s": seconds(log, stop.visible_ns),
                 "reason": stop.reason,
-                "stop_time_ms": None
-                if stop.stopped_ns is None
-                else round((stop.stopped_ns - stop.visible_ns) / NS_PER_MS, 3),
+                "stop_time_ms": None if stop.rest_ms is None else round(stop.rest_ms, 3),
             }
             for stop in log.stops
         ],
@@ -207,7 +205,7 @@ def phases(log: SessionLog) -> list[dict[str, Any]]:
 
 def seconds(log: SessionLog, t_ns: int) -> float:
     """Seconds since the session started."""
-    return round((t_ns - log.header.started_ns) / NS_PER_S, 4)
+    return round(log.since_start_s(t_ns), 4)
 
 
 def uplink(tables: LogTables) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The log's channels live over a WebSocket, and who is admitted to it: by Origin, and by number.
+"""The log's channels live over a WebSocket: where, and who is admitted, by Origin and by number.
 
 A browser lets any web page open a WebSocket to this computer, and names the page's origin in the
 request (RFC 6455, 10.2). Foxglove's SDK does not look at it. So the server listens where a page
@@ -8,20 +8,85 @@ cannot find it, and this gate passes on only requests of origins that are allowe
 from __future__ import annotations
 
 import asyncio
+import ipaddress
 import secrets
+import socket
 import threading
 from collections.abc import Collection
+from dataclasses import dataclass
 
 from foxglove import Context, start_server
 
+from tams_app.errors import ConfigError, SetupError
 from tams_app.runtime.worker import Worker
-from tams_app.telemetry.address import Address, bound, unusable
 
 MOST_VIEWERS = 8
 _MOST_CALLERS = 32  # viewers, and those whose request is not whole yet
 _HEAD_BYTES, _HEAD_S = 8192, 2.0
 _CHUNK_BYTES = 1 << 18
 _STOP_POLL_S, _GOODBYE_S = 0.1, 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A host by name or address, and one of its ports."""
+
+    host: str
+    port: int
+
+    @staticmethod
+    def of(text: str, option: str, example: str) -> Address:
+        """HOST:PORT (IPv6: [HOST]:PORT); ConfigError of `option` if it is not that."""
+        host, colon, port = text.rpartition(":")
+        host = host.removeprefix("[").removesuffix("]")
+        if not colon or not host or not port.isdecimal() or not 0 < int(port) < 65536:
+            raise ConfigError(f"{option}: {text!r} is not HOST:PORT, such as {example}")
+        return Address(host, int(port))
+
+    @property
+    def url(self) -> str:
+        """The URL to connect to."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"ws://{host}:{self.port}"
+
+    @property
+    def is_private(self) -> bool:
+        """True if only this computer reaches it."""
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return self.host == "localhost"
+
+
+def check_address(address: Address) -> None:
+    """SetupError in one sentence unless `address` can be used now."""
+    bound(address).close()
+
+
+def bound(address: Address) -> socket.socket:
+    """A socket at `address`; SetupError if it cannot be used."""
+    try:
+        family, kind, protocol, _, place = socket.getaddrinfo(
+            address.host, address.port, type=socket.SOCK_STREAM
+        )[0]
+        bound = socket.socket(family, kind, protocol)
+        try:
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            bound.bind(place)
+        except OSError:
+            bound.close()
+            raise
+    except (OSError, UnicodeError) as error:
+        raise unusable(address, str(getattr(error, "strerror", "") or error)) from error
+    return bound
+
+
+def unusable(address: Address, why: str) -> SetupError:
+    """The error of an address that cannot be used."""
+    return SetupError(
+        f"--foxglove: nothing can connect at {address.host}:{address.port} ({why}): "
+        "give another HOST:PORT of this computer"
+    )
 
 
 def hidden_host() -> str:

@@ -1,31 +1,14 @@
-"""All channels for Foxglove's viewers of one session, fed with what its log keeps."""
+"""All channels for Foxglove's viewers of one session, and the messages that its records become."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
+from itertools import product
 from typing import Any
 
 import cv2
 import numpy as np
-from foxglove import Context
-from foxglove.channels import (
-    CameraCalibrationChannel,
-    CompressedImageChannel,
-    FrameTransformsChannel,
-    JointStatesChannel,
-    LogChannel,
-    PoseInFrameChannel,
-    SceneUpdateChannel,
-)
-from foxglove.messages import (
-    CompressedImage,
-    JointState,
-    JointStates,
-    Log,
-    LogLevel,
-    PoseInFrame,
-    Timestamp,
-)
+from foxglove import Context, channels, messages
 
 from tams_app.recording import Header, Viewer
 from tams_app.recording.mcap_log import json_channel, timestamp
@@ -33,19 +16,19 @@ from tams_app.recording.rates import RATES, Rates
 from tams_app.recording.topics import PICTURE_PREFIX, OutcomeGiven
 from tams_app.records import (
     ArmState,
+    Lens,
     MountPrediction,
     Note,
     Pose,
     SceneTruth,
     ShownFrame,
+    Solid,
+    SolidKind,
     StopRecord,
     Tick,
 )
 from tams_app.rotation import Rotation
-from tams_app.telemetry.address import Address
-from tams_app.telemetry.gate import LiveServer
-from tams_app.telemetry.lines import Spoken, line_of
-from tams_app.telemetry.messages import calibration, pose_of, solid_things, transforms, wire_box
+from tams_app.telemetry.gate import Address, LiveServer
 from tams_app.telemetry.scene import (
     BASE,
     MOTION_HZ,
@@ -53,15 +36,24 @@ from tams_app.telemetry.scene import (
     Pace,
     PlacedFrame,
     Scene,
+    Spoken,
     joint_angles,
+    line_of,
     thing_frames,
 )
+from tams_app.vectors import Floats3
 
 SCENE_HZ = 0.2  # again and again, as a viewer that connects late knows only what it receives
 PREDICTED = "flange predicted"  # the frame of where it is believed to be now
 LED = "flange commanded"  # of where the hand's samples so far lead it
-_LEVELS = {"info": LogLevel.Info, "warning": LogLevel.Warning, "error": LogLevel.Error}
+_LEVELS = {
+    "info": messages.LogLevel.Info,
+    "warning": messages.LogLevel.Warning,
+    "error": messages.LogLevel.Error,
+}
 _QUALITY = (cv2.IMWRITE_JPEG_QUALITY, 70)
+_BOX_COLOUR = (0.95, 0.75, 0.10)
+_BOX_LINE_PX = 2.0
 
 
 class Telemetry(Viewer):
@@ -95,19 +87,21 @@ class Telemetry(Viewer):
         self._picture_paces = {view: Pace(pictures_per_s) for view in shown}
         self._reported_ns = 0
         kinds: dict[str, Any] = {
-            "/log": LogChannel,
-            "/tf": FrameTransformsChannel,
-            "/tf/things": FrameTransformsChannel,
-            "/tf/predicted": FrameTransformsChannel,
-            "/joints": JointStatesChannel,
-            "/pose/hand": PoseInFrameChannel,
-            "/pose/commanded": PoseInFrameChannel,
-            **{PICTURE_PREFIX + view: CompressedImageChannel for view in shown},
-            "/tf_static": FrameTransformsChannel,
-            "/scene/workspace": SceneUpdateChannel,
-            "/scene/robot": SceneUpdateChannel,
-            "/scene/things": SceneUpdateChannel,
-            **{_calibration_topic(view): CameraCalibrationChannel for view in scene.lenses},
+            "/log": channels.LogChannel,
+            "/tf": channels.FrameTransformsChannel,
+            "/tf/things": channels.FrameTransformsChannel,
+            "/tf/predicted": channels.FrameTransformsChannel,
+            "/joints": channels.JointStatesChannel,
+            "/pose/hand": channels.PoseInFrameChannel,
+            "/pose/commanded": channels.PoseInFrameChannel,
+            **{PICTURE_PREFIX + view: channels.CompressedImageChannel for view in shown},
+            "/tf_static": channels.FrameTransformsChannel,
+            "/scene/workspace": channels.SceneUpdateChannel,
+            "/scene/robot": channels.SceneUpdateChannel,
+            "/scene/things": channels.SceneUpdateChannel,
+            **{
+                _calibration_topic(view): channels.CameraCalibrationChannel for view in scene.lenses
+            },
         }
         self._channels = {topic: kind(topic, context=context) for topic, kind in kinds.items()}
         self._channels[RATES.name] = json_channel(context, RATES)
@@ -142,8 +136,8 @@ class Telemetry(Viewer):
 
     def _on_line(self, record: Spoken) -> None:
         line = line_of(record)
-        level, stamp = _LEVELS.get(line.level, LogLevel.Unknown), self._stamp(line.t_ns)
-        message = Log(timestamp=stamp, level=level, name=line.kind, message=line.text)
+        level, stamp = _LEVELS.get(line.level, messages.LogLevel.Unknown), self._stamp(line.t_ns)
+        message = messages.Log(timestamp=stamp, level=level, name=line.kind, message=line.text)
         self._log("/log", line.t_ns, message)
 
     def _on_tick(self, tick: Tick) -> None:
@@ -176,7 +170,7 @@ class Telemetry(Viewer):
         """OpenCV encodes it without the GIL."""
         _, data = cv2.imencode(".jpg", shown.image, _QUALITY)
         stamp = self._stamp(shown.shown_ns)
-        message = CompressedImage(
+        message = messages.CompressedImage(
             timestamp=stamp, frame_id=shown.view, data=data.tobytes(), format="jpeg"
         )
         self._log(PICTURE_PREFIX + shown.view, shown.shown_ns, message)
@@ -184,9 +178,10 @@ class Telemetry(Viewer):
     def _log_arm(self, arm: ArmState) -> None:
         self._log_frames("/tf", arm.received_ns, self._scene.arm_frames(arm))
         joints = [
-            JointState(name=name, position=angle) for name, angle in joint_angles(arm).items()
+            messages.JointState(name=name, position=angle)
+            for name, angle in joint_angles(arm).items()
         ]
-        message = JointStates(timestamp=self._stamp(arm.received_ns), joints=joints)
+        message = messages.JointStates(timestamp=self._stamp(arm.received_ns), joints=joints)
         self._log("/joints", arm.received_ns, message)
 
     def _log_scene(self, t_ns: int) -> None:
@@ -204,10 +199,12 @@ class Telemetry(Viewer):
         self._log(topic, t_ns, transforms(t_ns + self._offset_ns, frames))
 
     def _log_pose(self, topic: str, t_ns: int, frame: str, pose: Pose) -> None:
-        message = PoseInFrame(timestamp=self._stamp(t_ns), frame_id=frame, pose=pose_of(pose))
+        message = messages.PoseInFrame(
+            timestamp=self._stamp(t_ns), frame_id=frame, pose=pose_of(pose)
+        )
         self._log(topic, t_ns, message)
 
-    def _stamp(self, t_ns: int) -> Timestamp:
+    def _stamp(self, t_ns: int) -> messages.Timestamp:
         return timestamp(t_ns + self._offset_ns)
 
     def _log(self, topic: str, t_ns: int, message: Any) -> None:
@@ -223,3 +220,109 @@ def _led_to(tick: Tick, tcp: Pose, seconds: float) -> Pose:
     position = tcp.position + np.multiply(tick.twist.linear, seconds)
     turn = Rotation.from_rotvec(np.multiply(tick.twist.angular, seconds))
     return Pose(position, turn * tcp.rotation)
+
+
+def pose_of(pose: Pose) -> messages.Pose:
+    return messages.Pose(position=_vector(pose.position), orientation=_quaternion(pose))
+
+
+def transforms(wall_ns: int, frames: Iterable[PlacedFrame]) -> messages.FrameTransforms:
+    """Where the frames are."""
+    return messages.FrameTransforms(
+        transforms=[
+            messages.FrameTransform(
+                timestamp=timestamp(wall_ns),
+                parent_frame_id=parent,
+                child_frame_id=child,
+                translation=_vector(pose.position),
+                rotation=_quaternion(pose),
+            )
+            for parent, child, pose in frames
+        ]
+    )
+
+
+def solid_things(wall_ns: int, solids: Mapping[str, tuple[Solid, ...]]) -> messages.SceneUpdate:
+    """An entity for each frame, which moves with it."""
+    return messages.SceneUpdate(
+        entities=[_entity(wall_ns, frame, one) for frame, one in solids.items()]
+    )
+
+
+def wire_box(wall_ns: int, lower: Floats3, upper: Floats3) -> messages.SceneUpdate:
+    """The edges of the workspace, between its corners in the base frame [m]."""
+    corners = list(product(*zip(lower, upper, strict=True)))
+    edges = [
+        (first, second)
+        for number, first in enumerate(corners)
+        for second in corners[number + 1 :]
+        if sum(a != b for a, b in zip(first, second, strict=True)) == 1
+    ]
+    lines = messages.LinePrimitive(
+        type=messages.LinePrimitiveLineType.LineList,
+        thickness=_BOX_LINE_PX,
+        scale_invariant=True,
+        points=[messages.Point3(x=x, y=y, z=z) for edge in edges for x, y, z in edge],
+        color=_colour(_BOX_COLOUR, alpha=0.8),
+    )
+    stamp = timestamp(wall_ns)
+    box = messages.SceneEntity(timestamp=stamp, frame_id=BASE, id="workspace", lines=[lines])
+    return messages.SceneUpdate(entities=[box])
+
+
+def calibration(wall_ns: int, view: str, lens: Lens) -> messages.CameraCalibration:
+    """How the view's picture is made, in OpenCV's pixels; rectified it has the same matrix."""
+    matrix = lens.matrix()
+    return messages.CameraCalibration(
+        timestamp=timestamp(wall_ns),
+        frame_id=view,
+        width=lens.width,
+        height=lens.height,
+        distortion_model="plumb_bob",
+        D=list(lens.distortion),
+        K=matrix.ravel().tolist(),
+        R=[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+        P=np.insert(matrix, 3, 0.0, axis=1).ravel().tolist(),
+    )
+
+
+def _vector(numbers: Iterable[float]) -> messages.Vector3:
+    x, y, z = map(float, numbers)
+    return messages.Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(pose: Pose) -> messages.Quaternion:
+    x, y, z, w = pose.rotation
+    return messages.Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _colour(colour: Floats3, alpha: float = 1.0) -> messages.Color:
+    red, green, blue = colour
+    return messages.Color(r=red, g=green, b=blue, a=alpha)
+
+
+def _entity(wall_ns: int, frame: str, solids: tuple[Solid, ...]) -> messages.SceneEntity:
+    return messages.SceneEntity(
+        timestamp=timestamp(wall_ns),
+        frame_id=frame,
+        id=frame,
+        frame_locked=True,
+        cubes=[
+            messages.CubePrimitive(
+                pose=pose_of(one.pose), size=_vector(one.extent), color=_colour(one.colour)
+            )
+            for one in solids
+            if one.kind is SolidKind.BOX
+        ],
+        cylinders=[
+            messages.CylinderPrimitive(
+                pose=pose_of(one.pose),
+                size=_vector(one.extent),
+                bottom_scale=1.0,
+                top_scale=1.0,
+                color=_colour(one.colour),
+            )
+            for one in solids
+            if one.kind is SolidKind.CYLINDER
+        ],
+    )

@@ -35,7 +35,6 @@ PLACED = Outcome(True, True, 1.25, 0, "placed")
 def moving_tick(number: int) -> Tick:
     """The control loop's tick of that number: each of its figures is another one than before."""
     base = tick(number)
-    assert base.arm is not None
     sign = -1.0 if number % 3 else 1.0  # the same rotation, told in both ways
     half = number / 1000
     rotation = Rotation(sign * np.cos(half), 0.0, sign * np.sin(half), 0.0)
@@ -135,7 +134,6 @@ class Dataset:
             first, end = episode["dataset_from_index"], episode["dataset_to_index"]
             for row, instant_ns in zip(self.rows[first:end], instants, strict=True):
                 tick = TICKS[bisect_right(TICKS, instant_ns, key=lambda one: one.started_ns) - 1]
-                assert tick.arm is not None
                 rotation = np.array(tick.arm.tcp.rotation)
                 state, action = row["observation.state"], row["action"]
                 assert state[:9] == pytest.approx([*tick.arm.joints, *tick.arm.tcp.position])
@@ -157,7 +155,7 @@ class Dataset:
 
     def _table(self, template: str) -> list[dict[str, Any]]:
         path = self.root / template.format(chunk_index=0, file_index=0)
-        return pq.read_table(path).to_pylist()  # type: ignore[no-any-return]
+        return pq.read_table(path).to_pylist()
 
 
 def damaged(session: Path, at_s: float) -> Path:
@@ -166,7 +164,6 @@ def damaged(session: Path, at_s: float) -> Path:
     wall_ns = START_NS + head().wall_offset_ns + round(at_s * NS_PER_S)
     with path.open("rb") as file:
         summary = SeekingReader(file).get_summary()
-    assert summary is not None
     chunk = next(
         one
         for one in summary.chunk_indexes

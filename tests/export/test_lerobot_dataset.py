@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
@@ -31,6 +33,7 @@ pytestmark = pytest.mark.untimed
 LENGTHS = (1.5, 1.0)  # of the sessions [s]
 TASK = "Put the block where it belongs."
 KEYS = {view: f"observation.images.{view}" for view in VIEWS}
+DOCTOR = Path(__file__).parents[2] / "build/lerobot-doctor"  # is installed there, apart
 STATISTICS = {"min", "max", "mean", "std", "count", "q01", "q10", "q50", "q90", "q99"}
 
 
@@ -82,7 +85,8 @@ def test_what_is_hard_to_encode_is_held_to_the_logs_rate(
     monkeypatch.setattr(video, "_frames_on_grid", lambda *_: (frame for frame in noise))
     shape = SimpleNamespace(fps=FPS, width=160, height=120)
     episode: Any = SimpleNamespace(rows=60, shape=shape, sizes_bytes={"gt": log_bytes})
-    video.write_video(tmp_path / "noise.mp4", episode, "gt", lambda: None)
+    frames = list(video.write_video(tmp_path / "noise.mp4", episode, "gt"))
+    assert len(frames) == episode.rows
     assert 0.5 * log_bytes < (tmp_path / "noise.mp4").stat().st_size <= 1.2 * log_bytes
 
 
@@ -232,3 +236,17 @@ def test_those_of_pixels_are_by_colour_and_from_0_to_1() -> None:
         assert found[name].ravel() == pytest.approx(getattr(np, name)(wanted, axis=0))
     assert found["q50"].ravel() == pytest.approx(np.median(wanted, axis=0))
     assert found["count"].tolist() == [5]
+
+
+@pytest.mark.verify
+@pytest.mark.timeout(1200)
+def test_lerobot_doctor_finds_no_fault_of_the_format(tmp_path: Path, export: Export) -> None:
+    subprocess.run([sys.executable, "-m", "venv", DOCTOR], check=True)
+    install = [DOCTOR / "bin/pip", "install", "--quiet", "lerobot-doctor==0.2.*"]
+    subprocess.run(install, check=True)  # without a network this fails: nothing was judged
+    sessions = [moving_session(tmp_path / name, 3.0) for name in ("one", "two")]
+    assert export(*sessions, "--out", tmp_path / "out")[0] == 0
+    doctor = [DOCTOR / "bin/lerobot-doctor", tmp_path / "out", "--json"]
+    judged = subprocess.run(doctor, check=False, capture_output=True, text=True)
+    verdicts = {one["name"]: one["severity"] for one in json.loads(judged.stdout)["checks"]}
+    assert "FAIL" not in verdicts.values(), judged.stdout

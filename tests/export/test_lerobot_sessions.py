@@ -52,7 +52,7 @@ def cut(session: Path, share: float) -> Path:
 
 def taken(dataset: Dataset) -> list[tuple[int, bool, int]]:
     names = ("session_episode", "log_complete", "length")
-    return [tuple(one[name] for name in names) for one in dataset.episodes]  # type: ignore[misc]
+    return [tuple(one[name] for name in names) for one in dataset.episodes]
 
 
 def test_each_kept_episode_is_one_of_the_dataset_from_its_begin_to_its_end(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +17,10 @@ from tams_app.export.rosbag2 import write_bag
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Note
 from tams_app.ros2.conversion import DIAGNOSTICS_HZ
-from tams_app.ros2.topics import published
-from tams_app.runtime.clock import VirtualClock
+from tams_app.ros2.messages import published
 from tams_app.session.viewing import scene_of_header
 from tests.export.conftest import Export
-from tests.foxglove_messages import viewed_log
+from tests.foxglove_messages import write_viewed_log
 from tests.ros2.records import full_header, truth
 from tests.synthetic_session import START_NS, VIEWS, live_records
 
@@ -37,13 +35,8 @@ VIDEO_BYTES = 500
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of three seconds with all kinds of records."""
     folder = tmp_path_factory.mktemp("20260101-100000-run")
-    clock = VirtualClock(START_NS)
-    with closing(viewed_log(folder / LOG_NAME, full_header(), clock)) as log:
-        log.record(Note(START_NS, "info", "ready"))
-        log.record(truth())
-        for record in live_records(SECONDS, VIDEO_BYTES):
-            log.record(record)
-            clock.advance_ns(100_000)
+    items = [Note(START_NS, "info", "ready"), truth(), *live_records(SECONDS, VIDEO_BYTES)]
+    write_viewed_log(folder / LOG_NAME, items, head=full_header())
     return folder
 
 
@@ -98,7 +91,6 @@ def test_a_bag_is_mcap_with_the_definitions_of_its_messages(bag: Path) -> None:
         reader = make_reader(file)
         header, summary = reader.get_header(), reader.get_summary()
         counted = Counter(channel.topic for _, channel, _ in reader.iter_messages())
-    assert summary is not None
     assert header.profile == "ros2"
     assert {one.topic for one in summary.channels.values()} == {
         one.name for one in published(VIEWS)

@@ -15,7 +15,7 @@ import pytest
 
 from tams_app.config import load_config
 from tams_app.recording import LOG_NAME, read_log
-from tams_app.recording.writer import CAPACITY, LOST
+from tams_app.recording.journal import CAPACITY, LOST
 from tams_app.records import Note
 from tams_app.robot.control import Signals
 from tams_app.runtime.clock import MonotonicClock

@@ -13,7 +13,7 @@ from hw.sim.world.rig_memory import SimCamera
 from tams_app.console.app import run_session
 from tams_app.errors import TamsError
 from tams_app.policy.allocation import Policy
-from tams_app.recording import SessionLog, disk
+from tams_app.recording import SessionLog, mcap_log
 from tams_app.recording.mcap_log import McapLog
 from tams_app.teleop.safety import ArmingState, Reason
 from tests.faults.applications import Observed, only_log, rig_config
@@ -124,9 +124,9 @@ def test_the_disk_is_nearly_full(
     observed: Observed, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """The recorder keeps a reserve, so that the log is finished in order."""
-    whole = disk.free_mb
+    whole = mcap_log.free_mb
     monkeypatch.setattr(
-        disk, "free_mb", lambda path: 0.0 if observed.moving.is_set() else whole(path)
+        mcap_log, "free_mb", lambda path: 0.0 if observed.moving.is_set() else whole(path)
     )
     ends_with(observed, tmp_path, "recording ended because only 0 MB are free")
     ended_in_fault(observed)

@@ -15,8 +15,7 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic as DdsTopic
 
-from tams_app.ros2.messages import Empty
-from tams_app.ros2.topics import STOP, RosTopic
+from tams_app.ros2.messages import STOP, Empty, RosTopic
 from tams_app.units import NS_PER_S
 
 DEADLINE_S = 60.0

@@ -7,14 +7,15 @@ import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
 from tams_app.errors import LogError, SetupError
-from tams_app.study.dask_pool import DaskPool, pack, run_and_pack, unpack
+from tams_app.study.trial_process import DaskPool, pack, run_and_pack, unpack
 from tams_app.study.unattended import run_unattended
 from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
-from tests.study.test_unattended import SMALL, Display
+from tests.study.test_unattended import SMALL
 
 pytestmark = pytest.mark.untimed
 
@@ -41,7 +42,7 @@ def test_trials_come_back_from_the_cluster_and_a_failed_one_is_reported(
     study = make_study(tmp_path, 1, **SMALL)
     pool = DaskPool(PlantedRunner(fails=("P01-02",)), cluster.scheduler_address)
     assert pool.slots == 2
-    failures = run_unattended(study, pool, Display())
+    failures = run_unattended(study, pool, Mock())
     assert failures == {"P01-02": "P01-02: the rig fell over"}
     assert [trial.id for trial in study.load().left] == ["P01-02"]
     for trial in study.load().trials:

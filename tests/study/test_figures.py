@@ -24,7 +24,6 @@ pytestmark = pytest.mark.untimed
 def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
     tables = LogTables(Synthetic(6.0, switch_s=3.0).log())
     span = tables.span
-    assert span is not None
     curve = measured_rate(tables.packets, 0, span, NS_PER_S // 30, START_NS)
     steady = (curve.t_s > 0.4) & (curve.t_s < 3.0)
     np.testing.assert_allclose(curve.kbps[steady], 1000, rtol=0.02)
@@ -35,7 +34,6 @@ def test_the_measured_curve_is_the_rate_on_the_wire_without_a_saw() -> None:
 def test_where_frames_are_rare_the_windows_are_longer_and_there_is_no_saw() -> None:
     tables = LogTables(Synthetic(6.0).log())
     span, packets = tables.span, tables.packets
-    assert span is not None
     stretched = replace(packets, entered_ns=START_NS + 6 * (packets.entered_ns - START_NS))
     longer = Span(span.start_ns, START_NS + 36 * NS_PER_S)
     curve = measured_rate(stretched, 0, longer, NS_PER_S // 5, START_NS)

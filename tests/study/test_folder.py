@@ -76,7 +76,7 @@ def test_after_a_crash_whole_trials_count_and_others_are_kept_and_retried(tmp_pa
     summary = folders[second] / "summary.json"
     summary.write_text(summary.read_text()[:100])  # torn
     recovered = study.recover()
-    states = [recovered.trial(one).last.state for one in (first, second, third, fourth)]  # type: ignore[union-attr]
+    states = [recovered.trial(one).last.state for one in (first, second, third, fourth)]
     assert states == [AttemptState.DONE] + [AttemptState.INTERRUPTED] * 3
     assert study.load() == recovered
     again, attempt = study.new_attempt(recovered, fourth)

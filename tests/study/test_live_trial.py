@@ -8,6 +8,7 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from msgspec.structs import replace
@@ -21,8 +22,8 @@ from tams_app.printing import Console
 from tams_app.recording import read_log
 from tams_app.session.session import Outset
 from tams_app.study import live_trial
+from tams_app.study.guided import DROPS_FACT, PLACED_FACT
 from tams_app.study.live_trial import LiveTrial, LiveTrialRunner
-from tams_app.study.verdict import DROPS_FACT, PLACED_FACT
 from tests.faces.terminal.test_line import STATE
 from tests.study.synthetic_study import planned_trial
 
@@ -139,44 +140,29 @@ def test_people_are_not_asked_to_drive_by_frames_that_do_not_show_the_arm(
     assert list(tmp_path.iterdir()) == []
 
 
-class Marked:
-    """A session that keeps what a trial tells it."""
-
-    def __init__(self) -> None:
-        self.notes: list[str] = []
-        self.facts: dict[str, str] = {}
-        self.reason = ""
-
-    def note(self, level: str, text: str) -> None:
-        self.notes.append(text)
-
-    def fact(self, name: str, value: str) -> None:
-        self.facts[name] = value
-
-    def end(self, reason: str) -> None:
-        self.reason = reason
-
-
 def test_the_experimenter_counts_drops_takes_one_back_and_ends_the_trial_as_placed() -> None:
-    session = Marked()
+    session = Mock()
     trial = LiveTrial(TRIAL, 120.0, session)
     trial.mark(Command.NO_DROP)
-    assert session.facts == {}, "fewer than none"
+    session.fact.assert_not_called()  # fewer than none
     for command in (Command.DROP, Command.DROP, Command.NO_DROP):
         trial.mark(command)
-    assert session.facts == {DROPS_FACT: "1"}
-    assert session.notes == ["drops: 1", "drops: 2", "drops: 1"]
+    assert [one.args[1] for one in session.fact.mock_calls] == ["1", "2", "1"]
+    assert [one.args[1] for one in session.note.mock_calls] == ["drops: 1", "drops: 2", "drops: 1"]
     assert trial.facts_of(replace(STATE, arming="ready")).drops == 1
     trial.mark(Command.PLACED)
-    assert session.reason == "", "before it has begun"
+    session.end.assert_not_called()  # before it has begun
     trial.facts_of(replace(STATE, arming="engaged"))
     trial.mark(Command.PLACED)
-    assert session.facts == {DROPS_FACT: "1", PLACED_FACT: "yes"}
-    assert session.reason == "the block is placed, says the experimenter"
+    assert dict(one.args for one in session.fact.mock_calls) == {
+        DROPS_FACT: "1",
+        PLACED_FACT: "yes",
+    }
+    session.end.assert_called_once_with("the block is placed, says the experimenter")
 
 
 def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> None:
-    trial = LiveTrial(TRIAL, 120.0, Marked())
+    trial = LiveTrial(TRIAL, 120.0, Mock())
     views = {name: replace(view, live_ssim=0.9) for name, view in STATE.views.items()}
     words = trial.words(replace(STATE, arming="ready", t_s=5.0, primary_view="eih", views=views))
     for text in (words.live, words.plain):
@@ -186,7 +172,7 @@ def test_the_live_line_of_a_trial_tells_the_arm_and_the_time_and_no_more() -> No
 
 
 def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -> None:
-    trial = LiveTrial(TRIAL, 120.0, Marked())
+    trial = LiveTrial(TRIAL, 120.0, Mock())
     trial.words(replace(STATE, arming="engaged", t_s=10.0))
     ready = trial.words(replace(STATE, arming="ready", t_s=31.5))
     assert ready.live.endswith("trial: 0:21.5 of 2:00.0")
@@ -198,7 +184,7 @@ def test_the_trial_s_time_runs_from_the_first_engagement_and_its_end_is_told() -
 
 
 def test_the_window_of_a_trial_is_told_who_does_it_and_its_time_and_no_more() -> None:
-    trial = LiveTrial(TRIAL, 120.0, Marked())
+    trial = LiveTrial(TRIAL, 120.0, Mock())
     ready = replace(STATE, arming="ready", t_s=5.0)
     told = trial.facts_of(ready)
     assert (told.participant, told.passed_s, told.limit_s) == (TRIAL.participant, None, 120.0)

@@ -17,13 +17,12 @@ import pytest
 from tams_app import palette
 from tams_app.cli import _main
 from tams_app.console.report import PAGE_NAME, write_summary
-from tams_app.recording import FrameSent, SessionLog, read_log
-from tams_app.recording import pictures as pictures_module
-from tams_app.recording.pictures import ShownPicture, read_pictures
+from tams_app.recording import FrameSent, SessionLog, read_log, reader
+from tams_app.recording.reader import ShownPicture, read_pictures
 from tams_app.records import Episode, FrameQuality, Note, Phase, PhaseChange, ShownFrame, StopRecord
+from tams_app.report.figures import held_stretches, timeline_figure
 from tams_app.report.plots import THEME, to_svg
 from tams_app.report.session_page import stills_of, write_page
-from tams_app.report.timeline import held_stretches, timeline_figure
 from tams_app.runtime.clock import VirtualClock
 from tams_app.summary import summarise
 from tams_app.summary.tables import LogTables
@@ -233,8 +232,8 @@ def test_a_picture_that_is_no_jpeg_is_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str],
     kind: bytes,
 ) -> None:
-    fields = pictures_module.wire.fields
-    monkeypatch.setattr(pictures_module.wire, "fields", lambda data: fields(data) | {3: kind})
+    fields = reader.protobuf_fields
+    monkeypatch.setattr(reader, "protobuf_fields", lambda data: fields(data) | {3: kind})
     code = _main(["report", str(folder)])
     assert (code, capsys.readouterr().err) == (
         2,

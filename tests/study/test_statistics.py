@@ -42,7 +42,6 @@ MAIZE = [49, -67, 8, 16, 6, 23, 28, 41, 14, 29, 56, 24, 75, 60, -48]
 
 def test_welch_s_t_is_that_of_the_published_sleep_example() -> None:
     found = welch(DRUG_1, DRUG_2)
-    assert found is not None
     assert found.t == pytest.approx(-1.8608, abs=5e-5)
     assert found.df == pytest.approx(17.776, abs=5e-4)
     assert found.p == pytest.approx(0.07939, abs=5e-6)
@@ -78,17 +77,14 @@ def test_wilson_s_interval_is_that_of_newcombe(
     successes: int, n: int, low: float, high: float
 ) -> None:
     found = wilson_interval(successes, n)
-    assert found is not None
     assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
     assert found.value == successes / n
 
 
 def test_the_t_interval_is_that_of_fisher_s_maize() -> None:
     found = mean_interval(MAIZE)
-    assert found is not None
     assert (found.value, found.low, found.high) == pytest.approx((20.93, 0.03, 41.84), abs=5e-3)
     one = mean_interval([3.0])
-    assert one is not None
     assert (one.value, one.low, one.high) == (3.0, None, None)
     assert mean_interval([]) is None
     assert wilson_interval(0, 0) is None
@@ -109,24 +105,10 @@ def test_the_paired_t_test_is_that_of_fisher_s_maize() -> None:
     assert not paired([float(one) for one in MAIZE[:14]] + [-60.0]).is_shown
 
 
-def test_interval_and_test_say_the_same() -> None:
-    random = np.random.default_rng(1)
-    shown = 0
-    for _ in range(100):
-        found = paired(random.normal(0.4, 1, 12).tolist())
-        assert found.estimate is not None
-        assert found.estimate.low is not None
-        assert found.estimate.high is not None
-        assert found.is_shown == (found.estimate.low > 0 or found.estimate.high < 0)
-        shown += found.is_shown
-    assert 10 < shown < 60
-
-
 @given(st.lists(st.floats(0.1, 9), min_size=1, max_size=FEWEST_TO_TEST - 1))
 def test_a_handful_of_participants_shows_nothing(values: list[float]) -> None:
     found = paired(values)
     assert (found.is_shown, found.p) == (False, None)
-    assert found.estimate is not None
     assert found.estimate.low is None
 
 
@@ -142,14 +124,12 @@ def test_pairs_are_made_within_participant_and_the_rest_is_counted() -> None:
     second[("P99", 1)] = 0.0
     found = paired_difference(pd.Series(first), pd.Series(second))
     assert (found.pairs, found.unpaired) == (15, 2)
-    assert found.estimate is not None
     assert (found.estimate.value, found.estimate.n) == (2.0, 8)
 
 
 def test_repetitions_count_once_per_participant() -> None:
     first = {("P01", 1): 1.0, ("P01", 2): 3.0, ("P02", 1): 5.0}
     found = paired_difference(pd.Series(first), pd.Series(first) * 0.0)
-    assert found.estimate is not None
     assert (found.estimate.value, found.estimate.n) == (3.5, 2)
 
 
@@ -174,7 +154,6 @@ def test_the_mixed_model_is_that_of_the_published_ergo_stool_example() -> None:
     types = [f"T{number}" for _ in range(9) for number in range(1, 5)]
     rows = pd.DataFrame({"effort": efforts, "type": types, "participant": subjects})
     model = fit_mixed_model(rows, "effort ~ type")
-    assert isinstance(model, MixedModel)
     betas = [term.beta for term in model.terms]
     assert betas == pytest.approx([8.555556, 3.888889, 2.222222, 0.666667], abs=1e-5)
     assert effect(model, "Intercept").standard_error == pytest.approx(0.5760123, abs=1e-4)
@@ -209,6 +188,5 @@ def test_participants_without_differences_are_remarked_and_not_an_error() -> Non
     values = np.tile(random.normal(0, 1, 6), 8)  # each participant has exactly the same mean
     groups = [f"P{number}" for number in range(8) for _ in range(6)]
     model = fit_mixed_model(pd.DataFrame({"y": values, "participant": groups}), "y ~ 1")
-    assert isinstance(model, MixedModel)
     assert model.group_sd < 0.05
     assert model.remarks

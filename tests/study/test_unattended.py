@@ -10,6 +10,7 @@ import time
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
+from unittest.mock import Mock
 
 import psutil
 import pytest
@@ -24,18 +25,6 @@ from tests.study.synthetic_study import PlantedRunner, make_study, planned_trial
 pytestmark = pytest.mark.untimed
 
 SMALL = {"study__strategies": ["equal", "tams"], "study__networks": ["s1", "s2"]}
-
-
-class Display:
-    def __init__(self) -> None:
-        self.said: list[str] = []
-        self.ended = 0
-
-    def notify(self, text: str) -> None:
-        self.said.append(text)
-
-    def trial_ended(self) -> None:
-        self.ended += 1
 
 
 @dataclass(frozen=True)
@@ -65,35 +54,11 @@ PLANNED = planned_trial("P01-04", "tams", "s2")
 
 
 @pytest.mark.verify
-def test_all_trials_run_side_by_side_and_a_failed_one_is_retried_under_a_new_name(
-    tmp_path: Path,
-) -> None:
-    study = make_study(tmp_path, 1, **SMALL)
-    display = Display()
-    failing = PlantedRunner(fails=("P01-02",))
-    failures = run_unattended(study, LocalPool(failing, workers=2), display)
-    assert failures == {"P01-02": "P01-02: the rig fell over"}
-    assert display.ended == 4
-    assert "P01-02 failed: P01-02: the rig fell over" in display.said[0]
-    before = {path: path.read_bytes() for path in tmp_path.rglob("summary.json")}
-
-    again = Display()
-    assert run_unattended(study, LocalPool(PlantedRunner(), workers=2), again) == {}
-    assert again.ended == 1
-    plan = study.load()
-    states = [attempt.state for attempt in plan.trial("P01-02").attempts]
-    assert states == [AttemptState.FAILED, AttemptState.DONE]
-    assert all(trial.is_done for trial in plan.trials)
-    assert {path: path.read_bytes() for path in before} == before
-    assert (tmp_path / plan.trial("P01-02").attempts[0].folder / "trial.log").is_file()
-
-
-@pytest.mark.verify
 def test_a_crashed_process_a_bug_and_a_missing_summary_are_reported_and_not_fatal(
     tmp_path: Path,
 ) -> None:
     study = make_study(tmp_path, 1, **SMALL)
-    failures = run_unattended(study, LocalPool(Misbehaving(), workers=2), Display())
+    failures = run_unattended(study, LocalPool(Misbehaving(), workers=2), Mock())
     assert sum(trial.is_done for trial in study.load().trials) == 1
     assert failures == {
         "P01-01": "its process was ended by SIGSEGV",
@@ -118,7 +83,7 @@ def test_an_interruption_ends_what_runs_and_the_study_goes_on_later(tmp_path: Pa
     study = make_study(tmp_path, 1, **SMALL)
     pool = InterruptedPool(Endless(), workers=2)
     with pytest.raises(KeyboardInterrupt):
-        run_unattended(study, pool, Display())
+        run_unattended(study, pool, Mock())
     assert not any(psutil.pid_exists(pid) for pid in pool.pids)
     started = [trial for trial in study.load().trials if trial.attempts]
     assert [trial.attempts[0].state for trial in started] == [AttemptState.INTERRUPTED] * 2
@@ -140,14 +105,22 @@ class PinnedRunner:
         PlantedRunner().run(trial, folder)
 
 
-def test_the_command_runs_trials_in_processes_and_resumes(tmp_path: Path) -> None:
+def test_trials_run_in_processes_and_a_failed_one_is_retried_under_a_new_name(
+    tmp_path: Path,
+) -> None:
     output = io.StringIO()
     console = Console(file=output, width=200)
     study = make_study(tmp_path, 1, **{**SMALL, "study__networks": ["s1"]})
     assert run_simulated(study, PlantedRunner(fails=("P01-01",)), console, workers=2) == 1
+    assert "P01-01 failed: P01-01: the rig fell over" in output.getvalue()
     assert "1 trials done, 1 failed" in output.getvalue()
+    before = {path: path.read_bytes() for path in tmp_path.rglob("summary.json")}
     assert run_simulated(study, PlantedRunner(), console, workers=1) == 0
     assert all(trial.is_done for trial in study.load().trials)
+    failed, done = study.load().trial("P01-01").attempts
+    assert (failed.state, done.state) == (AttemptState.FAILED, AttemptState.DONE)
+    assert {path: path.read_bytes() for path in before} == before
+    assert (tmp_path / failed.folder / "trial.log").is_file()
 
 
 def test_the_bar_shows_trials_and_time_left() -> None:

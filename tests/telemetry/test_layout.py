@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,9 @@ from tams_app.config import load_config
 from tams_app.config.yaml_file import CONFIG_DIRECTORY
 from tams_app.records import FrameQuality, Note, Pose, SceneTruth
 from tams_app.rotation import Rotation
-from tams_app.runtime.clock import VirtualClock
-from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.foxglove_messages import messages, viewed_log
-from tests.synthetic_session import START_NS, VIEWS, header, live_records
+from tams_app.units import NS_PER_MS
+from tests.foxglove_messages import messages, write_viewed_log
+from tests.synthetic_session import START_NS, VIEWS, live_records
 from tests.telemetry.test_telemetry import shown_frames
 
 pytestmark = pytest.mark.waiting
@@ -47,7 +45,6 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
     """What each topic of a session's log says."""
     path = tmp_path_factory.mktemp("log") / "session.mcap"
     pose = Pose(np.array([0.3, 0.0, 0.01]), Rotation.identity())
-    clock = VirtualClock(START_NS)
     items = [
         Note(START_NS, "info", "READY"),
         SceneTruth(START_NS, pose, pose, pose, 0.0, 0.016),
@@ -55,14 +52,8 @@ def log(tmp_path_factory: pytest.TempPathFactory) -> Contents:
         *(FrameQuality(view, 0, 0, 0, 0, False, False, 0.9, 0.9, 0.8) for view in VIEWS),
         *live_records(1.0),
     ]
-    with closing(viewed_log(path, header(), clock)) as recorder:
-        for item in items:
-            recorder.record(item)
-            clock.advance_ns(NS_PER_MS)
-        clock.advance_ns(NS_PER_S)
-        recorder.record(Note(clock.now_ns(), "info", "end"))
     found: Contents = {}
-    for topic, _, content in messages(path):
+    for topic, _, content in messages(write_viewed_log(path, items, 2 * NS_PER_MS)):
         found.setdefault(topic, []).append(content)
     return found
 

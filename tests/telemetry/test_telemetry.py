@@ -41,7 +41,7 @@ from tams_app.rotation import Rotation
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.session.viewing import viewers_of
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tests.foxglove_messages import messages, viewed_log
+from tests.foxglove_messages import messages, viewed_log, write_viewed_log
 from tests.synthetic_session import START_NS, VIEWS, header, live_records, never_fails, tick
 
 pytestmark = pytest.mark.waiting
@@ -50,16 +50,8 @@ INFO, WARNING, ERROR = 2, 3, 4  # foxglove.Log
 Sent = dict[str, list[tuple[int, dict[str, Any]]]]
 
 
-def recorded(
-    tmp_path: Path, items: list[Any], apart_ns: int = NS_PER_MS // 10, **overrides: Any
-) -> Path:
-    """The log of `items`, written so far apart."""
-    path, clock = tmp_path / "session.mcap", VirtualClock(START_NS)
-    with closing(viewed_log(path, header(), clock, **overrides)) as log:
-        for item in items:
-            log.record(item)
-            clock.advance_ns(apart_ns)
-    return path
+def recorded(tmp_path: Path, items: list[Any], **how: Any) -> Path:
+    return write_viewed_log(tmp_path / "session.mcap", items, **how)
 
 
 def sent(path: Path) -> Sent:
@@ -110,7 +102,6 @@ def test_the_links_stand_where_the_reported_joints_put_them(tmp_path: Path) -> N
     places = {one["child_frame_id"]: place(one) for one in message["transforms"]}
     assert all(one["parent_frame_id"] == "base" for one in message["transforms"])
     arm = tick(0).arm
-    assert arm is not None
     assert np.allclose(places["tcp"].position, arm.tcp.position)
     offset = offset_from_mm_deg(config.arm.tcp_offset_mm_deg)
     flange = places["link6"]
@@ -169,7 +160,6 @@ def test_the_commanded_pose_is_where_the_twist_leads(tmp_path: Path) -> None:
     found = sent(recorded(tmp_path, [first]))
     deadman_s = load_config(None, {}).arm.velocity_deadman_s
     poses = [message["pose"] for _, message in found["/pose/commanded"]]
-    assert first.arm is not None
     expected = first.arm.tcp.position + np.array([0.2, 0.0, -0.1]) * deadman_s
     assert np.allclose(list(poses[0]["position"].values()), expected)
     turned = first.arm.tcp.rotation.turn_to(Rotation(**poses[0]["orientation"]))
@@ -327,7 +317,6 @@ def test_every_field_of_our_own_messages_says_what_it_is(tmp_path: Path) -> None
     path = recorded(tmp_path, [tick(0), tick(1)], apart_ns=NS_PER_S)
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
-    assert summary is not None
     own = [one for one in summary.schemas.values() if one.encoding == "jsonschema"]
     assert {one.name for one in own} >= {"Header", "Tick", "Rates"}
     for schema in own:

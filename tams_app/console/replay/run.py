@@ -17,7 +17,7 @@ from tams_app.faces.display import has_display
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.printing import Console, waiting
 from tams_app.recording import SessionLog, read_log
-from tams_app.recording.pictures import PictureFinder
+from tams_app.recording.reader import PictureFinder
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
 

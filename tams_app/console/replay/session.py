@@ -22,7 +22,7 @@ from tams_app.faces.commands import PHASE_KEYS
 from tams_app.faces.messages import Keys, ReplayFacts
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import SessionLog
-from tams_app.recording.pictures import PictureFinder, ShownPicture
+from tams_app.recording.reader import PictureFinder, ShownPicture
 from tams_app.records import EpisodeRequest, Note, SessionState, without_figures
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import Sentences

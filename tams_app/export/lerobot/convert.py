@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 
 from rich.progress import Progress
@@ -15,26 +16,8 @@ from tams_app.outputs import refuse_existing
 from tams_app.printing import Console
 
 
-class ExportProgress(Progress):
-    """A bar of the frames written; on no terminal the sentences alone."""
-
-    def __init__(self, console: Console) -> None:
-        super().__init__(console=console, transient=True, disable=not console.is_terminal)
-        self._frames = self.add_task("frames", total=None)  # while the logs are read
-
-    def notify(self, text: str) -> None:
-        self.console.print(text, soft_wrap=True)
-
-    def begin(self, frames: int) -> None:
-        """Of all views together."""
-        self.update(self._frames, total=frames)
-
-    def frame(self) -> None:
-        self.advance(self._frames)
-
-
 def export_lerobot(
-    logs: Sequence[Path], out: Path, options: ExportOptions, progress: ExportProgress
+    logs: Sequence[Path], out: Path, options: ExportOptions, console: Console
 ) -> Sequence[EpisodeSource]:
     """Write the logs as a LeRobotDataset v3.0 into the new folder `out`.
 
@@ -47,32 +30,48 @@ def export_lerobot(
     from tams_app.export.lerobot.dataset import write_dataset
 
     refuse_existing(out)
+    # a bar of the frames written, of all views together; on no terminal the sentences alone
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
+        bar = progress.add_task("frames", total=None)  # while the logs are read
+        episodes = _read(logs, out, options, console)
+        progress.update(bar, total=sum(one.rows * len(one.shape.views) for one in episodes))
+        try:
+            out.mkdir(parents=True)
+        except OSError as error:
+            raise LogError(f"{out}: cannot be made: {error.strerror}") from error
+        try:
+            with closing(write_dataset(out, episodes, options.task)) as frames:
+                for _ in frames:
+                    progress.advance(bar)
+        except BaseException as error:
+            shutil.rmtree(out, ignore_errors=True)
+            if isinstance(error, OSError):
+                raise LogError(f"{out}: cannot be written: {error.strerror or error}") from error
+            raise
+    return episodes
+
+
+def _read(
+    logs: Sequence[Path], out: Path, options: ExportOptions, console: Console
+) -> list[EpisodeSource]:
+    """The episodes, which have one shape, with a sentence on each that is left out or not whole."""
     episodes: list[EpisodeSource] = []
     for path in logs:
         try:
-            episodes += read_episodes(path, options, progress.notify)
+            found, sentence = read_episodes(path, options)
         except UnreadableLogError as error:
             if len(logs) == 1:
                 raise
-            progress.notify(f"skipped: {error}")
+            found, sentence = [], f"skipped: {error}"
+        episodes += found
+        if sentence:
+            console.print(sentence, soft_wrap=True)
     if not episodes:
         raise UnreadableLogError(f"{out}: none of {len(logs)} sessions can be exported")
     _check_alike(episodes)
     for episode in episodes:
         if episode.remark:
-            progress.notify(episode.remark)
-    progress.begin(sum(one.rows * len(one.shape.views) for one in episodes))
-    try:
-        out.mkdir(parents=True)
-    except OSError as error:
-        raise LogError(f"{out}: cannot be made: {error.strerror}") from error
-    try:
-        write_dataset(out, episodes, options.task, progress.frame)
-    except BaseException as error:
-        shutil.rmtree(out, ignore_errors=True)
-        if isinstance(error, OSError):
-            raise LogError(f"{out}: cannot be written: {error.strerror or error}") from error
-        raise
+            console.print(episode.remark, soft_wrap=True)
     return episodes
 
 

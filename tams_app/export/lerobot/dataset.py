@@ -6,7 +6,7 @@ Their names and types are those of LeRobot's documentation ("LeRobotDataset v3.0
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from tams_app.export.lerobot.episode import EpisodeSource, Shape
-from tams_app.export.lerobot.samples import ACTION_NAMES, PHASES, STATE_NAMES
+from tams_app.export.lerobot.episode import ACTION_NAMES, PHASES, STATE_NAMES, EpisodeSource, Shape
 from tams_app.export.lerobot.statistics import PixelStatistics, Statistics, statistics_of
 from tams_app.export.lerobot.video import write_video
 from tams_app.outputs import write_file
@@ -30,13 +29,11 @@ _NUMBERS = ("chunk_index", "file_index")
 _NAMES = {"observation.state": list(STATE_NAMES), "action": list(ACTION_NAMES)}
 
 
-def write_dataset(
-    root: Path, episodes: Sequence[EpisodeSource], task: str, on_frame: Callable[[], None]
-) -> None:
-    """A dataset in the folder `root`, of episodes that have one shape, by one `task`.
+def write_dataset(root: Path, episodes: Sequence[EpisodeSource], task: str) -> Generator[None]:
+    """Write a dataset in the folder `root`, of episodes that have one shape, by one `task`.
 
-    Each has video files of its own, as the rate of each is held to that of its log. `on_frame` is
-    called for each frame of each view. Errors of the file system are OSError or LogError.
+    Each has video files of its own, as the rate of each is held to that of its log. Yields after
+    each frame of each view. Errors of the file system are OSError or LogError.
     """
     shape = episodes[0].shape
     parts: list[dict[str, NDArray[Any]]] = []
@@ -50,7 +47,7 @@ def write_dataset(
         numbers = dict(zip(_NUMBERS, divmod(number, FILES_PER_CHUNK), strict=True))
         for view, (key, total) in zip(shape.views, pixels.items(), strict=True):
             path = root / _VIDEO_PATH.format(video_key=key, **numbers)
-            seen = write_video(path, episode, view, on_frame)
+            seen = yield from write_video(path, episode, view)
             total.include(seen)
             statistics[key] = seen.result()
             times = {"from_timestamp": 0.0, "to_timestamp": episode.rows / shape.fps}

@@ -1,8 +1,13 @@
-"""The parts of a log that become episodes: the longest that are whole, with arm and all views."""
+"""The parts of a log that become episodes: the longest that are whole, with arm and all views.
+
+Ticks of the control loop are sampled on an episode's grid: what a learner sees, and what was done.
+Lengths in metres, angles in radians, as the names say; quaternions are x, y, z, w.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from array import array
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -11,15 +16,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tams_app.errors import UnreadableLogError
-from tams_app.export.lerobot.samples import TickTable
 from tams_app.export.options import ExportOptions
 from tams_app.outputs import is_plain_name
 from tams_app.recording import Gap, Header, SessionLog, read_log, read_ticks, read_video
 from tams_app.recording.topics import OutcomeGiven
 from tams_app.records import Episode as EndedEpisode
-from tams_app.records import Outcome, ServoMode
+from tams_app.records import Outcome, Phase, ServoMode, Tick
+from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
 
+STATE_NAMES = (
+    *(f"joint_{number}_rad" for number in range(1, 7)),
+    *("tcp_x_m", "tcp_y_m", "tcp_z_m", "tcp_qx", "tcp_qy", "tcp_qz", "tcp_qw", "gripper"),
+)
+ACTION_NAMES = (
+    *("tcp_vx_m_s", "tcp_vy_m_s", "tcp_vz_m_s"),
+    *("tcp_wx_rad_s", "tcp_wy_rad_s", "tcp_wz_rad_s", "gripper"),
+)
+PHASES = tuple(Phase)
+
+_GRIPPER, _QUATERNION = -1, slice(-5, -1)  # in a state
 _MARGIN_NS = NS_PER_S  # of idle time at either end: a block counts as placed after half of it
 _WITH_DAMAGED = "--with-damaged exports the longest part that is whole."
 _ALWAYS = (-np.inf, np.inf)
@@ -28,6 +44,52 @@ _Span: TypeAlias = tuple[float, float]  # from when to when [ns]
 _Wanted: TypeAlias = tuple[int | None, _Span, Outcome]
 _Ints: TypeAlias = NDArray[np.int64]
 _CAPTURED, _ENCODED, _KEYFRAME, _BYTES = range(4)  # the recorded frames of a view, a row each
+
+
+class TickTable:
+    """The ticks at which the arm had reported, as numbers: some 200 bytes each.
+
+    times_ns: when each started, shape (n,). engaged_ns: of those in which the arm was engaged.
+    """
+
+    def __init__(self, ticks: Iterable[Tick]) -> None:
+        times, values = array("q"), array("d")
+        closed = False
+        for tick in ticks:
+            if tick.arm is None:
+                continue
+            if tick.arm.gripper_closed is not None:  # not known: as it was last
+                closed = tick.arm.gripper_closed
+            times.append(tick.started_ns)
+            values.extend((*tick.arm.joints, *tick.arm.tcp.position, *tick.arm.tcp.rotation))
+            values.extend((closed, *tick.twist.linear, *tick.twist.angular, closed))
+            values.extend((PHASES.index(tick.phase), tick.arming == ArmingState.ENGAGED))
+        width = len(STATE_NAMES) + len(ACTION_NAMES) + 2
+        self.times_ns = np.frombuffer(times, np.int64)
+        self._values = np.frombuffer(values, np.float64).reshape(-1, width)
+        self.engaged_ns = self.times_ns[self._values[:, -1] == 1]
+
+    def sample(self, grid_ns: NDArray[np.int64]) -> dict[str, NDArray[Any]]:
+        """Features of a dataset, a row for each instant of `grid_ns`: the newest tick's values.
+
+        None of the instants is before the first tick. The gripper of an action is what is commanded
+        until the next instant.
+        """
+        rows = self._values[np.searchsorted(self.times_ns, grid_ns, side="right") - 1]
+        state, action = rows[:, : len(STATE_NAMES)], rows[:, len(STATE_NAMES) : -2]
+        action[:-1, _GRIPPER] = state[1:, _GRIPPER]
+        # a quaternion and its negative are the same rotation: no jump from one to the other
+        turned = state[:, _QUATERNION]
+        signs = np.where(np.sum(turned[1:] * turned[:-1], axis=1) < 0, -1.0, 1.0)
+        turned[1:] *= np.cumprod(signs)[:, np.newaxis]
+        phase = rows[:, -2].astype(np.int64)
+        return {
+            "observation.state": state.astype(np.float32),
+            "action": action.astype(np.float32),
+            "phase": np.array([one.value for one in PHASES])[phase],
+            "subtask_index": phase,
+            "engaged": rows[:, -1].astype(np.bool_),
+        }
 
 
 class Shape(NamedTuple):
@@ -77,12 +139,10 @@ class _Part(NamedTuple):
     keyframes_ns: dict[str, int]
 
 
-def read_episodes(
-    path: Path, options: ExportOptions, notify: Callable[[str], None]
-) -> list[EpisodeSource]:
+def read_episodes(path: Path, options: ExportOptions) -> tuple[list[EpisodeSource], str]:
     """The episodes in the log at `path`: one, or those kept of a session that is a row of them.
 
-    `notify` gets a sentence on what is left out. UnreadableLogError in a sentence if there is none.
+    With a sentence on what is taken of that row. UnreadableLogError in a sentence if there is none.
     """
     log = read_log(path, only=(OutcomeGiven, EndedEpisode))
     # a log with episodes that was cut off lacks none that had ended
@@ -116,7 +176,7 @@ def read_episodes(
             continue
         rows = (part.end_ns - part.start_ns) * shape.fps // NS_PER_S + 1
         grid_ns = part.start_ns + np.arange(rows, dtype=np.int64) * NS_PER_S // shape.fps
-        from_s, to_s = ((t_ns - log.header.started_ns) / NS_PER_S for t_ns in part[:2])
+        from_s, to_s = map(log.since_start_s, part[:2])
         found[number] = EpisodeSource(
             path,
             name,
@@ -132,11 +192,12 @@ def read_episodes(
         )
     if not found:
         raise unusable(path, lacks)
+    sentence = ""
     if log.has_episodes:
-        taken = f"takes {_listed(found)} of {len(log.judged_episodes)} episodes"
         left = _listed(number for number, *_ in wanted if number not in found)
-        notify(f"{name}: {taken}" + (f"; without {left}: {lacks}" if left else ""))
-    return list(found.values())
+        sentence = f"{name}: takes {_listed(found)} of {len(log.judged_episodes)} episodes"
+        sentence += f"; without {left}: {lacks}" if left else ""
+    return list(found.values()), sentence
 
 
 def unusable(path: Path, why: str) -> UnreadableLogError:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Generator
 from contextlib import closing
 from itertools import takewhile
 from pathlib import Path
@@ -30,12 +30,12 @@ _FRAMES_LOOKED_AT = 100  # for the statistics of pixels
 
 
 def write_video(
-    path: Path, episode: EpisodeSource, view: str, on_frame: Callable[[], None]
-) -> PixelStatistics:
+    path: Path, episode: EpisodeSource, view: str
+) -> Generator[None, None, PixelStatistics]:
     """Write the file at `path`, of which frame n is shown at n / fps; what its pixels are like.
 
-    `on_frame` is called for each. LogError if it cannot be written, UnreadableLogError if the view
-    cannot be decoded.
+    Yields after each. LogError if it cannot be written, UnreadableLogError if the view cannot be
+    decoded.
     """
     shape, pixels = episode.shape, PixelStatistics()
     # what the encoder's buffer lets through beside the rate is part of the share
@@ -53,7 +53,7 @@ def write_video(
                 file.mux(stream.encode(frame))
                 if row % -(-episode.rows // _FRAMES_LOOKED_AT) == 0:
                     pixels.add(planes, shape.height, shape.width)
-                on_frame()
+                yield
             file.mux(stream.encode())
     except av.FFmpegError as error:
         raise LogError(f"{path}: cannot be written: {error.strerror}") from error

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass
-from inspect import getmembers, isfunction
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +15,12 @@ from tams_app.config.streaming import PhasesConfig
 from tams_app.outputs import made_folder, write_file
 from tams_app.recording import LOG_NAME, read_log
 from tams_app.report.figures import bitrates_figure
-from tams_app.report.pages import page_environment
+from tams_app.report.pages import counted, page_environment, phase_name
 from tams_app.report.plots import to_png, to_svg
 from tams_app.study.plan import AttemptState, ParticipantState
 from tams_app.study.planning import balance_sentence
-from tams_app.study.report import drawing, paper, wording
-from tams_app.study.report.findings import PARTS, claims, compared
-from tams_app.study.report.measures import Measures
+from tams_app.study.report import drawing, paper
+from tams_app.study.report.measures import PARTS, Measures, claims, compared
 from tams_app.study.results import PHASES, StudyData
 from tams_app.study.statistics import FEWEST_TO_TEST
 from tams_app.summary.tables import LogTables
@@ -86,14 +84,7 @@ def build_report(data: StudyData, remarks: str = "", tolerance_ssim: float | Non
 
 def _template() -> jinja2.Template:
     environment = page_environment(Path(__file__).parent)
-    words = dict(getmembers(wording, isfunction))
-    environment.filters |= words
-    environment.globals |= {
-        **words,
-        "paper": paper,
-        "PHASES": PHASES,
-        "FEWEST_TO_TEST": FEWEST_TO_TEST,
-    }
+    environment.globals |= {"paper": paper, "PHASES": PHASES, "FEWEST_TO_TEST": FEWEST_TO_TEST}
     return environment.get_template("report.html.j2")
 
 
@@ -119,17 +110,16 @@ def _run_facts(measures: Measures) -> dict[str, Any]:
             if attempt.state not in silent
         ],
         "phases_lasted": [
-            f"{wording.phase_name(phase)} {seconds:.2f} s"
+            f"{phase_name(phase)} {seconds:.2f} s"
             for phase, seconds in measures.median_phases_s().items()
         ],
         "unscored": [
-            f"{wording.phase_name(phase)} in {count}"
+            f"{phase_name(phase)} in {count}"
             for phase in PHASES
             if (count := measures.unscored(phase))
         ],
         "processors": [
-            f"{kind} ({wording.counted(count, 'trial')})"
-            for kind, count in processors.most_common()
+            f"{kind} ({counted(count, 'trial')})" for kind, count in processors.most_common()
         ],
         "versions": sorted(set(data.trials["version"].dropna())),
         "default_thresholds": data.config.policy.phases == PhasesConfig(),

@@ -13,12 +13,10 @@ from matplotlib.ticker import MaxNLocator
 from tams_app import palette
 from tams_app.records import Phase
 from tams_app.report import plots
+from tams_app.report.pages import Estimate, name, phase_name
 from tams_app.study.report import paper
-from tams_app.study.report.findings import Quantity
-from tams_app.study.report.measures import Measures
-from tams_app.study.report.wording import name, phase_name
+from tams_app.study.report.measures import Measures, Quantity
 from tams_app.study.results import PHASES
-from tams_app.study.statistics import Estimate
 
 # of strategies
 COLOURS = (
@@ -41,13 +39,7 @@ def ssim_figure(measures: Measures) -> Figure:
         _draw_estimate(axis, x, found, label=label, **_look(place))
         theirs = paper.RECEIVED_SSIM.get((strategy, network))
         if theirs is not None:
-            label = "paper, people" if column == place == 0 else None
-            hollow: plots.Style = {
-                "markerfacecolor": "none",
-                "markeredgecolor": plots.INK,
-                "markersize": 6,
-            }
-            axis.plot(x + 0.06, theirs, MARKERS[place % len(MARKERS)], label=label, **hollow)
+            _draw_theirs(axis, x + 0.06, theirs, MARKERS[place % len(MARKERS)], "none", 6)
     _name_networks(axis, measures)
     axis.set_ylabel("Received SSIM, primary view")
     plots.legend_beside(figure, axis)
@@ -138,38 +130,20 @@ def success_figure(measures: Measures) -> Figure:
     figure, (axis,) = _new_figure(3.0)
     count = len(measures.data.plan.strategies)
     for place, strategy, column, network, x in _side_by_side(measures, 0.78):
-        fill: plots.Style = {
-            "color": COLOURS[place % len(COLOURS)],
-            "hatch": HATCHES[place % len(HATCHES)],
-        }
+        fill = _fill(COLOURS[place % len(COLOURS)], place)
         if column == 0:
-            axis.bar([0], [0], edgecolor=plots.INK, label=name(strategy), **fill)
+            axis.bar([0], [0], label=name(strategy), **fill)
         found = measures.share(strategy, network, "success")
         if found is None or found.low is None or found.high is None:
             continue
         low, value, high = (100 * one for one in (found.low, found.value, found.high))
-        axis.bar(
-            x,
-            value,
-            0.78 / count * 0.9,
-            edgecolor=plots.INK,
-            linewidth=0.6,
-            alpha=0.8,
-            **fill,
-        )
+        axis.bar(x, value, 0.78 / count * 0.9, linewidth=0.6, alpha=0.8, **fill)
         _draw_estimate(axis, x, Estimate(value, low, high, found.n), fmt="none")
         above: plots.Style = {"xytext": (0, 2), "textcoords": "offset points", "ha": "center"}
         axis.annotate(f"{value:.0f} %", (x, high), fontsize=plots.SMALL_PT, **above)
         theirs = paper.SUCCESS_SHARE.get((strategy, network))
         if theirs is not None:
-            known = axis.get_legend_handles_labels()[1]
-            label = None if "paper, people" in known else "paper, people"
-            white: plots.Style = {
-                "markerfacecolor": plots.GROUND,
-                "markeredgecolor": plots.INK,
-                "markersize": 5,
-            }
-            axis.plot(x, 100 * theirs, "D", label=label, **white)
+            _draw_theirs(axis, x, 100 * theirs, "D", plots.GROUND, 5)
     axis.set_ylim(0, 112)
     axis.set_yticks(range(0, 101, 20))
     _name_networks(axis, measures)
@@ -186,8 +160,7 @@ def relied_on_figure(measures: Measures) -> Figure:
     for column, phase in enumerate(PHASES):
         below_reported = below_weight = 0.0
         for place, view in enumerate(measures.data.config.video.views):
-            colour, hatch = palette.view_colour(place), HATCHES[place % len(HATCHES)]
-            fill: plots.Style = {"color": colour, "hatch": hatch, "edgecolor": plots.INK}
+            fill = _fill(palette.view_colour(place), place)
             found = measures.relied_on(phase, view)
             reported, weight = found.value if found else 0.0, weights.row(Phase(phase))[view]
             label = view.upper() if column == 0 else None
@@ -240,6 +213,21 @@ def _name_phases(axis: Axes, **style: Any) -> None:
 def _look(place: int) -> plots.Style:
     """Marker and colour of strategy number `place`."""
     return {"fmt": MARKERS[place % len(MARKERS)], "color": COLOURS[place % len(COLOURS)]}
+
+
+def _fill(colour: str, place: int) -> plots.Style:
+    """Colour and strokes of the bars of what is number `place`."""
+    return {"color": colour, "hatch": HATCHES[place % len(HATCHES)], "edgecolor": plots.INK}
+
+
+def _draw_theirs(
+    axis: Axes, x: float, value: float, marker: str, ground: str, size_pt: float
+) -> None:
+    """A value of the paper's; the first one of a figure is named."""
+    named = "paper, people" in axis.get_legend_handles_labels()[1]
+    label = None if named else "paper, people"
+    colours: plots.Style = {"markerfacecolor": ground, "markeredgecolor": plots.INK}
+    axis.plot(x, value, marker, label=label, markersize=size_pt, **colours)
 
 
 def _draw_estimate(

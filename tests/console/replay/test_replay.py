@@ -23,7 +23,7 @@ from tams_app.faces.messages import Keys
 from tams_app.faces.terminal.keys import TerminalKeys
 from tams_app.prediction.present import PREDICTED_FACT
 from tams_app.recording import LOG_NAME, read_log
-from tams_app.recording.pictures import PictureFinder
+from tams_app.recording.reader import PictureFinder
 from tams_app.records import (
     Episode,
     EpisodesState,

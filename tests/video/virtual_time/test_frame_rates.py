@@ -14,7 +14,7 @@ from tams_app.recording.topics import FrameCaptured, FrameSent, FrameShown
 from tams_app.records import Allocation, Frame, PacketFate, PacketKind, Phase
 from tams_app.summary import summarise
 from tams_app.summary.tables import LogTables
-from tams_app.summary.tracking import wire_bytes
+from tams_app.summary.views import wire_bytes
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.core.repair import RepairRule
