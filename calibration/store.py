@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from calibration.kit import WizardUI
 from tams_app import __version__
 from tams_app.config import Config, load_config
 from tams_app.config.calibrated import (
@@ -26,8 +27,6 @@ from tams_app.outputs import made_folder, write_file
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from calibration.kit import WizardUI
 
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"

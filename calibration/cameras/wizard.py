@@ -15,9 +15,10 @@ from calibration.cameras.binding import bind_views
 from calibration.cameras.board import Board
 from calibration.cameras.flashes import check_display
 from calibration.cameras.measuring import LENS, MOUNT, Findings, findings_figure
-from calibration.cli import CameraOptions
-from calibration.kit import Wizard, WizardUI
+from calibration.kit import WizardUI
+from calibration.options import CameraOptions
 from calibration.store import Calibration, utc_now
+from calibration.wizard import Wizard
 from hw.arms import arm_kind
 from tams_app.config import CameraConfig
 from tams_app.config.whole import REMOVED

@@ -12,7 +12,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from calibration.cli import FrameOptions
 from calibration.frame.asking import fit_moves, try_six_directions
 from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
 from calibration.frame.fit import (
@@ -30,8 +29,10 @@ from calibration.frame.sources import (
     LiveSetup,
     Move,
 )
-from calibration.kit import Wizard, as_text, table
+from calibration.kit import as_text, table
+from calibration.options import FrameOptions
 from calibration.store import Calibration
+from calibration.wizard import Wizard
 from tams_app.config import Config, MappingConfig
 from tams_app.config.calibrated import read_calibrated
 from tams_app.errors import ConfigError

@@ -6,8 +6,8 @@ from typing import Any
 
 from rich.table import Table
 
-from calibration.cli import PhaseOptions
-from calibration.kit import Wizard, as_text, table
+from calibration.kit import as_text, table
+from calibration.options import PhaseOptions
 from calibration.phases.fit import (
     PHASES,
     SEARCHED,
@@ -19,6 +19,7 @@ from calibration.phases.fit import (
 )
 from calibration.phases.labels import Material, logged_trials, virtual_trials
 from calibration.store import Calibration
+from calibration.wizard import Wizard
 from tams_app.config import PhasesConfig
 from tams_app.errors import ConfigError
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibration.cli import WeightOptions
-from calibration.kit import Wizard, WizardUI
+from calibration.kit import WizardUI
+from calibration.options import WeightOptions
 from calibration.store import Calibration
 from calibration.weights.clips import Clip, ClipFolder, play
 from calibration.weights.cutting import RecordedSession, cut_session, open_session
@@ -35,6 +35,7 @@ from calibration.weights.report import (
     evidence_remarks,
     weights_figure,
 )
+from calibration.wizard import Wizard
 from tams_app.errors import ConfigError, SetupError
 from tams_app.faces.display import require_display
 from tams_app.records import Phase

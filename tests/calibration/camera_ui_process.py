@@ -12,7 +12,7 @@ from pathlib import Path
 from calibration.cameras import binding
 from calibration.cameras.bench import LiveBench
 from calibration.cameras.wizard import CameraWizard
-from calibration.cli import CameraOptions
+from calibration.options import CameraOptions
 from hw.v4l2.devices import list_cameras
 from tams_app.config import load_config
 from tams_app.runtime.clock import MonotonicClock

@@ -13,7 +13,7 @@ from calibration.cameras.board import Board
 from calibration.cameras.measuring import Findings
 from calibration.cameras.simulated import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
-from calibration.cli import CameraOptions
+from calibration.options import CameraOptions
 from hw.arms import arm_kind
 from tams_app import cli
 from tams_app.config import Config, LensConfig, MountConfig, load_config

@@ -12,7 +12,7 @@ from calibration.cameras.flashes import FEWEST_FLASHES
 from calibration.cameras.measuring import Findings
 from calibration.cameras.simulated import SimulatedBench
 from calibration.cameras.wizard import CameraWizard
-from calibration.cli import CameraOptions
+from calibration.options import CameraOptions
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, DeviceError
 from tams_app.printing import Console

@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from calibration.cli import PhaseOptions
+from calibration.options import PhaseOptions
 from calibration.phases.fit import CODE, NOT_COUNTED, infer, motion_of
 from calibration.phases.labels import virtual_trials
 from calibration.phases.wizard import PhaseWizard

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 import yaml
 
-from calibration.cli import PhaseOptions
 from calibration.kit import quiet
+from calibration.options import PhaseOptions
 from calibration.phases import wizard
 from calibration.phases.fit import CODE, NOT_COUNTED, PhaseFit, Trial, evaluate, fit_thresholds
 from calibration.phases.labels import Material, logged_trials

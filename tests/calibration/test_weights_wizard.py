@@ -3,7 +3,7 @@
 import pytest
 from typer.testing import CliRunner
 
-from calibration.cli import WeightOptions
+from calibration.options import WeightOptions
 from calibration.weights.clips import ClipFolder
 from calibration.weights.cutting import cut_session, open_session
 from calibration.weights.ratings import PAPER_DOMINANT, RatingFolder, simulate_panel

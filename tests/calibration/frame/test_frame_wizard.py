@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calibration.cli import FrameOptions
 from calibration.frame import simulated_person as prompted
 from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, try_six_directions
@@ -19,6 +18,7 @@ from calibration.frame.fit import FrameFit, RefusedError, turn_deg
 from calibration.frame.simulated_person import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS
 from calibration.frame.wizard import FrameWizard, rows
+from calibration.options import FrameOptions
 from hw.openvr.components import ROLES
 from tams_app.config import load_config
 from tams_app.errors import ConfigError, TamsError
