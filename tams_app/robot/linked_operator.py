@@ -56,10 +56,7 @@ _NOT_TOLD = (
 
 
 class LinkedOperator(Operator):
-    """All but `end` in the control thread.
-
-    `state_due_ns`: when they are to be sent the session's state next.
-    """
+    """All but `end` in the control thread."""
 
     def __init__(
         self,
@@ -81,7 +78,7 @@ class LinkedOperator(Operator):
         self._revoked = self._placed = False
         self._introduction, self._refusal = b"", ""
         self._state_ns = state_interval_ns(math.inf)
-        self.state_due_ns = self._health_due_ns = 0
+        self._state_due_ns = self._health_due_ns = 0
 
     # --- start and end --------------------------------------------------------------------------
 
@@ -168,11 +165,17 @@ class LinkedOperator(Operator):
                 self._health_due_ns = record.started_ns + _HEALTH_NS
                 self._log.record(self._health(record.started_ns))
 
+    def wants_state(self, now_ns: int) -> bool:
+        """Ask, once a tick, whether they are to be sent the session's state now."""
+        if now_ns < self._state_due_ns:
+            return False
+        self._state_due_ns = now_ns + self._state_ns  # from tick to tick, whatever a tick takes
+        return True
+
     def show(self, state: SessionState) -> None:
         """Send them the session's state, which is due."""
         hand = self._hand
         self._take_sentences()
-        self.state_due_ns = state.now_ns + self._state_ns
         first_ns = tuple(sent.first_ns for sent in self._sent.values())
         acknowledged = hand.acknowledged
         self._gateway.send(

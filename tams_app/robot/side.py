@@ -125,7 +125,7 @@ class RobotSide(Listener):
                 self._put_back()
             if due.end:
                 self._ground.ending.end("all episodes are kept")
-        if self._link is not None and record.started_ns >= self._link.state_due_ns:
+        if self._link is not None and self._link.wants_state(record.started_ns):
             self._link.show(self.state())
 
     def _connect(self) -> ConnectedDevices:

@@ -20,7 +20,7 @@ from tams_app.robot.linked_operator import LinkedOperator, fitting, welcome_of
 from tams_app.robot.linked_state import LinkedState, state_interval_ns
 from tams_app.runtime.clock import VirtualClock
 from tams_app.runtime.mailbox import Sentences
-from tams_app.units import NS_PER_S
+from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.repair import RepairRule
 from tests.faces.window.facts import STATE
 from tests.session.exchange import MemoryJournal
@@ -46,8 +46,9 @@ def test_states_are_rarer_on_a_narrow_uplink(capacity_kbps: float | None, states
     for _ in range(120):
         clock.advance_ns(TICK_NS)
         now_ns = clock.now_ns()
-        if now_ns >= operator.state_due_ns:
-            operator.show(msgspec.structs.replace(STATE, now_ns=now_ns))
+        if operator.wants_state(now_ns):
+            made_ns = now_ns + 2 * NS_PER_MS  # what a tick takes until then
+            operator.show(msgspec.structs.replace(STATE, now_ns=made_ns))
     assert len(sent) == pytest.approx(states, abs=1)
 
 
