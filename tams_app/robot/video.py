@@ -60,7 +60,7 @@ class Video(ABC):
                 view,
                 video,
                 self.rule.rtx,
-                kbps,
+                start_kbps[view],
                 policy.strategy.source_drop_below_kbps,
                 codecs.encoder,
             )
