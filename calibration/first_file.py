@@ -44,16 +44,15 @@ def write_first_file(ui: WizardUI, path: Path, given: Answers) -> None:
         raise ConfigError(f"{path}: is there already; give another name, or delete it")
     ours = load_config(TEMPLATE)
     cameras = _given_cameras(given.cameras, ours)
-    found = look()
+    found = list_cameras()
     if not ui.attended:
-        _require_all(given, cameras, ours, list_cameras())
+        _require_all(given, cameras, ours, found)
     model = given.model or _ask_model(ui)
     host = given.host or _ask_host(ui, ours, model)
     hand = given.hand or _ask_hand(ui, ours)
     side = given.side
     if side is None and ui.attended and hand in ("auto", "openvr"):
         side = ui.choice("Which hand holds it?", {side: side for side in SIDES})
-    found = list_cameras()
     cameras |= _ask_cameras(ui, ours, cameras, found)
     values = {
         "arm.model": ("model", json.dumps(model)),
