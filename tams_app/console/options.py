@@ -187,6 +187,8 @@ def overriding(
         declared = inspect.signature(function, eval_str=True).parameters
         takes_settings = "settings" in declared
         own = {"config": file, **declared} if takes_settings else {**declared}
+        laid_over = {"settings" if takes_settings else "overrides"}
+        assert {*declared} <= {*laid_over, *order.split()}, "an option that --help would not list"
         options = {name: known[name] for name in order.split() if name not in own}
 
         @wraps(function)
