@@ -89,12 +89,12 @@ class SessionState(msgspec.Struct, frozen=True, array_like=True, kw_only=True):
     link_kbps, queue_ms, loss: of the last second, all views (`UplinkFigures`). budget_kbps: what
     the views share. capacity_kbps: what the emulated network carries now; None where it is without
     limit, or real. estimate_kbps: of the capacity, as the budget believes. asked_fps: of each
-    camera. now_ns: the moment, on the clock of the side that shows it. heard_ns: when what is said
-    of the arm was true: of the control loop's last tick, or when the robot's side's last message
-    came; None: not live. episodes: None: the session has none. placed: the block was placed, as the
-    rig's judge saw it. joints_urad: the arm's joints [µrad],
-    (): not known; joints_ns: when they were measured, on the clock of the robot's side.
-    speed_scale: on the arm's speed, 0 to 1. hottest_motor_c: of the arm's joints [°C].
+    camera. now_ns: the moment, on the clock of the side that shows it. heard_ns: how recent the
+    arm's part is: the control loop's last tick, or when the last message of the robot's side came;
+    None: not live. episodes: None: the session has none. placed: the block was placed, as the rig's
+    judge saw it. joints_urad: the arm's joints [µrad], (): not known; joints_ns: when they were
+    measured, on the clock of the robot's side. speed_scale: on the arm's speed, 0 to 1.
+    hottest_motor_c: of the arm's joints [°C].
     """
 
     t_s: float
