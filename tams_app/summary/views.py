@@ -1,4 +1,4 @@
-"""The entry of one view in summary.json: frames, where their time goes, tracking, what is missing."""
+"""The entry of one view in summary.json: frames, where time goes, tracking, what is missing."""
 
 from __future__ import annotations
 
