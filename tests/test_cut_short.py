@@ -49,7 +49,7 @@ def test_a_session_hears_the_emergency_stop_of_ros_2_and_outlives_its_bridge(tmp
     with session_in(tmp_path, "--ros2", str(domain)) as running:
         writer = Node(domain).stop_writer(RELIABLE)
         until(lambda: len(writer.get_matched_subscriptions()) == 2)
-        writer.write(Empty())
+        writer.write(Empty(0))
         running.says("fault, emergency stop")
         children = psutil.Process(running.process.pid).children(recursive=True)
         (bridge,) = (one for one in children if "tams_app.session.ros2_process" in one.cmdline())

@@ -52,7 +52,7 @@ def test_an_emergency_stop_in_ros_2_stops_the_arm_until_the_operator_confirms(
 ) -> None:
     virtual_bench.engage_and_move()
     writer = Node(domain).stop_writer(RELIABLE)
-    until(lambda: bool(notes), meanwhile=lambda: writer.write(Empty()))
+    until(lambda: bool(notes), meanwhile=lambda: writer.write(Empty(0)))
     seen = virtual_bench.next
     bridge.stop_listening()  # what was sent besides until it was heard would stop it again
     is_stopped(virtual_bench, seen, Reason.EMERGENCY_STOP)

@@ -142,7 +142,7 @@ def test_the_emergency_stop_of_any_publisher_stops(
 ) -> None:
     heard = Heard(bridge)
     writer = Node(domain).stop_writer(reliability)
-    until(lambda: heard.stopped, meanwhile=lambda: writer.write(Empty()))
+    until(lambda: heard.stopped, meanwhile=lambda: writer.write(Empty(0)))
     until(lambda: bool(heard.notes))
     assert heard.notes[0] == "emergency stop, asked for in ROS 2 (/tams/emergency_stop)"
 
@@ -150,7 +150,7 @@ def test_the_emergency_stop_of_any_publisher_stops(
 def test_a_publisher_that_leaves_does_not_stop_a_second_time(domain: int) -> None:
     participant, node = DdsParticipant(domain, ()), Node(domain)
     witness, writer = node.reader(STOP), node.stop_writer(RELIABLE)
-    until(lambda: participant.stop_asked(0), meanwhile=partial(writer.write, Empty()))
+    until(lambda: participant.stop_asked(0), meanwhile=partial(writer.write, Empty(0)))
     until(lambda: not participant.stop_asked(NS_PER_S) and not witness.take(1000))
     del writer
     gc.collect()  # it is part of a cycle
@@ -242,7 +242,7 @@ def test_the_log_is_whole_whatever_becomes_of_the_bridge(
 def test_a_log_tells_of_a_stop_that_ros_asked_for(domain: int, tmp_path: Path) -> None:
     with recorder(domain, tmp_path, signals := Signals()):
         writer = Node(domain).stop_writer(RELIABLE)
-        until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty()))
+        until(lambda: signals.take(0).estop, meanwhile=lambda: writer.write(Empty(0)))
     notes = read_log(tmp_path / LOG_NAME).notes
     assert any("emergency stop, asked for in ROS 2" in note.text for note in notes)
 
