@@ -131,7 +131,7 @@ class Sides:
             over = after(self.decided, now_ns)
             self.newest.put(over)
             self.robot.receive(over)
-            if now_ns >= self.robot.state_due_ns:
+            if self.robot.wants_state(now_ns):
                 hand = hand_of(self.config)
                 self.robot.show(self.board.state(now_ns, 1.0, SteadyVideo(), hand))
 
