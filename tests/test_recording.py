@@ -142,6 +142,22 @@ def test_every_record_comes_back_as_it_went_in(tmp_path: Path) -> None:
     assert list(read_video(tmp_path / "session.mcap", "eih")) == [by_type[EncodedFrame]]
 
 
+def test_any_mcap_reader_sees_dates_schemas_and_foxglove_video(tmp_path: Path) -> None:
+    record_all(tmp_path / "session.mcap", one_of_each())
+    with (tmp_path / "session.mcap").open("rb") as stream:
+        found = {
+            channel.topic: (schema, message)
+            for schema, channel, message in make_reader(stream).iter_messages()
+        }
+    schema, message = found["/tick"]
+    assert schema is not None
+    assert schema.encoding == "jsonschema"
+    assert message.log_time == tick(3).started_ns + header().wall_offset_ns
+    video_schema, _ = found["/video/eih"]
+    assert video_schema is not None
+    assert video_schema.name == "foxglove.CompressedVideo"
+
+
 def test_a_number_that_is_not_finite_stays_valid_json_and_reads_as_nan() -> None:
     codec = Codec(Tick)
     data = codec.encode(replace(tick(1), speed=math.inf, vertical_speed=math.nan))

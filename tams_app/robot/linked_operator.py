@@ -56,7 +56,7 @@ _NOT_TOLD = (
 
 
 class LinkedOperator(Operator):
-    """All but `end` in the control thread."""
+    """`receive` from any thread, `end` once the control loop has ended; else the control thread."""
 
     def __init__(
         self,

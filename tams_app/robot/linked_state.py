@@ -27,7 +27,7 @@ def state_interval_ns(capacity_kbps: float) -> int:
 
 
 class LinkedState:
-    """Makes the state messages of one session; for one thread."""
+    """Makes the state messages of one session; for one thread at a time."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock

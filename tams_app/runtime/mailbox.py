@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -82,6 +83,7 @@ class Sentences:
     def take(self) -> list[str]:
         """Sentences not shown yet, in their order."""
         taken = []
-        while self._waiting:
-            taken.append(self._waiting.popleft())
+        with suppress(IndexError):  # also where another thread takes the last one
+            while True:
+                taken.append(self._waiting.popleft())
         return taken

@@ -304,6 +304,13 @@ def test_of_more_calls_than_are_kept_the_oldest_is_forgotten() -> None:
 # --- what changes nothing -------------------------------------------------------------------------
 
 
+def test_what_is_no_packet_of_media_is_not_sent() -> None:
+    rig, desk = connected()
+    for end in (rig.robot, desk.end):
+        for packet in (b"", b"\x80", rtp(1, size=1500), bytes(40)):
+            assert end.media(packet, rig.now_ns) is None
+
+
 @pytest.mark.parametrize(
     ("at_robot", "handshake", "reason"),
     [
