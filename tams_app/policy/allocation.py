@@ -34,7 +34,7 @@ class TaskAware(Strategy):
     """TAMS: the row of W of the current phase."""
 
     def weights(self, phase: Phase) -> Mapping[str, float]:
-        return self.policy.weights.matrix[phase]
+        return dict(self.policy.weights.matrix[phase])
 
 
 class TamsPlus(TaskAware):

@@ -42,7 +42,7 @@ class Receiver:
     """Judges the access units of one view, and identifies its decoded frames.
 
     `first_packet`, `request` and `access_unit` in the depayloader's thread, `identified` and
-    `shown` in the decoder's; with the `lock`, `request` in any.
+    `shown` in the decoder's. The `lock` guards the rate limit of keyframe requests alone.
     """
 
     def __init__(
