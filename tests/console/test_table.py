@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -25,10 +26,19 @@ def frozen() -> SessionLog:
     return log
 
 
-def printed(log: SessionLog, width: int = 110) -> str:
+@pytest.fixture(scope="module")
+def frozen_summary() -> dict[str, Any]:
+    return summarise(frozen())
+
+
+def shown(summary: dict[str, Any], width: int) -> str:
     output = io.StringIO()
-    Console(file=output, width=width).print(summary_tables(summarise(log)))
+    Console(file=output, width=width).print(summary_tables(summary))
     return output.getvalue()
+
+
+def printed(log: SessionLog, width: int = 110) -> str:
+    return shown(summarise(log), width)
 
 
 def test_the_table_shows_the_numbers_of_the_summary() -> None:
@@ -74,14 +84,16 @@ def test_a_success_with_too_few_frames_is_not_told_without_them() -> None:
     )
 
 
-def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns() -> None:
-    lines = printed(frozen(), 80).splitlines()
+def test_a_row_of_a_view_fits_a_terminal_of_eighty_columns(frozen_summary: dict[str, Any]) -> None:
+    lines = shown(frozen_summary, 80).splitlines()
     assert [line.split()[0] for line in lines[-4:]] == ["View", "EIH", "GT", "GS"]
 
 
 @pytest.mark.parametrize("width", [30, 42, 60])
-def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(width: int) -> None:
-    lines = [line.rstrip() for line in printed(frozen(), width).splitlines()]
+def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(
+    frozen_summary: dict[str, Any], width: int
+) -> None:
+    lines = [line.rstrip() for line in shown(frozen_summary, width).splitlines()]
     assert max(len(line) for line in lines) <= width
     assert not any("…" in line for line in lines), "nothing is cut off"
     assert not any(line.startswith("View") for line in lines)
@@ -93,9 +105,9 @@ def test_on_a_narrow_terminal_each_views_figures_are_a_sentence_of_whole_words(w
     )
 
 
-def test_no_figure_is_cut_on_terminals_from_narrow_to_wide() -> None:
+def test_no_figure_is_cut_on_terminals_from_narrow_to_wide(frozen_summary: dict[str, Any]) -> None:
     for width in range(42, 110):
-        words = printed(frozen(), width).replace(",", " ").split()
+        words = shown(frozen_summary, width).replace(",", " ").split()
         assert [words.count(figure) for figure in ("30.0/30", "600/1200", "s)")] == [3, 3, 3], width
 
 
@@ -105,7 +117,7 @@ def stop(reason: str, at_s: float, rest_ms: int | None) -> StopRecord:
 
 
 def test_stops_are_named_with_their_time_reason_and_how_long_the_arm_took_to_rest() -> None:
-    log = Synthetic(40.0).log()
+    log = Synthetic(5.0).log()
     log.stops = [
         stop("stale video", 2.04, 81),
         stop("arm error: C31 (servo [x])", 31.5, None),
@@ -116,7 +128,7 @@ def test_stops_are_named_with_their_time_reason_and_how_long_the_arm_took_to_res
 
 
 def test_of_many_stops_five_are_named_and_no_line_is_longer_than_eighty_columns() -> None:
-    log = frozen()
+    log = Synthetic(5.0).log()
     log.stops = [stop("guard stopped the arm", 1000.0 + number, 100) for number in range(7)]
     lines = printed(log, 80).splitlines()
     assert sum("guard stopped the arm" in line for line in lines) == 5
