@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import pytest
 
 from tests.matrix import COLUMNS
@@ -71,13 +69,12 @@ def busy():
 
 
 @pytest.fixture
-def run(pytester, monkeypatch):
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent.parent))
-
+def run(pytester):
     def run(body, standstill_ms, *options):
         pytester.makeconftest(PLUGIN.format(ms=standstill_ms))
         pytester.makepyfile(body)
-        return pytester.runpytest_subprocess("-p", "no:cacheprovider", *options)
+        # the time limit of this test is none of theirs
+        return pytester.runpytest_inprocess("-p", "no:cacheprovider", "-p", "no:timeout", *options)
 
     return run
 
