@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from tams_app.console import link_check
 from tams_app.console.link_check import findings, measured, run_link_check
 from tams_app.console.options import endpoint_of
 from tams_app.errors import ConfigError, HelperError, TamsError
@@ -43,6 +44,19 @@ def robot(key: Path, tmp_path: Path) -> Iterator[Endpoint]:
         gateway.close()
 
 
+@pytest.fixture
+def a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It measures for a second only."""
+    monkeypatch.setattr(link_check, "_PINGS", 125)
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waits a second for an answer."""
+    monkeypatch.setattr(link_check, "_ANSWER_NS", NS_PER_S)
+
+
+@pytest.mark.usefixtures("a_second")
 def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
     out = io.StringIO()
     run_link_check(robot, console=Console(file=out, width=200))
@@ -52,6 +66,7 @@ def test_it_says_what_was_measured_and_what_to_set(robot: Endpoint):
     assert "latency_ms:" in text
 
 
+@pytest.mark.usefixtures("a_second")
 def test_a_program_reads_the_measurement_as_one_object(robot: Endpoint):
     out = io.StringIO()
     run_link_check(robot, True, Console(file=out, width=40))
@@ -61,6 +76,7 @@ def test_a_program_reads_the_measurement_as_one_object(robot: Endpoint):
     assert found["latency_ms"] == found["round_trip_ms"]["p50"] / 2
 
 
+@pytest.mark.usefixtures("impatient")
 def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(
     robot: Endpoint, tmp_path: Path
 ):
@@ -69,6 +85,7 @@ def test_a_key_that_is_not_accepted_is_among_the_reasons_for_no_answer(
         run_link_check(Endpoint(robot.host, robot.port, tmp_path / "other"), console=quiet())
 
 
+@pytest.mark.usefixtures("impatient")
 def test_nothing_that_answers_is_told_in_a_sentence(key: Path):
     with pytest.raises(HelperError, match="no answer: the call does not arrive there"):
         run_link_check(Endpoint("127.0.0.1", free_port(socket.SOCK_DGRAM), key), console=quiet())
