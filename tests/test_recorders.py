@@ -12,8 +12,8 @@ from unittest.mock import Mock
 import pytest
 
 from tams_app.errors import LogError
-from tams_app.recording import Recorder, mcap_log, read_log, read_video
-from tams_app.recording.journal import CAPACITY, HANGS_NS, LOST, DirectRecorder
+from tams_app.recording import Recorder, journal, mcap_log, read_log, read_video
+from tams_app.recording.journal import HANGS_NS, LOST, DirectRecorder
 from tams_app.recording.mcap_log import McapLog
 from tams_app.runtime.clock import VirtualClock
 from tams_app.units import NS_PER_S
@@ -27,6 +27,7 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, hangs, goes_on = VirtualClock(), threading.Event(), threading.Event()
+    monkeypatch.setattr(journal, "CAPACITY", 100)
     log = Recorder(McapLog(tmp_path / "session.mcap", header()), clock, never_fails)
     write = log._log.write
 
@@ -43,7 +44,7 @@ def test_a_disk_that_hangs_is_told_at_once_and_what_it_cost_is_counted(
     clock.advance_ns(HANGS_NS + 1)
     (sentence,) = log.troubles()
     assert sentence.startswith("the disk of the log does not respond")
-    for number in range(CAPACITY + 5):
+    for number in range(100 + 5):
         log.record(tick(number))
     assert log.troubles()[-1] == LOST
     assert log.dropped == 5
