@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import shutil
 from functools import partial
 from pathlib import Path
 
@@ -19,18 +20,25 @@ pytestmark = pytest.mark.untimed
 TICKS = 120
 
 
-@pytest.fixture
-def logs(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A session that was reported, one that was not, and things that are no sessions."""
+    logs = tmp_path_factory.mktemp("logs")
     for name in ("20260101-100000-run", "20260101-110000-run"):
-        folder = tmp_path / name
+        folder = logs / name
         folder.mkdir()
         note = Note(START_NS + 5, "info", "ready, by hand")
         write_log(folder / "session.mcap", [*map(tick, range(TICKS)), note])
-    assert _main(["report", str(tmp_path / "20260101-100000-run"), "--json"]) == 0
-    (tmp_path / "notes.txt").write_text("none", encoding="utf-8")
-    (tmp_path / "empty").mkdir()
-    return tmp_path
+    assert _main(["report", str(logs / "20260101-100000-run"), "--json"]) == 0
+    (logs / "notes.txt").write_text("none", encoding="utf-8")
+    (logs / "empty").mkdir()
+    return logs
+
+
+@pytest.fixture
+def logs(written: Path, tmp_path: Path) -> Path:
+    """A copy of them."""
+    return shutil.copytree(written, tmp_path, dirs_exist_ok=True)
 
 
 @pytest.fixture
