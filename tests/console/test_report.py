@@ -12,6 +12,7 @@ import pytest
 from mcap.reader import make_reader
 
 from tams_app.cli import _main
+from tams_app.console import report
 from tams_app.console.report import report_session
 from tams_app.errors import LogError
 from tams_app.printing import Console
@@ -35,12 +36,19 @@ def folder(tmp_path: Path) -> Path:
     return folder
 
 
+@pytest.fixture
+def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without figure and page, which take most of the time."""
+    monkeypatch.setattr(report, "_draw", lambda *_: None)
+
+
 def reported(path: Path) -> str:
     output = io.StringIO()
     report_session(path, Console(file=output, width=80))
     return output.getvalue()
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("given", ["", "session.mcap"])
 def test_a_whole_log_is_reported_without_a_warning(folder: Path, given: str) -> None:
     text = reported(folder / given)
@@ -61,6 +69,7 @@ def test_the_last_lines_say_what_to_open_and_how_to_see_it_again(tmp_path: Path)
     assert (program, command, given) == ("run_tams.py", "replay", str(long))
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_program_reads_the_summary_itself(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -89,6 +98,7 @@ def cut_off(folder: Path) -> None:
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize(
     ("harm", "begin", "end"),
     [
@@ -107,6 +117,7 @@ def test_a_log_that_is_not_whole_says_so_in_one_line_after_the_table(
     assert harm is cut_off or any("200 ticks" in line for line in lines[:at]), "of three chunks"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is_kept(
     folder: Path,
 ) -> None:
@@ -124,6 +135,7 @@ def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is
         assert (folder / "summary.json.before").read_bytes() == whole
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_summary_of_before_summaries_said_whether_they_are_complete_is_kept_too(
     folder: Path,
 ) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 import json
+import shutil
 from collections.abc import Iterable
 from contextlib import closing
 from pathlib import Path
@@ -53,9 +54,10 @@ def pictures() -> Iterable[ShownFrame]:
             yield ShownFrame(view, 0, shown_ns, image, shown_ns, True)
 
 
-@pytest.fixture
-def sides(tmp_path: Path) -> tuple[Path, Path]:
+@pytest.fixture(scope="module")
+def logged(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """The folders of the robot's side and of the operator's."""
+    tmp_path = tmp_path_factory.mktemp("sides")
     _, robot, operator = pair()
     operator.facts[ROBOT_FOLDER_FACT] = "robot"
     robot.facts[OPERATOR_FOLDER_FACT] = "operate"
@@ -82,15 +84,27 @@ def sides(tmp_path: Path) -> tuple[Path, Path]:
     )
 
 
-@pytest.mark.parametrize("turned", [False, True])
-def test_all_is_written_into_the_folder_of_the_robots_side(
-    sides: tuple[Path, Path], turned: bool, capsys: pytest.CaptureFixture[str]
-) -> None:
-    robot, operate = sides
-    given = (operate, robot) if turned else (robot, operate)
-    assert _main(["report", *map(str, given), "--json"]) == 0
-    summary = json.loads(capsys.readouterr().out)
-    assert json.loads((robot / "summary.json").read_text(encoding="utf-8")) == summary
+@pytest.fixture
+def sides(logged: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
+    """Copies of them."""
+    robot, operate = (shutil.copytree(one, tmp_path / one.name) for one in logged)
+    return robot, operate
+
+
+@pytest.fixture(scope="module")
+def joined(
+    logged: tuple[Path, Path], tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Path, str]:
+    """Both folders after a report that was given the operator's first, and what was printed."""
+    there = tmp_path_factory.mktemp("joined")
+    robot, operate = (shutil.copytree(one, there / one.name) for one in logged)
+    output = io.StringIO()
+    report_both(operate, robot, Console(file=output, width=80))
+    return robot, operate, output.getvalue()
+
+
+def test_all_is_written_into_the_folder_of_the_robots_side(joined: tuple[Path, Path, str]) -> None:
+    robot, operate, _ = joined
     assert {one.name for one in robot.iterdir()} == {
         LOG_NAME,
         "summary.json",
@@ -100,9 +114,10 @@ def test_all_is_written_into_the_folder_of_the_robots_side(
     assert [one.name for one in operate.iterdir()] == [LOG_NAME]
 
 
-def test_the_page_shows_what_was_shown_at_the_operators_side(sides: tuple[Path, Path]) -> None:
-    robot, operate = sides
-    assert _main(["report", str(robot), str(operate)]) == 0
+def test_the_page_shows_what_was_shown_at_the_operators_side(
+    joined: tuple[Path, Path, str],
+) -> None:
+    robot, *_ = joined
     page = (robot / "report.html").read_text(encoding="utf-8")
     coded = [part.partition('"')[0] for part in page.split('src="data:image/jpeg;base64,')[1:]]
     assert len(coded) == len(VIEWS)
@@ -122,22 +137,19 @@ def last_line(folder: Path) -> tuple[str, str]:
 
 
 def test_of_the_robots_side_alone_what_was_shown_is_not_known_rather_than_nothing(
-    sides: tuple[Path, Path],
+    sides: tuple[Path, Path], joined: tuple[Path, Path, str]
 ) -> None:
-    robot, operate = sides
-    alone, _ = last_line(robot)
+    alone, _ = last_line(sides[0])
     (row,) = (line for line in alone.splitlines() if line.startswith(VIEWS[0].upper()))
     assert " –/" in row
     assert "SSIM received" not in alone
-    output = io.StringIO()
-    report_both(robot, operate, Console(file=output, width=80))
-    (row,) = (line for line in output.getvalue().splitlines() if line.startswith(VIEWS[0].upper()))
+    (row,) = (line for line in joined[2].splitlines() if line.startswith(VIEWS[0].upper()))
     assert " –/" not in row
 
 
 @pytest.mark.parametrize("at", [0, 1], ids=["robot", "operate"])
 def test_at_its_end_each_side_has_its_table_and_the_command_that_joins_the_two_logs(
-    sides: tuple[Path, Path], at: int
+    sides: tuple[Path, Path], at: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
     robot, operate = sides
     shown, command = last_line(sides[at])
@@ -148,7 +160,9 @@ def test_at_its_end_each_side_has_its_table_and_the_command_that_joins_the_two_l
     assert at == 0 or "the block is placed (the robot's side: the trial is over)" in whole
     assert "(replace " not in shown
     assert command.split() == ["report", str(robot), str(operate)]
-    assert _main(command.split()) == 0
+    assert _main([*command.split(), "--json"]) == 0
+    saved = (robot / "summary.json").read_text(encoding="utf-8")
+    assert json.loads(capsys.readouterr().out) == json.loads(saved)
 
 
 def test_of_a_folder_that_was_not_told_the_command_says_what_to_replace(tmp_path: Path) -> None:
@@ -174,12 +188,9 @@ def test_the_operators_session_is_listed_with_how_it_ended(
     assert listed["stops"] is None
 
 
-def test_the_page_tells_of_the_link(
-    sides: tuple[Path, Path], capsys: pytest.CaptureFixture[str]
-) -> None:
-    robot, operate = sides
-    assert _main(["report", str(robot), str(operate), "--json"]) == 0
-    link = json.loads(capsys.readouterr().out)["link"]
+def test_the_page_tells_of_the_link(joined: tuple[Path, Path, str]) -> None:
+    robot, *_ = joined
+    link = json.loads((robot / "summary.json").read_text(encoding="utf-8"))["link"]
     page = (robot / "report.html").read_text(encoding="utf-8")
     assert f"{link['samples']['counted']} of {link['samples']['heard']} samples counted" in page
     assert f"right to within {link['uncertainty_ms']:.1f} ms" in " ".join(page.split())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import re
+import shutil
 from collections.abc import Iterable
 from contextlib import closing
 from dataclasses import replace
@@ -49,10 +50,10 @@ def picture(grey: int, contrast: int = 20) -> np.ndarray:
     return image
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three seconds in three phases, with two stops, a note, and pictures in a grey of each."""
-    path = tmp_path / "20260101-100000-run"
+    path = tmp_path_factory.mktemp("sessions") / "20260101-100000-run"
     path.mkdir()
     clock = VirtualClock(START_NS)
     phases = (Phase.REACH, Phase.ALIGN, Phase.PRE_RELEASE)
@@ -72,7 +73,7 @@ def folder(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def page(folder: Path) -> str:
     write_summary(folder)
     return (folder / PAGE_NAME).read_text(encoding="utf-8")
@@ -232,14 +233,15 @@ def test_a_picture_that_is_no_jpeg_is_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str],
     kind: bytes,
 ) -> None:
+    shutil.copy(folder / "session.mcap", tmp_path)
     fields = reader.protobuf_fields
     monkeypatch.setattr(reader, "protobuf_fields", lambda data: fields(data) | {3: kind})
-    code = _main(["report", str(folder)])
+    code = _main(["report", str(tmp_path)])
     assert (code, capsys.readouterr().err) == (
         2,
-        f"tams: {folder / 'session.mcap'}: '/shown/eih' holds what is no JPEG picture\n",
+        f"tams: {tmp_path / 'session.mcap'}: '/shown/eih' holds what is no JPEG picture\n",
     )
-    assert not (folder / PAGE_NAME).exists()
+    assert not (tmp_path / PAGE_NAME).exists()
 
 
 def with_arming(*states: ArmingState) -> SessionLog:
