@@ -7,6 +7,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from calibration.cameras import fit
 from calibration.cameras.fit import (
     NoFitError,
     PlacedBoard,
@@ -48,7 +49,7 @@ def apart_px(found: Lens, true: Lens) -> float:
     return float(np.sqrt((off**2).sum(axis=1).mean()))
 
 
-@settings(max_examples=4, deadline=None, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=3, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(
     st.floats(450, 1100), st.floats(-12, 12), st.floats(-12, 12), st.floats(-0.25, 0.1),
     st.integers(0, 99),
@@ -62,7 +63,7 @@ def test_a_lens_is_found_from_what_it_shows(focal, right, down, k1, seed):
     assert apart_px(found.lens, true) < 1.0
 
 
-@pytest.mark.parametrize("noise_px", [0.05, 0.2, 0.5])
+@pytest.mark.parametrize("noise_px", [0.05, 0.5])
 def test_the_error_told_is_the_noise_of_the_corners(noise_px):
     found = fit_lens(shown(LENS, 27, 5, noise_px), 640, 480)
     # in the plane: the noise is of each of two coordinates
@@ -125,7 +126,7 @@ def test_a_pose_and_its_inverse_are_nothing_together(position, turn):
     assert both.rotation.magnitude() == pytest.approx(0.0, abs=1e-9)
 
 
-@settings(max_examples=4, deadline=None, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=2, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(within(0.1), within(2.5), st.integers(0, 99))
 def test_hand_and_eye_find_a_mount_from_poses_and_corners_with_noise(place, turn, seed):
     mount = Pose(np.array(place), Rotation.from_rotvec(turn))
@@ -171,7 +172,8 @@ def test_poses_that_do_not_tell_the_mount_are_refused_with_what_to_do():
         fit_hand_eye(LENS, views[:11])
 
 
-def test_a_board_that_was_moved_on_the_way_is_refused():
+def test_a_board_that_was_moved_on_the_way_is_refused(monkeypatch):
+    monkeypatch.setattr(fit, "_FOLDS", 2)  # each takes its time
     random = np.random.default_rng(2)
     views = list(arm_views(LENS, MOUNT, 16, random))
     shifted = Pose(np.array([0.02, 0.0, 0.0]), Rotation.identity())
@@ -180,7 +182,7 @@ def test_a_board_that_was_moved_on_the_way_is_refused():
         fit_hand_eye(LENS, views[:8] + half)
 
 
-@settings(max_examples=6, deadline=None, phases=(Phase.explicit, Phase.generate))
+@settings(max_examples=3, deadline=None, phases=(Phase.explicit, Phase.generate))
 @given(st.integers(0, 999))
 def test_a_camera_that_stands_still_is_found_from_places_of_the_board(seed):
     random = np.random.default_rng(seed)

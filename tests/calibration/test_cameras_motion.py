@@ -41,9 +41,9 @@ def watch(hands, seed=1, noise=2.0, flicker=0.0):
     moved = {}
     for place, name in enumerate(NAMES):
         scene, meter = Scene(seed + place, noise, flicker), MotionMeter()
-        for _ in range(20):
+        for _ in range(10):
             meter.rest(scene.image())
-        moved[name] = [meter.moved(scene.image(hands.get(name, 0))) for _ in range(20)]
+        moved[name] = [meter.moved(scene.image(hands.get(name, 0))) for _ in range(15)]
     return moved
 
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -26,6 +26,7 @@ pytestmark = pytest.mark.untimed
 VIEWS = ("eih", "gt", "gs")
 PRESENT = load_config().policy.weights.matrix
 POINTS = st.integers(LEAST, MOST)
+FEW = settings(max_examples=40)  # to draw a panel takes its time
 
 
 @st.composite
@@ -67,6 +68,7 @@ def mean(sheets, view):
     return Fraction(sum(given_), len(given_))
 
 
+@FEW
 @given(panels(may_be_silent=False))
 def test_the_other_shares_are_ordered_by_necessity_and_equal_where_it_is(sheets):
     row = reach(sheets)
@@ -76,6 +78,7 @@ def test_the_other_shares_are_ordered_by_necessity_and_equal_where_it_is(sheets)
     assert gap >= 0 if more > 0 else gap <= 0 if more < 0 else gap == 0
 
 
+@FEW
 @given(st.integers(1, 9).flatmap(lambda n: panels(tuple(f"v{i}" for i in range(n)), False)))
 def test_a_row_sums_to_one_and_the_most_often_named_view_leads_for_any_number_of_views(sheets):
     views = tuple(sheets[0].answers[0].necessity)
@@ -91,6 +94,7 @@ def test_a_row_sums_to_one_and_the_most_often_named_view_leads_for_any_number_of
     assert len(views) == 1 or shares[-1] > shares[-2]
 
 
+@FEW
 @given(panels())
 def test_a_row_is_built_or_kept_and_says_why_it_was_kept(sheets):
     row = reach(sheets)
@@ -102,6 +106,7 @@ def test_a_row_is_built_or_kept_and_says_why_it_was_kept(sheets):
         assert None not in row.necessity.values()
 
 
+@FEW
 @given(panels(may_be_silent=False), st.randoms())
 def test_the_order_of_the_raters_does_not_matter(sheets, random):
     shuffled = list(sheets)
@@ -109,6 +114,7 @@ def test_the_order_of_the_raters_does_not_matter(sheets, random):
     assert reach(shuffled) == reach(sheets)
 
 
+@FEW
 @given(panels(may_be_silent=False))
 def test_one_more_vote_for_the_dominant_view_never_lowers_its_share(sheets):
     row = reach(sheets)
