@@ -43,6 +43,7 @@ def quick():
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulated, "_scenes", lambda *_: scenes)
         patch.setattr(measuring, "_FLASHING_S", 11.0)
+        patch.setattr(binding, "_REST_S", 1.0)
         yield
 
 

@@ -1,5 +1,7 @@
 """The wizard from a recorded session to a file that the configuration then uses."""
 
+import shutil
+
 import pytest
 from typer.testing import CliRunner
 
@@ -30,13 +32,23 @@ def session(tmp_path_factory):
     return record_session(tmp_path_factory.mktemp("logs") / "trial-1", phases, 3.05)
 
 
+@pytest.fixture(scope="module")
+def clips(session, tmp_path_factory):
+    """A folder in which its clips are cut already."""
+    folder = tmp_path_factory.mktemp("clips")
+    cut_session(open_session(session, VIEWS), ClipFolder(folder / "clips"), lambda *_: None)
+    return folder
+
+
 @pytest.fixture
-def calibrate(config_path, tmp_path):
+def calibrate(config_path, clips, tmp_path):
     """Runs the wizard in the folder `work`: its exit code and what it said."""
 
     def run(answers=(), **options):
         ui = ScriptedUI([*answers])
         options = {"config": config_path, "folder": tmp_path / "work"} | options
+        if options.get("logs") and not options["folder"].exists():
+            shutil.copytree(clips, options["folder"])
         return WeightWizard(ui, WeightOptions(**options)).run(), "\n".join(ui.said)
 
     return run
@@ -138,7 +150,8 @@ def test_a_person_rates_sees_the_result_and_may_refuse_it(
 
 
 @pytest.mark.usefixtures("no_display")
-def test_ctrl_c_keeps_what_was_rated_and_says_where(config_path, session, tmp_path):
+def test_ctrl_c_keeps_what_was_rated_and_says_where(config_path, session, clips, tmp_path):
+    shutil.copytree(clips, tmp_path / "work")
     ui = ScriptedUI(["r", "p01", "r", "5", "3", "2", "eih", "y", "r", "4", CTRL_C, "unused"])
     with pytest.raises(KeyboardInterrupt):
         WeightWizard(
@@ -150,8 +163,9 @@ def test_ctrl_c_keeps_what_was_rated_and_says_where(config_path, session, tmp_pa
 
 
 def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_has_answered(
-    config_path, session, tmp_path, calibrate
+    config_path, session, clips, tmp_path, calibrate
 ):
+    shutil.copytree(clips, tmp_path / "work")
     RatingFolder(tmp_path / "work/ratings", VIEWS).open("p01")  # and left again
     code, said = calibrate(["b", "s", "unused"], logs=[session])
     assert code == 0
@@ -186,9 +200,8 @@ def test_a_folder_that_cannot_be_written_is_one_sentence(tmp_path, calibrate, ra
         calibrate(ratings=rated(1, phases=1), yes=True)
 
 
-def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(session, tmp_path):
-    cut_session(open_session(session, VIEWS), ClipFolder(tmp_path / "clips"), lambda *_: None)
-    sessions = ClipFolder(tmp_path / "clips").there()
+def test_peoples_ratings_of_the_rigs_figures_are_told_where_a_real_arm_is_meant(clips):
+    sessions = ClipFolder(clips / "clips").there()
     remark = "the clips of trial-1 show the simulated rig, not a real arm"
     assert evidence_remarks([], sessions, for_rig=False) == [remark]
     assert evidence_remarks([], sessions, for_rig=True) == []
