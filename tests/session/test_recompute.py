@@ -49,7 +49,6 @@ def test_the_golden_logs_have_what_is_worth_comparing() -> None:
 @pytest.mark.parametrize(
     ("name", "keys", "value", "expected"),
     [
-        ("feedback", ("hand", "translation_scale"), 0.9, "command: velocity"),
         ("outage", ("hand", "translation_scale"), 0.9, "command: velocity"),
         ("outage", ("freshness", "video_hold_ms"), 5000.0, "arming"),
         ("outage", ("policy", "phases", "v_eps_mm_s"), 20.0, "phase"),
