@@ -157,20 +157,6 @@ def test_a_first_press_is_told_and_a_discarded_episode_keeps_time_and_label() ->
     assert played.episodes.ended == (discarded,)
 
 
-def test_without_a_countdown_an_episode_begins_at_once() -> None:
-    played = Played(countdown_s=0.0)
-    played.ask(DISCARD, NEXT)
-    assert played.doing == "recording"
-    assert played.sentences == ["there is no episode to discard", "episode 1 is recorded"]
-
-
-def test_an_episode_that_had_not_ended_when_the_session_did_is_named() -> None:
-    played = Played()
-    assert played.episodes.close() == ""
-    played.record(5.0)
-    assert played.episodes.close().startswith("episode 1 was running and is not kept")
-
-
 def test_the_last_few_are_shown_with_their_verdicts() -> None:
     played = Played()
     for _ in range(SHOWN + 1):

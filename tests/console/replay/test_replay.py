@@ -31,7 +31,6 @@ from tams_app.records import (
     Note,
     Phase,
     PhaseChange,
-    PinnedView,
     ShownFrame,
 )
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
@@ -274,16 +273,6 @@ def test_the_episodes_are_those_of_the_moment_by_their_newest_verdict() -> None:
     discarded, labelled = EpisodeState(1, 1.0, False), EpisodeState(2, 1.0, True, True)
     assert within == EpisodesState(2, "recording", 0.25, "", 0, 1, (discarded,))
     assert after == EpisodesState(3, "idle", 0.0, "", 1, 1, (discarded, labelled))
-
-
-def test_a_view_that_was_pinned_is_primary_as_long_as_it_was() -> None:
-    log = Synthetic(6.0).log()
-    log.pins = [PinnedView(second(2), "gs"), PinnedView(second(4), "")]
-    before, within, after = (LogIndex(log).at(second(t_s)) for t_s in (1.0, 3.0, 5.0))
-    assert (within.primary_view, within.is_pinned) == ("gs", True)
-    assert before.primary_view == after.primary_view != "gs"
-    assert not before.is_pinned
-    assert not after.is_pinned
 
 
 def test_before_the_first_record_nothing_is_known() -> None:
