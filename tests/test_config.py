@@ -261,12 +261,6 @@ def test_what_a_file_takes_over_from_an_anchor_it_may_replace(tmp_path):
     assert {camera.exposure_us for camera in cameras.values()} == {8000}
 
 
-def test_a_key_that_an_included_file_has_may_be_given_again(tmp_path):
-    path = tmp_path / "mine.yaml"
-    path.write_text(f"include: [{DEFAULT_CONFIG}]\nnetwork: s3\n")
-    assert load_config(path).network == "s3"
-
-
 def test_a_stored_configuration_that_switches_parts_of_tams_plus_is_still_read(tmp_path):
     path = tmp_path / "stored.yaml"
     path.write_text(dump_config(load_config()).replace("\npolicy:\n", "\npolicy:\n" + REMOVED, 1))

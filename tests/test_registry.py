@@ -67,11 +67,3 @@ def test_two_distributions_with_one_name_are_refused(
     with pytest.raises(ConfigError, match=r"2 installed distributions have a 'e' \(tams.things\)"):
         registry("tams.things")["e"]
     assert list(registry("tams.things"))[-1] == "e"  # the others are not kept from their work
-
-
-def test_a_name_may_be_entered_and_taken_out_again() -> None:
-    known = registry()
-    known["e"] = "math:e"
-    assert "e" in known
-    del known["e"]
-    assert "e" not in known

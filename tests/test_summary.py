@@ -14,7 +14,6 @@ from tams_app.records import (
     Allocation,
     DroppedFrame,
     LinkCapacity,
-    Outcome,
     PacketArrival,
     PacketFate,
     PacketKind,
@@ -221,15 +220,6 @@ def test_system_load_is_the_mean_and_memory_the_peak() -> None:
         "cpu_percent": {"app": 70.0, "helpers": 28.0},
         "peak_rss_mb": 300.0,
     }
-
-
-def test_outcome_and_duration_are_those_of_the_log() -> None:
-    log = SessionLog(header(), START_NS + 42 * NS_PER_S)
-    log.outcome = Outcome(True, False, 95.0, 0, "placed")
-    summary = summarise(log)
-    assert summary["duration_s"] == 42.0
-    assert summary["outcome"]["success"] is False
-    assert summary["outcome"]["completion_time_s"] == 95.0
 
 
 # --- uplink -------------------------------------------------------------------------------------

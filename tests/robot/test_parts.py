@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 from tams_app.config import load_config
-from tams_app.errors import ConfigError, LogError
+from tams_app.errors import LogError
 from tams_app.records import Activity, ArmState, Frame, Pose, ServoMode, Twist
-from tams_app.robot import build
 from tams_app.robot.control import CONFIRMED_AGO_NS, Signals, describe, lasting_label
 from tams_app.robot.observers import StopWatch
 from tams_app.robot.senders import Capture, FrameRates
@@ -197,7 +196,7 @@ def test_a_stop_whose_end_was_not_seen_is_recorded_as_such():
     assert stop.stopped_ns is None
 
 
-# --- load, priority, building -------------------------------------------------------------------
+# --- load, priority -------------------------------------------------------------------------------
 
 
 def test_load_counts_the_application_and_its_helpers_even_dead_ones():
@@ -209,10 +208,3 @@ def test_load_counts_the_application_and_its_helpers_even_dead_ones():
 
 def test_no_priority_is_asked_for_when_the_configuration_says_zero():
     assert use_fifo(0) == "other: not asked for"
-
-
-def test_unknown_names_are_refused_before_anything_is_made(tmp_path):
-    with pytest.raises(ConfigError, match="strategy"):
-        build.check_names(config(tmp_path, strategy="best"))
-    with pytest.raises(ConfigError, match="network"):
-        build.check_names(config(tmp_path, network="s9"))

@@ -14,12 +14,12 @@ from tams_app.config import Config, Network
 from tams_app.recording import SessionLog, read_log
 from tams_app.records import MountPrediction
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
-from tams_app.session.predicting import Beliefs, LateStates, predicted_cameras, present_of
+from tams_app.session.predicting import Beliefs, LateStates, present_of
 from tams_app.session.viewing import scene_of
 from tams_app.units import NS_PER_MS
 from tests.golden_logs import golden_log
 from tests.session.exchange import Unkept
-from tests.teleop.rig import PERIOD_NS, make_config
+from tests.teleop.rig import PERIOD_NS
 
 pytestmark = pytest.mark.waiting
 
@@ -86,13 +86,3 @@ def test_the_control_thread_hands_over_and_another_one_works() -> None:
     stop.set()
     worker.join()
     assert len(found) >= 25  # each second tick
-
-
-def test_only_a_camera_on_the_arm_whose_pose_is_known_is_corrected() -> None:
-    rig = {"rig__enabled": True}
-    assert set(predicted_cameras(make_config(**rig, view__predict="eih"))) == {"eih"}
-    assert predicted_cameras(make_config(**rig, view__predict="off")) == {}
-    real = make_config(**rig, view__predict="eih").model_copy(
-        update={"rig": make_config(**rig).rig.model_copy(update={"enabled": False})}
-    )
-    assert predicted_cameras(real) == {}
