@@ -33,6 +33,7 @@ from tams_app.runtime.process import PROJECT_DIRECTORY
 from tams_app.units import NS_PER_S
 from tests.console.test_dialogue import Screen
 from tests.faults.wire import TappedModel
+from tests.further import further
 
 # Half of the shortest limit here, 400 ms without a beat.
 pytestmark = [pytest.mark.timed, pytest.mark.second_chance(standstill_ms=200)]
@@ -154,7 +155,7 @@ def lab() -> Iterator[Lab]:
         yield made
 
 
-@pytest.mark.parametrize("error", [ErrorCode.BOUNDARY, ErrorCode.COLLISION])
+@pytest.mark.parametrize("error", [ErrorCode.COLLISION, *further(ErrorCode.BOUNDARY)])
 def test_holding_enter_brings_the_arm_home_even_out_of_an_error(lab: Lab, error: ErrorCode) -> None:
     with lab.server.lock:
         lab.model.raise_error(error)
@@ -179,7 +180,9 @@ def test_an_error_that_the_operator_does_not_clear_stays(lab: Lab) -> None:
     assert lab.model.error_code == ErrorCode.COLLISION
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1])
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, signal.SIGUSR1, *further(signal.SIGTERM, signal.SIGHUP)]
+)
 def test_a_signal_stops_the_moving_arm_and_gives_the_terminal_back(
     lab: Lab, number: signal.Signals
 ) -> None:
@@ -258,7 +261,7 @@ class StuckScreen(io.StringIO):
         return super().write(text)
 
 
-@pytest.mark.parametrize("word", ["Releasing", "Moving"])
+@pytest.mark.parametrize("word", ["Moving", *further("Releasing")])
 def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
     lab: Lab, word: str
 ) -> None:
@@ -283,7 +286,7 @@ def test_a_screen_that_blocks_does_not_keep_a_released_key_from_stopping(
     assert stood == [True]
 
 
-@pytest.mark.parametrize("since", ["Releasing", "Moving"])
+@pytest.mark.parametrize("since", ["Moving", *further("Releasing")])
 def test_when_the_keys_are_not_read_any_more_the_guard_stops_the_arm(
     lab: Lab, monkeypatch: pytest.MonkeyPatch, since: str
 ) -> None:
