@@ -63,25 +63,32 @@ def test_a_session_hears_the_emergency_stop_of_ros_2_and_outlives_its_bridge(tmp
     assert any("emergency stop, asked for in ROS 2" in note.text for note in log.notes)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, *further(signal.SIGTERM, signal.SIGHUP)])
-def test_an_interrupted_session_ends_in_order(running, number):
-    running.process.send_signal(number)
-    code, words, log = ended(running)
+def ends_in_order(session, number):
+    """The log of a session that this signal ends."""
+    session.process.send_signal(number)
+    code, words, log = ended(session)
     assert code == 130
     assert words.startswith(f"tams: ended by {number.name}; all that was recorded is in ")
     assert len(words.splitlines()) == 1
     assert not log.truncated
     assert log.outcome.reason == f"ended by {number.name}"
+    return log
 
 
-def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on(running):
+@pytest.mark.verify
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+def test_an_interrupted_session_ends_in_order(running, number):
+    ends_in_order(running, number)
+
+
+def test_the_emergency_stop_signal_stops_the_arm_and_the_session_goes_on_until_it_is_interrupted(
+    running,
+):
     running.process.send_signal(signal.SIGUSR1)
     running.says("fault, emergency stop")
     (path,) = running.out.glob("*/session.mcap")
     faults.until(lambda: read_log(path).stops, "the stop's record on disk")
-    running.process.send_signal(signal.SIGINT)
-    code, _, log = ended(running)
-    assert code == 130
+    log = ends_in_order(running, signal.SIGINT)
     assert log.ticks[-1].arming == "fault"
     assert log.ticks[-1].reason == "emergency stop"
     assert log.ticks[-1].arm.activity is Activity.STOPPED
