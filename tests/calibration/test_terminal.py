@@ -98,6 +98,7 @@ def test_ctrl_c_at_the_question_keeps_the_result_out_of_force(config_path, start
     assert [file.suffix for file in files] == [".png", ".yaml"]  # and no in-force.yaml
 
 
+@pytest.mark.verify
 def test_ctrl_c_before_there_is_a_result_writes_nothing(config_path, start):
     terminal = start("frame", "--no-buttons", "--sim", "--rounds", "6")
     terminal.wait_for("Round 1.")
