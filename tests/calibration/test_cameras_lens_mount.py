@@ -54,6 +54,8 @@ def calibrated(tmp_path_factory) -> Calibrated:
     path = write_lab(tmp_path_factory.mktemp("lab"))
     ui = ScriptedUI()
     bench = SimulatedBench(load_config(path), SEED, BENT)
+    # Drawing what is behind the board for each pose of the arm would take most of the time.
+    bench._rendered = lambda view, _joints: bench._scenes[view]
     options = CameraOptions(config=path, seed=SEED, sim=True, yes=True, only="which,lens,mount")
     assert CameraWizard(ui, options, bench).run() == 0
     return Calibrated(path, load_config(path), dict(bench.lenses), ui.said)
