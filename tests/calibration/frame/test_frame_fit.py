@@ -73,7 +73,7 @@ def test_strokes_of_200_mm_and_50_samples_with_5_mm_noise_give_under_1_degree():
     assert errors.max() < 1.0
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(rotations(), st.integers(0, 2**32 - 1))
 def test_any_rotation_is_found_to_within_1_degree(truth, seed):
     random = np.random.default_rng(seed)
@@ -83,7 +83,7 @@ def test_any_rotation_is_found_to_within_1_degree(truth, seed):
     assert fit.residual_mm == pytest.approx(5.0 * np.sqrt(2), rel=0.15)  # two axes across
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(rotations(), st.integers(0, 2**32 - 1))
 def test_turning_the_tracking_frame_turns_the_result_and_nothing_else(turn, seed):
     random = np.random.default_rng(seed)
