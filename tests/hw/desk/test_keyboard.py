@@ -66,14 +66,6 @@ def test_keys_that_mean_nothing_ask_for_nothing() -> None:
     assert asked("x", "F1", "") == asked()
 
 
-def test_before_the_window_has_told_anything_the_controller_is_laid_down(
-    keyboard: KeyboardController,
-) -> None:
-    sample = keyboard.sample(NS_PER_S)
-    assert (sample.status, sample.trigger, sample.pose) == (ControllerStatus.STANDBY, 0.0, None)
-    assert (sample.pose_ns, sample.buttons_ns) == (0, 0)
-
-
 def test_keys_that_were_held_before_the_end_are_not_held_after_the_next_start(
     keyboard: KeyboardController,
 ) -> None:
@@ -118,13 +110,6 @@ def test_a_silent_window_moves_the_hand_for_as_long_as_it_may_be_late_and_not_a_
         assert last.buttons_ns == min(now_ns, NS_PER_S + 100 * NS_PER_MS)
     for now_ns in (limit_ns + 1, limit_ns + 8 * NS_PER_MS, limit_ns + NS_PER_S):
         assert keyboard.sample(now_ns) == last
-
-
-def test_a_hand_that_rests_is_no_frozen_pose(keyboard: KeyboardController) -> None:
-    for number in range(100):
-        now_ns = NS_PER_S + number * 8 * NS_PER_MS
-        keyboard.feed(held("shift", t_ns=now_ns))
-        assert keyboard.sample(now_ns).pose_ns == now_ns
 
 
 def test_a_key_that_was_down_for_less_than_a_sample_has_been_pressed(

@@ -117,25 +117,6 @@ def test_the_tcp_never_accelerates_more_than_the_controller_does(
     assert change.max() <= VELOCITY_ACCELERATION_M_S2 * CYCLE_S + 4e-5 / CYCLE_S
 
 
-def test_the_deadman_time_ends_the_motion() -> None:
-    servo = TwistServo()
-    servo.command(np.array([0.0, 0.2, 0, 0, 0, 0]), 0.1, 0)
-    path = tcp_positions(run_twist(servo, READY, 0, 60))
-    moving = np.linalg.norm(np.diff(path, axis=0), axis=1) > 1e-9
-    assert moving[:24].all()  # 96 ms
-    assert not moving[32:].any()  # 100 ms and 29 ms of braking
-
-
-def test_a_later_command_renews_the_deadman_time() -> None:
-    servo = TwistServo()
-    path = [READY]
-    for command in range(10):
-        now_ns = command * 20 * CYCLE_NS
-        servo.command(np.array([0.0, 0.05, 0, 0, 0, 0]), 0.1, now_ns)
-        path += run_twist(servo, path[-1], now_ns, 20)[1:]
-    assert tcp_positions(path)[-1, 1] == pytest.approx(0.05 * 0.8, abs=0.001)
-
-
 def test_a_twist_that_leads_out_of_reach_is_a_kinematic_error_or_an_overspeed() -> None:
     servo = TwistServo()
     servo.command(np.array([0.3, 0.0, 0, 0, 0, 0]), 0.0, 0)
@@ -292,12 +273,3 @@ def test_the_fence_is_about_the_tcp_and_not_the_flange() -> None:
     tool = 0.0, 0.0, 0.082
     with pytest.raises(MotionError):
         check_motion(HOME_JOINTS, HOME_JOINTS, tool, fence, self_collision=True)
-
-
-def test_the_tool_keeps_clear_of_the_base_column() -> None:
-    check(np.zeros(6), np.zeros(6))  # the manual's zero pose, 87 mm from the axis
-    folded = np.array([0.0, 0.01, 0.03, 0.0, 1.41, 0.0])  # the flange points at the column
-    with pytest.raises(MotionError) as caught:
-        check(folded, folded)
-    assert caught.value.code is ErrorCode.SELF_COLLISION
-    check_motion(folded, folded, NO_TOOL, None, self_collision=False)

@@ -44,13 +44,6 @@ def test_a_measurement_makes_what_is_sought_more_certain_and_leaves_the_rest(see
     assert estimate.covariance[SOUGHT:, SOUGHT:] == pytest.approx(before[SOUGHT:, SOUGHT:])
 
 
-def test_a_shared_error_bounds_what_any_number_of_measurements_can_tell():
-    estimate = GaussianEstimate(np.zeros(2), np.array([10.0, 1.0]), 1)
-    for _ in range(1000):
-        estimate.update(np.array([[1.0, 2.0]]), np.array([0.0]), np.array([[0.25]]))
-    assert 1.9 < np.sqrt(estimate.covariance[0, 0]) < 2.1
-
-
 def test_errors_of_several_draws_are_as_large_as_the_covariance_says():
     random = np.random.default_rng(4)
     normalised = []
@@ -63,20 +56,6 @@ def test_errors_of_several_draws_are_as_large_as_the_covariance_says():
             estimate.update(np.array([[1.0, 2.0]]), gap, np.array([[0.25]]))
         normalised.append((estimate.state[0] - true) / np.sqrt(estimate.covariance[0, 0]))
     assert np.std(normalised) == pytest.approx(1.0, abs=0.12)
-
-
-def test_what_fades_becomes_independent_again():
-    estimate = GaussianEstimate(np.zeros(2), np.array([10.0, 1.0]), 1)
-    estimate.update(np.array([[1.0, 2.0]]), np.array([3.0]), np.array([[0.25]]))
-    assert estimate.covariance[0, 1] < -1.0
-    estimate.fade(np.array([1.0, 0.0]))
-    assert estimate.covariance[0, 1] == 0.0
-    assert estimate.covariance[1, 1] == pytest.approx(1.0)
-
-
-def test_a_surprise_is_counted_in_standard_deviations():
-    estimate = GaussianEstimate(np.zeros(1), np.array([3.0]), 1)
-    assert estimate.surprise(np.eye(1), np.array([10.0]), np.eye(1) * 16.0) == pytest.approx(4.0)
 
 
 def test_what_is_forgotten_is_as_uncertain_as_told_and_tied_to_nothing():

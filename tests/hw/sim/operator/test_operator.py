@@ -187,17 +187,6 @@ def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_afte
     assert trial.robot.placed()
 
 
-def test_an_armed_robot_that_does_not_answer_is_never_confirmed_again():
-    """The menu button of an armed robot is an emergency stop."""
-    trial = _trial(0)
-    while trial.operator.activity is not HandActivity.RETURN:
-        trial.tick()
-    trial.robot.held = True
-    assert not any(sample.menu for sample in trial.run(20.0))
-    trial.robot.held = False
-    _places(trial)
-
-
 def test_an_arm_that_was_not_armed_is_confirmed_again():
     trial = _trial(0)
     trial.run(1.9)
