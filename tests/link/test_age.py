@@ -405,15 +405,6 @@ def test_the_offset_is_within_its_uncertainty_however_uneven_the_ways_are(
         assert found.uncertainty_ns == math.ceil(clock.round_trip_ns / 2)
 
 
-@given(st.integers(0, 30), st.integers(0, 30))
-def test_the_middle_of_the_interval_is_a_whole_number(out_ns: int, back_ns: int) -> None:
-    sent_ns = 10**6 + out_ns
-    found = exchanged((10**6, sent_ns, sent_ns, sent_ns + back_ns))
-    assert found is not None
-    drift_ns = math.ceil((out_ns + back_ns) * LARGEST_DRIFT)
-    assert found.offset_ns == -back_ns - drift_ns + (out_ns + back_ns + 2 * drift_ns) // 2
-
-
 # the most by which chrony turns a clock that is to catch up (maxslewrate)
 @pytest.mark.parametrize("ppm", [5_000, 83_333, -83_333])
 def test_of_a_slewed_clock_an_age_is_short_by_the_fastest_message_and_what_it_gained_since_at_most(

@@ -7,7 +7,7 @@ from collections import Counter
 import pytest
 
 from tams_app.records import IP_UDP_HEADER_BYTES, PacketKind
-from tams_app.video.core.packets import identify, transport_sequence
+from tams_app.video.core.packets import identify
 from tams_app.video.core.repair import RepairRule
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import stream
@@ -46,13 +46,6 @@ def test_lost_packets_are_restored_bit_for_bit(groups: int) -> None:
     assert sent_bytes == sum(len(datagram) + IP_UDP_HEADER_BYTES for datagram in link.rtp)
 
 
-def test_an_unprotected_view_sends_no_parity_and_loses_nothing_by_being_able_to() -> None:
-    link = LossyLink()
-    with stream(link, PROTECTED) as joined:
-        joined.carry(range(30))
-    assert {identify(datagram)[0] for datagram in link.rtp} == {PacketKind.MEDIA}
-
-
 @pytest.mark.parametrize("end", ["sender", "receiver"])
 def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch) -> None:
     def broken(*_: object) -> list[bytes]:
@@ -70,24 +63,3 @@ def test_an_error_in_parity_is_told_of_and_the_frames_pass(end: str, monkeypatch
         assert told.startswith(f"the {end} of view eih failed: ")
         assert "a broken packet" in told
         assert joined.wait_until(lambda: len(joined.shown) > 0)
-
-
-def test_parity_is_numbered_and_told_of_like_any_packet() -> None:
-    link = LossyLink(lambda ordinal, datagram: ordinal % 10 != 7)
-    with stream(link, PROTECTED, feedback=True) as joined:
-        joined.parity.groups = 2
-        joined.push(range(FRAMES))
-        assert joined.wait_until(lambda: len(joined.shown) >= FRAMES - 5)
-        told = joined.arrivals(lambda: len(link.rtp))
-    sent = [identify(datagram) for datagram in link.rtp]
-    media = Counter(timestamp for kind, _, timestamp in sent if kind is PacketKind.MEDIA)
-    parity = Counter(timestamp for kind, _, timestamp in sent if kind is PacketKind.PARITY)
-    # two groups for each frame, but for those of a single packet
-    whole = list(media)[:-2]  # of the last ones not everything may have left
-    assert [parity[frame] for frame in whole] == [min(2, media[frame]) for frame in whole]
-    assert [transport_sequence(datagram) for datagram in link.rtp] == list(range(len(link.rtp)))
-    assert len(told) >= len(link.rtp) - 10
-    sizes = [len(datagram) + IP_UDP_HEADER_BYTES for datagram in link.rtp[: len(told)]]
-    assert [arrival.size_bytes for arrival in told] == sizes
-    lost = [place for place, arrival in enumerate(told) if arrival.arrived_ns is None]
-    assert lost == list(range(7, len(told), 10))

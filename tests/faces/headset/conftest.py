@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from tams_app.config import HeadsetConfig
-from tams_app.faces.messages import Beat
 from tests.faces.headset.steamvr import FAKED, SteamVr, steamvr
 from tests.faces.window.facts import FACTS, OPENING
 from tests.faces.window.feeding import ArmElsewhere, FedFace
@@ -22,11 +21,6 @@ class WornHeadset(FedFace):
     def __init__(self, steamvr: SteamVr, arm: ArmElsewhere | None) -> None:
         super().__init__(FAKED, arm)
         self.steamvr = steamvr
-
-    @property
-    def drawings(self) -> int:
-        """How often it has drawn so far."""
-        return max((beat.drawings for beat in self.events if isinstance(beat, Beat)), default=0)
 
 
 @contextmanager

@@ -67,11 +67,6 @@ def test_each_frame_of_the_view_wakes(block: FrameBlock, woken: Woken) -> None:
     assert not woken.is_woken(SILENCE_S)
 
 
-def test_frames_of_other_views_do_not(block: FrameBlock, woken: Woken) -> None:
-    block.put("gt", 0, 0, IMAGE)
-    assert not woken.is_woken(SILENCE_S)
-
-
 def test_another_view_may_become_the_large_one(block: FrameBlock, woken: Woken) -> None:
     woken.arrivals.view = "gt"
     block.put("gt", 0, 0, IMAGE)

@@ -152,31 +152,6 @@ def test_no_report_enters_the_link_before_the_first_frame() -> None:
     assert kinds.index(PacketKind.RTCP) >= len(of_first_frame) > 2
 
 
-def test_sender_reports_cross_the_link_and_are_few() -> None:
-    run = shared_run("clean", 60)
-    reports = [packet for packet in run.packets if packet.kind is PacketKind.RTCP]
-    assert 3 <= len(reports) <= 20
-    assert {packet.size_bytes for packet in reports} <= {108, 88}
-
-
-def test_a_new_target_is_met() -> None:
-    run = Run()
-    with closing(make(run, CLEAN, kbps=600.0)) as video:
-        drive(video, ("eih",), range(30))
-        video.set_targets({"eih": 1800.0})
-        at_ns, before = video.now_ns, video.wire_bytes()
-        drive(video, ("eih",), range(60, 120), after_ns=0)
-        video.advance_to(at_ns + 2 * NS_PER_S)
-        sent_kbps = (video.wire_bytes() - before) * 8 / 2 / 1000
-    assert sent_kbps == pytest.approx(1800, rel=0.1)
-
-
-def test_a_starving_target_drops_whole_frames_and_tells_which() -> None:
-    run = run_whole(CLEAN, 20, kbps=40.0)
-    assert [left_out.index for left_out in run.dropped] == list(range(1, 20, 2))
-    assert [seen.index for seen in run.shown] == list(range(0, 20, 2))
-
-
 def test_three_views_share_one_bottleneck() -> None:
     views = ("eih", "gt", "gs")
     run = run_whole(NETWORKS["s3"], 30, views, kbps=2000.0, rule=UNREPAIRED)

@@ -10,7 +10,6 @@ from hw.sim.operator.belief_state import (
     BLOCK_Z,
     CONTAINER,
     TO_BLOCK,
-    TO_CONTAINER,
     TOOL,
     TURN,
 )
@@ -59,16 +58,6 @@ def test_two_views_together_find_tool_and_block():
     assert belief.gap_sigma(TO_BLOCK) < 0.001
 
 
-def test_what_is_not_seen_becomes_uncertain_with_time_and_more_so_with_motion():
-    rest, motion = _settled(), _settled()
-    known = rest.gap_sigma(TO_BLOCK)
-    for _ in range(25):
-        rest.predict(np.zeros(3), np.zeros(3), 0.08)
-        motion.predict(np.array([0.004, 0.0, 0.0]), np.zeros(3), 0.08)
-    assert rest.gap_sigma(TO_BLOCK) > 1.5 * known
-    assert motion.gap_sigma(TO_BLOCK) > 1.5 * rest.gap_sigma(TO_BLOCK)
-
-
 def test_a_sharper_view_counts_for_more():
     belief = _settled()
     belief.predict(np.zeros(3), np.zeros(3), 0.08)
@@ -77,15 +66,6 @@ def test_a_sharper_view_counts_for_more():
     shares = belief.shares(TO_BLOCK)
     assert sum(shares.values()) == pytest.approx(1.0)
     assert shares["gt"] > 10.0 * shares["gs"]
-
-
-def test_a_glance_that_tells_nothing_gives_no_view_a_share():
-    belief = _settled()
-    belief.predict(np.zeros(3), np.zeros(3), 0.08)
-    assert belief.shares(TO_BLOCK) == {}
-    belief.take([_sighting(belief, "gt", Thing.CONTAINER, belief.container)])
-    assert belief.shares(TO_BLOCK) == {}
-    assert belief.shares(TO_CONTAINER) == {"gt": 1.0}
 
 
 def test_one_view_against_the_other_is_not_believed_but_both_are():
@@ -189,18 +169,6 @@ def test_whether_the_block_carried_part_is_learnt_by_looking(carried):
     assert (belief.carried_part < 0.3) is not carried
 
 
-def test_a_carried_block_is_believed_to_follow_while_it_is_not_seen():
-    belief = _settled()
-    belief.state[BLOCK] = belief.tcp
-    belief.carried_part = 1.0
-    before = belief.block.copy()
-    known = belief.gap_sigma(TO_BLOCK)
-    for _ in range(5):
-        belief.predict(np.array([0.0, 0.01, 0.0]), np.zeros(3), 0.08)
-    assert belief.block - before == pytest.approx((0.0, 0.05, 0.0))
-    assert belief.gap_sigma(TO_BLOCK) > known
-
-
 @pytest.mark.parametrize("carried", [0.0, 1.0])
 def test_a_wrist_view_ahead_of_the_others_tells_the_same_of_where_things_are(carried):
     """Tool, and block if it is carried, are further on in it by what was asked meanwhile."""
@@ -228,13 +196,6 @@ def test_what_the_wrist_view_passes_by_is_what_the_image_does():
             now = _sighting(belief, "eih", Thing.CONTAINER, (*belief.state[CONTAINER], 0.0))
         moved = (now.pixels - sighting.pixels)[0] / 1e-5
         assert slope[:, axis] == pytest.approx(moved, rel=2e-3, abs=0.5)
-
-
-def test_headings_count_modulo_a_quarter_turn():
-    belief = _settled()
-    for _ in range(10):
-        belief.take_heading(HeadingSighting("eih", math.radians(10 + 90), math.radians(2)))
-    assert belief.block_yaw - belief.tool_yaw == pytest.approx(math.radians(10), abs=0.03)
 
 
 def test_a_tilted_gripper_is_found_out_by_what_the_wrist_sees():

@@ -85,14 +85,6 @@ def test_a_still_hand_trembles_a_little_and_stays():
     assert np.abs(offset.mean(axis=0)).max() < 2e-5
 
 
-def test_a_hand_at_working_speed_slows_down_before_its_end():
-    hand = _hand()
-    for _ in range(300):
-        hand.step(_wish((0.3, 0.3, 0)), DT_S)
-        assert np.linalg.norm(hand.arm.offset) < 0.98 * REACH_M
-    assert np.linalg.norm(hand.arm.velocity) < 1e-3
-
-
 def _path(motor_noise: float, tremor: float = 1.0, speed: float = 0.2) -> np.ndarray:
     hand = Hand(np.random.default_rng(4), 2.0, tremor, motor_noise)
     wish = HandCommand(np.array([speed, 0.0, 0.0]), np.zeros(3))

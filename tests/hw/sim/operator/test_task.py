@@ -86,43 +86,6 @@ def test_a_descent_stops_while_the_gripper_is_beside_the_block():
     assert _step(task, _percept(tcp=(0.33, -0.1, 0.04))).linear[2] < -0.015
 
 
-def test_a_descent_is_twice_as_fast_while_it_is_far_from_its_end():
-    task = _task()
-    task.stage = Stage.DESCEND
-    for height, speed in ((0.15, 0.12), (0.055, 0.06)):
-        intent = _step(task, _percept(tcp=(0.33, -0.1, height)))
-        assert intent.linear == pytest.approx([0.0, 0.0, -speed])
-
-
-def test_motion_under_way_is_not_asked_for_again():
-    task = _task()
-    percept = _percept(tcp=(0.30, -0.1, 0.18))
-    intent = task.step(0, ViewSight(percept, np.array([0.03, 0.0, 0.0]), np.zeros(3)))
-    assert intent.linear == pytest.approx([0.0, 0.0, 0.0])
-
-
-def test_a_lift_without_the_block_is_noticed_and_one_with_it_goes_on():
-    for block_z, stage in ((0.01, Stage.OPEN), (0.049, Stage.LIFT)):
-        task = _task()
-        task.stage = Stage.DESCEND
-        at_block = _percept(tcp=(0.33, -0.1, 0.011))
-        start_ns = 0
-        while task.stage is not Stage.LIFT:
-            _run(task, at_block, start_ns, 0.01)
-            start_ns += STEP_NS
-        lifted = _percept(tcp=(0.33, -0.1, 0.05), block=(0.33, -0.1, block_z))
-        _run(task, lifted, start_ns, 0.3)
-        assert task.stage is stage
-
-
-def test_a_block_that_already_lies_in_the_container_ends_the_task():
-    for x, stage in ((0.36, Stage.DONE), (0.39, Stage.REACH)):
-        task = _task()
-        task.stage = Stage.RETREAT
-        _step(task, _percept(tcp=(0.33, 0.15, 0.12), block=(x, 0.15, 0.012)))
-        assert task.stage is stage
-
-
 def test_after_the_wait_limit_the_operator_goes_on_slowly():
     steady = _task()
     hasty = _task(wait_limit_s=1.5)
@@ -147,11 +110,3 @@ def test_a_view_that_clears_resets_the_wait():
     assert _run(hasty, _uncertain(0.05), 0, 1.5)[-1].linear.any()
     _run(hasty, _uncertain(0.001), 1_500_000_000, 0.1)
     assert not _run(hasty, _uncertain(0.05), 1_600_000_000, 0.5)[-1].linear.any()
-
-
-def test_a_higher_throughput_closes_the_last_part_faster():
-    speeds = []
-    for gain in (2.0, 3.0):
-        task = _task(gain_per_s=gain)
-        speeds.append(np.linalg.norm(_step(task, _percept(tcp=(0.34, -0.1, 0.18))).linear))
-    assert speeds[1] == pytest.approx(1.5 * speeds[0])
