@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import numpy as np
 import psutil
 import pytest
 
@@ -38,23 +39,20 @@ def process_of(face: str) -> psutil.Process:
     return children_of(MODULES[face])[0]
 
 
-def shown(
-    face: str, folder: Path, do: Callable[[PlayedSession], None], config: str = "lite6.yaml"
-) -> PlayedSession:
+def shown(face: str, folder: Path, do: Callable[[PlayedSession], None]) -> PlayedSession:
     """A session that is over; `do` is called once while it runs."""
     headset = {"headset.show": "always"} if face == "headset" else {}
-    session = PlayedSession(folder / "session", config, **headset)
+    session = PlayedSession(folder / "session", "lite6.yaml", **headset)
     session.do = lambda: do(session)
     app.show_session(session, session, Console(quiet=True))
     assert not any(children_of(module) for module in MODULES.values())
     return session
 
 
-@pytest.mark.parametrize("config", ["tams.yaml", "lite6.yaml"])
 def test_a_face_whose_process_is_killed_fails_the_session_and_the_arm_stops_first(
-    face: str, tmp_path: Path, config: str
+    face: str, tmp_path: Path
 ) -> None:
-    session = shown(face, tmp_path, lambda _: process_of(face).kill(), config)
+    session = shown(face, tmp_path, lambda _: process_of(face).kill())
     assert session.failure.startswith(f"the {face}'s process ended unasked")
     window = "no window" if face == "window" else "window open"
     assert session.done == [f"arm stopped, {window}"]
@@ -65,8 +63,20 @@ def test_a_face_that_stands_still_is_told_of_and_stops_a_real_arm(
 ) -> None:
     polls = silent_ns = stopped_ns = 0
 
-    def stand_still(session: PlayedSession) -> None:
+    def put_a_frame(session: PlayedSession) -> None:
+        put_ns, video = time.monotonic_ns(), session.config.video
+        for view in video.views:
+            image = np.zeros((video.height, video.width, 3), np.uint8)
+            session.screen.put(view, 1, put_ns, image)
+        session.do = lambda: stand_still(session, put_ns)
+
+    def stand_still(session: PlayedSession, put_ns: int) -> None:
         nonlocal stopped_ns
+        if any(
+            (session.displays.seen_ns(view) or 0) < put_ns for view in session.config.video.views
+        ):
+            session.do = lambda: stand_still(session, put_ns)
+            return
         stopped_ns = time.monotonic_ns()
         os.kill(process_of(face).pid, signal.SIGSTOP)
         session.do = lambda: go_on(session)
@@ -80,7 +90,7 @@ def test_a_face_that_stands_still_is_told_of_and_stops_a_real_arm(
             session.end("seen")
         session.do = lambda: go_on(session)
 
-    session = shown(face, tmp_path, stand_still)
+    session = shown(face, tmp_path, put_a_frame)
     assert session.reason == "seen"
     assert any(f"the {face} does not answer" in note for note in session.notes)
     assert silent_ns > 0.9 * SILENT_NS  # it reported last a moment before
