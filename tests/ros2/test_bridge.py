@@ -55,19 +55,39 @@ from tests.synthetic_session import VIEWS, never_fails, tick
 pytestmark = pytest.mark.waiting
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _on_loopback() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("CYCLONEDDS_URI", LOOPBACK)
+        yield
+
+
+@contextmanager
+def bridge_in(domain: int, folder: Path) -> Iterator[Ros2Bridge]:
+    with ExitStack() as stack:
+        made = Ros2Bridge(domain, full_header(), MonotonicClock(), folder)
+        stack.callback(made.end)
+        stack.callback(made.stop_listening)
+        yield made
+
+
 @pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK)
+def domain() -> int:
     return free_domain()
 
 
 @pytest.fixture
 def bridge(domain: int, tmp_path: Path) -> Iterator[Ros2Bridge]:
-    with ExitStack() as stack:
-        made = Ros2Bridge(domain, full_header(), MonotonicClock(), tmp_path)
-        stack.callback(made.end)
-        stack.callback(made.stop_listening)
+    with bridge_in(domain, tmp_path) as made:
         yield made
+
+
+@pytest.fixture(scope="module")
+def published_in(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[int, Ros2Bridge]]:
+    """A domain with a bridge that is only told records, for all tests of what nodes get."""
+    domain = free_domain()
+    with bridge_in(domain, tmp_path_factory.mktemp("bridge")) as made:
+        yield domain, made
 
 
 class Heard:
@@ -84,8 +104,9 @@ class Heard:
 
 
 def test_a_node_finds_every_topic_with_its_type_and_quality_of_service(
-    domain: int, bridge: Ros2Bridge
+    published_in: tuple[int, Ros2Bridge],
 ) -> None:
+    domain, _ = published_in
     topics = {topic.dds_name: topic for topic in published(VIEWS)}
     for name, offered in Node(domain).offered(set(topics)).items():
         topic = topics[name]
@@ -97,7 +118,10 @@ def test_a_node_finds_every_topic_with_its_type_and_quality_of_service(
         assert "use_xcdrv2_representation=False" in qos["DataRepresentation"]
 
 
-def test_a_node_hears_every_record_that_ros_is_told_of(domain: int, bridge: Ros2Bridge) -> None:
+def test_a_node_hears_every_record_that_ros_is_told_of(
+    published_in: tuple[int, Ros2Bridge],
+) -> None:
+    domain, bridge = published_in
     node = Node(domain)
     readers = {topic: node.reader(topic) for topic in published(VIEWS)}
     heard: dict[Any, list[Any]] = {topic: [] for topic in readers}
@@ -122,18 +146,19 @@ def test_a_node_hears_every_record_that_ros_is_told_of(domain: int, bridge: Ros2
 
 
 def test_a_node_that_comes_later_knows_the_phase_and_the_frames_that_stand_still(
-    domain: int, bridge: Ros2Bridge
+    published_in: tuple[int, Ros2Bridge],
 ) -> None:
+    domain, bridge = published_in
     first = Node(domain).reader(PHASE)
-    for phase in (Phase.REACH, Phase.ALIGN):
+    for phase in (Phase.REACH, Phase.RELEASE):
         bridge.receive(PhaseChange(T_NS, phase, "test"))
     # so that it was published before the next node comes
-    heard_until([first], lambda heard: any(one.data == "ALIGN" for one in heard))
+    heard_until([first], lambda heard: any(one.data == "RELEASE" for one in heard))
     late = Node(domain)
     readers = [late.reader(topic) for topic in (PHASE, TF_STATIC)]
     found = heard_until(readers, lambda heard: len(heard) >= 2)
     assert {type(one).__name__ for one in found} == {"String", "TFMessage"}
-    assert [one.data for one in found if hasattr(one, "data")] == ["ALIGN"]
+    assert [one.data for one in found if hasattr(one, "data")] == ["RELEASE"]
 
 
 @pytest.mark.parametrize("reliability", [RELIABLE, BEST_EFFORT], ids=str)
@@ -191,9 +216,13 @@ def test_a_bridge_that_stands_still_holds_up_nothing_and_goes_on_afterwards(
     until(lambda: bool(joints.take(1)), lambda: bridge.receive(tick(next(numbers))))
 
 
-def test_a_frame_that_is_too_long_for_the_socket_is_left_out(bridge: Ros2Bridge) -> None:
+def test_a_frame_that_is_too_long_for_the_socket_is_left_out(
+    published_in: tuple[int, Ros2Bridge],
+) -> None:
+    _, bridge = published_in
+    before = bridge.dropped
     bridge.receive(frame(data=bytes(8_000_000)))
-    assert bridge.dropped == 1
+    assert bridge.dropped == before + 1
 
 
 def test_a_bridge_ends_when_it_is_told_to_though_records_keep_coming(bridge: Ros2Bridge) -> None:
@@ -215,14 +244,19 @@ def recorder(domain: int, folder: Path, signals: Signals) -> Iterator[Recorder]:
         yield log
 
 
+def bridge_processes() -> set[int]:
+    """Of this process."""
+    children = psutil.Process().children()
+    return {one.pid for one in children if "ros2_process" in str(one.cmdline())}
+
+
 @pytest.mark.parametrize("signal_number", [signal.SIGKILL, signal.SIGSTOP])
 def test_the_log_is_whole_whatever_becomes_of_the_bridge(
     domain: int, tmp_path: Path, signal_number: signal.Signals
 ) -> None:
+    before = bridge_processes()
     with recorder(domain, tmp_path, signals := Signals()) as log:
-        (pid,) = [
-            one.pid for one in psutil.Process().children() if "ros2_process" in str(one.cmdline())
-        ]
+        (pid,) = bridge_processes() - before
         os.kill(pid, signal_number)
         for number in range(900):
             log.record(tick(number))

@@ -223,13 +223,6 @@ def test_a_record_is_the_same_after_its_way(record: Any) -> None:
     assert encode(again) == content  # tests/test_codec.py: a record's JSON has all of it
 
 
-def test_the_bytes_of_a_frame_travel_as_they_are() -> None:
-    data = bytes(range(256)) * 100
-    content = encode(frame(data=data))
-    assert decode(content).data == data
-    assert len(content) < len(data) + 500
-
-
 def test_what_ros_is_not_told_of_is_not_sent() -> None:
     log = Synthetic(0.1).log()
     for record in (log.captured[0], log.shown[0], log.system[0]):
