@@ -86,18 +86,6 @@ def bench() -> Iterator[Bench]:
         yield Bench(stack)
 
 
-def test_with_time_enough_every_frame_is_scored(bench: Bench) -> None:
-    for index in range(40):
-        bench.frame(index)
-        bench.scores.take_in()
-        while bench.scores.score_next():
-            pass
-    assert [one.index for one in bench.told] == list(range(40))
-    for one in bench.told[1:]:
-        assert one.received == pytest.approx(expected(one.index, one.index))
-        assert one.live == pytest.approx(expected(one.index, one.index - 1))
-
-
 def test_without_time_frames_are_left_out_evenly_but_not_unreported(bench: Bench) -> None:
     for index in range(90):
         bench.frame(index)

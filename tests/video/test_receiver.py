@@ -27,7 +27,6 @@ from tests.video.streams import (
 
 pytestmark = pytest.mark.waiting
 
-CLOCK = MonotonicClock()
 NOTHING_SENT = SentFrames().find
 
 
@@ -46,15 +45,6 @@ def count_requests(compounds: list[bytes], packet_type: int) -> int:
     return count
 
 
-def test_every_frame_of_a_clean_link_is_shown_bit_exact_under_its_own_index() -> None:
-    with stream() as joined:
-        joined.carry(range(60))
-        counts = jitter_counts(joined.receiver.decoder)
-    assert joined.exact
-    assert counts["num-lost"] == 0
-    assert sum(each.keyframe for each in joined.encoded) == 1
-
-
 def test_a_lost_packet_is_asked_for_and_sent_again() -> None:
     lost = []
 
@@ -63,7 +53,7 @@ def test_a_lost_packet_is_asked_for_and_sent_again() -> None:
         lost.extend([ordinal] if first_time else [])
         return not first_time
 
-    long_latency = RepairRule(rtx=True, latency_ms=10_000, pli_interval_ms=300.0)
+    long_latency = RepairRule(rtx=True, latency_ms=2_000, pli_interval_ms=300.0)
     with stream(LossyLink(lose_one), long_latency) as joined:
         joined.carry(range(40))
         counts = jitter_counts(joined.receiver.decoder)
