@@ -56,14 +56,6 @@ def test_a_hand_is_never_faster_than_configured_and_never_jumps(
         assert all(after - before <= most * share + slack for before, after in pairwise(sizes))
 
 
-def test_full_deflection_reaches_the_configured_speed_and_keeps_it() -> None:
-    config = DeskConfig()
-    ticks = round(1.5 * RAMP_S * NS_PER_S / TICK_NS)
-    at = way(a_hand(), Deflection((0.0, 1.0, 0.0), trigger=HELD), ticks)
-    speed = (at[-1] - at[-2]) / (TICK_NS / NS_PER_S)
-    assert speed == pytest.approx([0.0, config.speed_m_s, 0.0])
-
-
 def test_a_hand_whose_deadman_is_let_go_stands_at_once_and_begins_slowly_again() -> None:
     hand = a_hand()
     forward = Deflection((1.0, 0.0, 0.0), trigger=HELD)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -51,31 +52,36 @@ def cameras():
     cameras.close()
 
 
+@dataclass(frozen=True)
+class Reached:
+    """How an operator got over the block; `live`: the first images."""
+
+    seconds: float
+    rig: SeeingRig
+    live: dict[str, Image | None]
+
+
+def _reached(cameras: CameraImages, seconds: float, **conditions) -> Reached:
+    with closing(_rig(cameras, **conditions)) as rig:
+        rig.tick()
+        live = dict(rig.images())
+        return Reached(_reach(rig, seconds), rig, live)
+
+
 @pytest.fixture(scope="module")
-def reaches(cameras):
-    """By condition: seconds until the operator is over the block, the rig, its first images."""
-    conditions = {
-        "clear": ({}, 15.0),
-        "late": ({"delay_ms": 200.0}, 15.0),
-        "blurred": ({"distort": _blurred}, 3.0),  # long enough to look, before the first motion
-    }
-    results = {}
-    for name, (condition, seconds) in conditions.items():
-        with closing(_rig(cameras, **condition)) as rig:
-            rig.tick()
-            live = dict(rig.images())
-            results[name] = (_reach(rig, seconds), rig, live)
-    return results
+def clear(cameras):
+    return _reached(cameras, 15.0)
 
 
-def test_on_clear_images_the_operator_gets_over_the_block_and_knows_where_it_is(reaches):
-    seconds, rig, _ = reaches["clear"]
+def test_on_clear_images_the_operator_gets_over_the_block_and_knows_where_it_is(clear):
+    seconds, rig = clear.seconds, clear.rig
     assert seconds < 12.0
     seen = rig.glances[-1]
     assert np.linalg.norm((seen.believed_gap - seen.true_gap)[:2]) < 0.004
     assert seen.glance.block_sigma < 0.002
 
 
+@pytest.mark.verify
 def test_images_that_freeze_make_the_operator_let_go_and_wait(cameras):
     with closing(_rig(cameras)) as rig:
         start = rig.tcp
@@ -91,18 +97,22 @@ def test_images_that_freeze_make_the_operator_let_go_and_wait(cameras):
         assert _reach(rig, 20.0) < 20.0
 
 
-def test_blurred_images_make_the_operator_less_certain(reaches):
-    sigmas = {
-        name: float(np.median([seen.glance.block_sigma for seen in rig.glances[10:25]]))
-        for name, (_, rig, _) in reaches.items()
-    }
-    assert sigmas["blurred"] > 1.5 * sigmas["clear"]
+def test_blurred_images_make_the_operator_less_certain(cameras, clear):
+    # long enough to look, before the first motion
+    blurred = _reached(cameras, 3.0, distort=_blurred)
+    less, more = (
+        float(np.median([seen.glance.block_sigma for seen in one.rig.glances[10:25]]))
+        for one in (clear, blurred)
+    )
+    assert more > 1.5 * less
 
 
-def test_late_images_are_noticed_as_lag_and_cost_time(reaches):
-    lags = {name: rig.glances[-1].glance.lag_ns for name, (_, rig, _) in reaches.items()}
-    assert lags["late"] - lags["clear"] == pytest.approx(200 * NS_PER_MS, abs=80 * NS_PER_MS)
-    assert reaches["late"][0] > reaches["clear"][0]
+@pytest.mark.verify
+def test_late_images_are_noticed_as_lag_and_cost_time(cameras, clear):
+    late = _reached(cameras, 15.0, delay_ms=200.0)
+    more_ns = late.rig.glances[-1].glance.lag_ns - clear.rig.glances[-1].glance.lag_ns
+    assert more_ns == pytest.approx(200 * NS_PER_MS, abs=80 * NS_PER_MS)
+    assert late.seconds > clear.seconds
 
 
 def _present_errors_mm(rig: SeeingRig) -> np.ndarray:
@@ -118,6 +128,7 @@ def _present_errors_mm(rig: SeeingRig) -> np.ndarray:
     )
 
 
+@pytest.mark.verify
 def test_a_wrist_view_that_is_titled_as_predicted_is_taken_for_the_present(cameras):
     """The others are late. Who does not read the title takes it for late, and is misled."""
     errors_mm = []
@@ -130,15 +141,15 @@ def test_a_wrist_view_that_is_titled_as_predicted_is_taken_for_the_present(camer
     assert np.median(misread) > 1.5 * np.median(read)
 
 
-def test_each_glance_tells_how_much_each_view_gave(reaches):
-    told = [seen.glance for seen in reaches["clear"][1].glances]
+def test_each_glance_tells_how_much_each_view_gave(clear):
+    told = [seen.glance for seen in clear.rig.glances]
     assert all(abs(sum(one.to_block.values()) - 1.0) < 1e-9 for one in told if one.to_block)
     assert {view for one in told for view in one.to_block} == {"eih", "gt", "gs"}
 
 
 @pytest.fixture
-def eyes(reaches):
-    return Eyes(reaches["clear"][2])
+def eyes(clear):
+    return Eyes(clear.live)
 
 
 def test_without_images_there_is_no_percept(eyes):

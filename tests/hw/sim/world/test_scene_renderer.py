@@ -56,7 +56,7 @@ def poses() -> list[Vector]:
 def anywhere() -> list[Vector]:
     """The arm in any pose, also above and below the table, the block in its grip or lying about."""
     random, kinematics, seen = np.random.default_rng(11), ARM, []
-    for number in range(24):
+    for number in range(12):
         joints = random.uniform(JOINT_LOWER, JOINT_UPPER)
         if number % 2:
             joints = READY + random.normal(0, 0.25, 6)
@@ -108,28 +108,6 @@ def test_a_driver_that_reads_the_bottom_row_first_gives_the_same_images(
     finally:
         other.close()
         renderer._context.make_current()
-
-
-@pytest.mark.parametrize("view", VIEWS)
-def test_a_camera_leaves_out_what_it_does_not_see(
-    renderer: SceneRenderer, ready: Vector, view: str
-) -> None:
-    model, seen = renderer._model, []
-    for qpos in (ready, poses()[0]):
-        renderer._pose(qpos)
-        seen.append(renderer._visibility.seen(model.camera(view).id))
-    assert not any(one[model.geom("table").id - 1 :].all() for one in seen)
-    assert all(one[model.geom("block").id] for one in seen)
-    assert all(one.sum() < 0.85 * model.ngeom for one in seen)
-
-
-@pytest.mark.parametrize("view", VIEWS)
-def test_images_are_full_of_detail(renderer: SceneRenderer, ready: Vector, view: str) -> None:
-    image = renderer.render(view, ready)
-    assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
-    assert image.dtype == np.uint8
-    assert 60 < image.mean() < 180
-    assert cv2.Laplacian(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), cv2.CV_64F).std() > 6
 
 
 def test_markers_of_container_gripper_and_mat_can_be_detected(
