@@ -564,7 +564,7 @@ def test_a_robot_that_was_restarted_is_found() -> None:
     assert rig.gets_through(desk)
 
 
-@settings(max_examples=30)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32), st.floats(0, 0.6), st.floats(0, 0.6))
 def test_ends_find_each_other_through_any_loss(seed: int, up_loss: float, down_loss: float) -> None:
     rig, desk, draw = Rig(), Desk(), random.Random(seed)

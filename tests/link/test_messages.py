@@ -9,7 +9,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.link.messages import (
@@ -115,6 +115,7 @@ def with_field(name: str, value: object) -> bytes:
     return msgspec.msgpack.encode(changed)
 
 
+@settings(max_examples=50)
 @given(welcomes | hands | states)
 def test_messages_come_back_as_they_were(
     message: SessionDescription | HandMessage | StateMessage,
@@ -122,6 +123,7 @@ def test_messages_come_back_as_they_were(
     assert decode(encode(message), type(message)) == message
 
 
+@settings(max_examples=50)
 @given(welcomes | hands | states, st.data())
 def test_a_truncated_message_is_refused(
     message: SessionDescription | HandMessage | StateMessage, data: st.DataObject

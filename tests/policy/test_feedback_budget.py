@@ -23,7 +23,7 @@ pytestmark = pytest.mark.untimed
 POLICY = load_config().policy
 FLOORS_KBPS = 450.0
 START_KBPS = FLOORS_KBPS / 0.92
-RUNS = settings(max_examples=15, deadline=None)
+RUNS = settings(max_examples=10, deadline=None)
 
 
 def fresh(**keys: float) -> FeedbackBudget:

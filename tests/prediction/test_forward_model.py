@@ -15,7 +15,7 @@ delays = st.integers(0, 48)
 velocities = st.lists(within(0.12), min_size=1, max_size=4)
 
 
-@settings(max_examples=25)
+@settings(max_examples=15)
 @given(delays, delays, velocities)
 def test_the_arm_is_where_it_is_predicted_whatever_the_hand_does(way, back, path):
     sides = Sides(way, back)
@@ -27,7 +27,7 @@ def test_the_arm_is_where_it_is_predicted_whatever_the_hand_does(way, back, path
     assert max(errors) < 2e-3
 
 
-@settings(max_examples=15)
+@settings(max_examples=10)
 @given(delays, delays, velocities)
 def test_the_arm_comes_to_where_it_is_commanded_once_the_samples_have_taken_effect(way, back, path):
     sides = Sides(way, back)

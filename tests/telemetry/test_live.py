@@ -47,11 +47,11 @@ def recorder(path: Path, port: int) -> Recorder:
     return made
 
 
-@pytest.fixture
-def port(tmp_path: Path) -> Iterator[int]:
+@pytest.fixture(scope="module")
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """Where a log is served that is written meanwhile."""
     port = free_port()
-    log = recorder(tmp_path / "session.mcap", port)
+    log = recorder(tmp_path_factory.mktemp("log") / "session.mcap", port)
     yield port
     log.close()
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import pairwise
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -143,6 +143,7 @@ def test_beyond_the_bound_the_small_views_give_way_and_then_the_primary() -> Non
     assert left_out(125_001) == set(VIEWS)
 
 
+@settings(max_examples=40)
 @given(st.lists(st.integers(0, 10**7), min_size=100, max_size=400), TARGETS)
 def test_no_view_waits_longer_than_the_longest_wait_and_a_frame_whatever_is_under_way(
     increments: list[int], targets: dict[str, float]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tams_app.records import TaskRegion
@@ -121,6 +121,7 @@ def test_images_shown_without_captures_do_not_pile_up() -> None:
     assert len(quality._history) <= 5
 
 
+@settings(max_examples=40)
 @given(
     shown=st.dictionaries(st.integers(0, 29), st.just(0), max_size=30),
     delays=st.lists(

@@ -95,7 +95,7 @@ def film(
     return Filmed(run, log)
 
 
-@pytest.mark.parametrize(("rate_hz", "seconds"), [(5, 14), (10, 6), (15, 5), (30, 4), (60, 3)])
+@pytest.mark.parametrize(("rate_hz", "seconds"), [(5, 14), (15, 5), (60, 3)])
 def test_a_view_meets_its_target_at_any_rate_of_its_camera(rate_hz: int, seconds: int) -> None:
     filmed = film({"eih": camera_times_ns((rate_hz, seconds))})
     filmed.assert_on_target()

@@ -101,7 +101,7 @@ def test_how_finely_time_is_advanced_changes_nothing() -> None:
 
 
 def test_lost_packets_are_sent_again_a_round_trip_later_and_the_frames_stay_whole() -> None:
-    run = shared_run("lossy", 180, PATIENT)
+    run = shared_run("lossy", 90, PATIENT)
     lost = [
         packet
         for packet in run.packets
