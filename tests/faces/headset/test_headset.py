@@ -13,7 +13,7 @@ import pytest
 from tams_app import palette
 from tams_app.faces.banner import LOOKS
 from tams_app.faces.headset.layout import BORDER_PX, HEADER_PX
-from tams_app.faces.messages import FaceFacts
+from tams_app.faces.messages import FaceClosed, FaceFacts
 from tams_app.records import Image
 from tests.faces.headset.conftest import WornHeadset
 from tests.faces.window.facts import FACTS, changed
@@ -210,3 +210,18 @@ def test_only_the_view_with_a_new_frame_is_handed_over(
     assert wait_for(lambda: shows(headset, place, other))
     after = {key: one.submitted for key, one in headset.steamvr.overlays().items()}
     assert {key for key in after if after[key] != before[key]} == {place}
+
+
+def test_a_steamvr_that_refuses_the_overlays_on_the_way_is_told_and_nothing_more(
+    headset: WornHeadset, pictures: dict[str, Image]
+) -> None:
+    """Last: nothing is shown from then on. A session fails by it (test_session_headset.py)."""
+    headset.steamvr.ask("refuse", openvr.VROverlayError_RequestFailed)
+    headset.put(pictures)
+
+    def told() -> list[str]:
+        return [event.why for event in headset.events if isinstance(event, FaceClosed)]
+
+    assert wait_for(lambda: bool(told()))
+    (why,) = told()
+    assert why.endswith("the connection to SteamVR broke (OverlayError_RequestFailed)")

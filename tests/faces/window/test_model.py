@@ -5,14 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import Any
 
-import numpy as np
 import pytest
 from msgspec.structs import replace
 
-from hw.desk.keyboard import DEADMAN, VirtualHand, deflection_of
 from hw.make_controller import DEVICES
 from tams_app import palette
-from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.faces.banner import LOOKS, banner_of, look_of
 from tams_app.faces.canvas import apart
 from tams_app.faces.commands import PHASE_KEYS, Command
@@ -404,21 +401,8 @@ def test_of_a_session_that_is_over_the_banner_has_the_result_and_no_stop() -> No
 
 
 def test_the_key_list_says_which_of_r_and_f_turns_which_way() -> None:
+    """Which they do: tests/hw/desk/test_keyboard.py, test_virtual_hand.py."""
     assert "seen from above, R anticlockwise, F clockwise" in str(listed("keyboard"))
-    config = load_config(CONFIG_DIRECTORY / "tams.yaml", {})
-    to_base = np.array(config.hand.rotation)
-
-    def turned(key: str) -> np.ndarray:
-        """Where the arm's x axis points once the hand has been turned by `key`, seen from above."""
-        hand = VirtualHand(config.controller.desk, config.hand.rotation)
-        asked = deflection_of(frozenset({key, DEADMAN}), {}, {key: 1.0})
-        for step in range(20):
-            pose = hand.step(step * 10**7, asked)
-        forward = to_base.T @ np.array([1.0, 0.0, 0.0])
-        return to_base @ np.asarray(pose.rotation.apply(forward))
-
-    assert turned("r")[1] > 0.05  # towards the base's left
-    assert turned("f")[1] < -0.05
 
 
 def test_the_hand_s_rows_have_words_for_what_is_held() -> None:

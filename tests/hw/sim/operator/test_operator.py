@@ -40,13 +40,6 @@ def _work(trial: Trial, seconds: float = 100.0) -> Result:
     return Result(trial, samples, armed_s, len(samples) * TICK_NS / NS_PER_S - armed_s)
 
 
-def _places(trial: Trial, seconds: float = 100.0) -> list[ControllerSample]:
-    """The block ends in the container; the samples until then."""
-    samples = _work(trial, seconds).samples
-    assert trial.robot.placed()
-    return samples
-
-
 def _goes_on(trial: Trial) -> None:
     """The arm follows again, and the block is lowered."""
     before = trial.robot.engagements
@@ -130,7 +123,9 @@ def test_participants_differ_and_the_same_participant_repeats(results):
     ids=str,
 )
 def test_what_the_operator_does_not_know_of_the_robot_is_corrected_by_sight(conditions):
-    _places(_trial(5, **conditions), seconds=45.0)
+    trial = _trial(5, **conditions)
+    _work(trial, seconds=45.0)
+    assert trial.robot.placed()
 
 
 def test_a_late_view_and_a_lagging_arm_cause_no_oscillation():
@@ -153,8 +148,12 @@ def test_a_late_view_and_a_lagging_arm_cause_no_oscillation():
 def test_a_missed_grasp_is_seen_and_tried_again():
     trial = _trial(2)
     trial.robot.slips_left = 1
-    closings = sum(b.a and not a.a for a, b in pairwise(_places(trial)))
-    assert closings == 2
+    samples = []
+    while trial.operator.stage is not Stage.CARRY:
+        samples.append(trial.tick())
+        assert len(samples) < 60 * 120
+    assert sum(b.a and not a.a for a, b in pairwise(samples)) == 2
+    assert trial.robot.attached is not None
 
 
 def test_a_block_dropped_on_the_way_is_picked_up_again():
@@ -181,8 +180,7 @@ def test_a_held_robot_makes_the_operator_let_go_and_try_again():
     _goes_on(trial)
 
 
-@pytest.mark.parametrize("answers_after_s", [0.2, 1.2])
-def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_after_s):
+def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time():
     """On a far link the pulse comes when the trigger was released again."""
     trial = _trial(0)
     operator, coming = trial.operator, []
@@ -190,7 +188,7 @@ def test_who_feels_the_arm_s_answer_late_waits_for_it_the_next_time(answers_afte
     operator.feel = lambda haptic: coming.append((trial.now_ns, haptic))
     while operator.activity is not HandActivity.FINISHED:
         trial.tick()
-        while coming and trial.now_ns - coming[0][0] >= answers_after_s * NS_PER_S:
+        while coming and trial.now_ns - coming[0][0] >= 1.2 * NS_PER_S:
             feel(coming.pop(0)[1])
         assert trial.now_ns < 100 * NS_PER_S, operator.stage
     assert trial.robot.placed()
