@@ -100,14 +100,6 @@ def test_what_was_published_before_the_end_counts_once_more(ends: Ends) -> None:
     assert ends.tick(publishes=False).status is ControllerStatus.RUNTIME_QUIT
 
 
-def test_the_samples_of_a_process_that_stands_still_grow_old(ends: Ends) -> None:
-    ends.start()
-    last = ends.tick()
-    for _ in range(20):
-        assert ends.tick(publishes=False) is last
-    assert ends.tick().pose_ns == ends.clock.now_ns()
-
-
 def test_a_process_that_does_not_answer_is_told_at_the_start(ends: Ends) -> None:
     with pytest.raises(DeviceError, match="does not answer"):
         ends.controller.start()

@@ -204,20 +204,3 @@ def test_missing_images_leave_their_scores_out_and_nothing_else() -> None:
     assert [one.shown_ns is None for one in scores] == [False] * 3
     assert [one.received is None for one in scores] == [True, True, False]
     assert fates[2].record.received is None
-
-
-def test_moments_of_an_image_are_computed_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    computed: list[Luma] = []  # the arrays themselves: an id may come back
-    of = FrameMoments.of
-
-    def count(one: Luma) -> FrameMoments:
-        computed.append(one)
-        return of(one)
-
-    monkeypatch.setattr(FrameMoments, "of", staticmethod(count))
-    scorer = Scorer()
-    fates = play(dict.fromkeys(range(40), 3 * FRAME_NS), 40)
-    for fate in fates:
-        scorer.score(fate)
-    assert len(computed) == len({id(one) for one in computed}) == 80
-    assert len(scorer._moments) <= 8

@@ -121,17 +121,6 @@ def test_what_each_stage_takes_is_known_until_the_packets_leave_and_when_they_ca
     assert all(encoded_ns[one.index] < one.received_ns < one.shown_ns for one in joined.shown)
 
 
-@pytest.mark.parametrize("feedback", [False, True])
-def test_what_leaves_at_once_is_asked_for_once_and_not_packet_by_packet(feedback: bool) -> None:
-    """At 20 Mbit/s Python would be called 2,000 times a second, for each packet."""
-    link, pacer = LossyLink(), NotedPacer(1e6)
-    with stream(link, PATIENT, kbps=6000.0, fps=30, feedback=feedback, pacer=pacer) as joined:
-        joined.carry(range(20))
-        packets = sum(identify(datagram)[0] is PacketKind.MEDIA for datagram in link.rtp)
-    assert packets > 200
-    assert len(pacer.told) < packets / 4
-
-
 class LateClock(MonotonicClock):
     """Wakes 20 ms late, as a machine does that has too much to do."""
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import pytest
 
-from tams_app.config import Network, VideoConfig
+from tams_app.config import Network
 from tams_app.records import PacketArrival, PacketFate, PacketKind, PacketRecord, Reception
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.rtcp import ARRIVAL_TICK_NS, uplink_report
@@ -83,20 +83,6 @@ def test_a_frame_is_told_of_within_a_report_interval_of_its_end_and_crosses_the_
             assert comes_back_ns - feedback.sent_ns >= 16 * NS_PER_MS
     assert len(waits_ms) >= 110
     assert max(waits_ms) <= 31
-
-
-@pytest.mark.verify
-def test_feedback_costs_the_header_extension_and_nothing_else_on_the_way_out() -> None:
-    with_feedback, without = (
-        {
-            (packet.view, packet.sequence): packet.size_bytes
-            for packet in told(feedback).packets
-            if packet.kind is PacketKind.MEDIA and packet.rtp_timestamp == 0
-        }
-        for feedback in (True, False)
-    )
-    assert sum(with_feedback.values()) - sum(without.values()) == 8 * len(with_feedback)
-    assert max(with_feedback.values()) <= VideoConfig().mtu_bytes + 28
 
 
 @pytest.mark.verify

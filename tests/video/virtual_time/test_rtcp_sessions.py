@@ -163,12 +163,6 @@ def run_to_first_regular(session: RtcpTiming) -> int:
             return now_ns
 
 
-def test_a_session_is_silent_before_its_first_packet() -> None:
-    session = RtcpTiming(Random(1), T_RR_NS, 10e6)
-    session.request(0, LONG_NS)
-    assert session.next_ns is None
-
-
 @given(st.integers(0, 1000))
 def test_regular_reports_keep_half_to_one_and_a_half_intervals_apart(seed: int) -> None:
     reports = run_until(timing(seed), NS_PER_S)
