@@ -87,20 +87,6 @@ def test_what_was_overwritten_for_good_is_left_out(rings: Rings) -> None:
     assert [one.index for one in entries] == list(range(41, ENTRIES + 40))
 
 
-def test_a_frame_that_is_being_overwritten_is_not_read(
-    rings: Rings, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    rings.put(range(IMAGES))
-    seen = []
-
-    def interrupt(block: FrameBlock, image: object, bulk: object) -> None:
-        seen.extend(rings.reader.read(1))
-
-    monkeypatch.setattr(FrameBlock, "_fill", interrupt)
-    rings.put(range(IMAGES, IMAGES + 1))
-    assert [(one.index, one.luma) for one in seen] == [(0, None)]
-
-
 def test_the_newest_frame_shown_is_there_in_colour() -> None:
     rings = Rings(COLOUR)
     assert rings.reader.newest_frame() is None

@@ -170,12 +170,6 @@ def test_a_lone_packets_jitter_is_spread_evenly_over_its_range():
         assert delays_ms[1000 * quarter] == pytest.approx(32 + 4 * quarter, abs=0.6)
 
 
-def test_a_packet_that_has_just_left_makes_room():
-    link = Link(Network(queue_ms=1, queue_min_bytes=1500), ConstantCapacity(8000.0), VIEWS, 1)
-    records = send(link, steady(5, gap_ns=NS_PER_MS))  # 1000 bytes take 1 ms
-    assert {record.fate for record in records} == {PacketFate.DELIVERED}
-
-
 def test_feedback_returns_after_the_delay_without_loss_or_queue():
     network = Network(latency_ms=40, jitter_ms=8, loss=1.0)
     link = Link(network, ConstantCapacity(1.0), VIEWS, 1)

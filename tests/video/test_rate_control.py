@@ -208,11 +208,6 @@ def test_saved_credit_never_exceeds_one_frame(targets_kbps: list[float]) -> None
     assert sum(after) <= 1
 
 
-def test_half_of_what_a_frame_needs_keeps_every_second_and_nothing_the_first() -> None:
-    assert kept_of(40.0, 6) == kept_of(80.0, 6, NS_PER_S // 60) == [True, False] * 3
-    assert kept_of(0.0, 50) == [True] + [False] * 49
-
-
 # --- with the real encoder ----------------------------------------------------------------------
 
 

@@ -85,14 +85,6 @@ def ends() -> Iterator[Ends]:
         yield made
 
 
-def test_one_frame_in_gives_its_packets_out(ends: Ends) -> None:
-    for index in range(5):
-        headers = [header for packet in ends.packets(index) if (header := read_rtp(packet))]
-        assert [header.marker for header in headers] == [False] * (len(headers) - 1) + [True]
-        assert {header.timestamp for header in headers} == {ends.encoded[-1].rtp_timestamp}
-        assert len(ends.encoded) == index + 1
-
-
 def test_a_requested_keyframe_is_the_next_frame(ends: Ends) -> None:
     ends.packets(0)
     ends.packets(1)
@@ -230,14 +222,3 @@ def test_a_keyframe_is_asked_for_again_and_again_until_a_complete_one_has_come()
         ends.carry(range(77, 97))
         assert ends.shown[-1].whole
         assert not ends.decoder.take_pli()
-
-
-def test_a_keyframe_is_asked_for_again_where_nothing_can_be_decoded() -> None:
-    with closing(Ends(UNREPAIRED)) as ends:
-        ends.packets(0)  # the first keyframe is lost
-        asked = 0
-        for index in range(1, 61):
-            ends.carry(range(index, index + 1))
-            asked += ends.decoder.take_pli()
-        assert not any(whole(ends))
-        assert asked >= 3
