@@ -32,12 +32,16 @@ class ShownWindow(FedFace):
         if isinstance(event, Keys) and not event.focused:
             self._away_ns = event.t_ns
 
-    def key(self, *keys: str) -> None:
-        """Press each, once a press counts: one sooner may have been down before the focus.
+    def until_presses_count(self) -> None:
+        """One sooner may have been down before the focus.
 
         Which the window lacks while it draws a new layout for longer than 150 ms.
         """
         assert wait_for(lambda: time.monotonic_ns() - self._away_ns > REPEAT_NS + 2 * PAINTED_NS)
+
+    def key(self, *keys: str) -> None:
+        """Press each, once a press counts."""
+        self.until_presses_count()
         self.screen.xdotool("key", *keys)
 
     def commands(self) -> list[Command]:

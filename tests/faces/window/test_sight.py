@@ -88,7 +88,7 @@ def test_what_a_compositor_shows_that_stands_still_is_not_seen(
 def test_a_window_without_new_video_is_seen_all_the_same(screen: Screen, tmp_path: Path) -> None:
     with shown_window(tmp_path, screen) as window:
         before = len(window.events)
-        assert wait_for(lambda: len(window.events) > before + 100)
+        assert wait_for(lambda: len(window.events) > before + 50)
         found = [keys.focused for keys in window.events[before:] if isinstance(keys, Keys)]
         assert sum(found) > len(found) / 2
         assert keys_of(window).drawings == 0

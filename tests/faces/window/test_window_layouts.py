@@ -54,7 +54,7 @@ def shown(window: ShownWindow) -> ShownWindow:
     """With the focus for long enough, and nothing pressed."""
     window.screen.xdotool("key", "F2")  # the X server takes over the keyboard that XTEST has
     assert becomes(window)
-    time.sleep(1.0)
+    window.until_presses_count()
     return window
 
 
