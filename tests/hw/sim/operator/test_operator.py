@@ -201,7 +201,7 @@ def test_an_arm_that_was_not_armed_is_confirmed_again():
     trial.robot.arming = "disarmed"
     while not trial.robot.engagements:
         trial.run(0.1)
-        assert trial.now_ns < 13 * NS_PER_S
+        assert trial.now_ns < 60 * NS_PER_S
 
 
 def test_an_operator_who_does_not_arm_never_touches_the_menu():
