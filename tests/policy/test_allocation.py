@@ -88,6 +88,13 @@ def test_an_unknown_strategy_is_refused_with_the_names_that_exist():
     assert str(refused.value).endswith(f"'best' is not one of {', '.join(STRATEGIES)}")
 
 
+def test_what_a_caller_does_to_the_targets_changes_no_later_ones():
+    first = allocate({"EIH": 0.6, "GT": 0.4}, 5000.0, 400.0)
+    expected = dict(first)
+    first["EIH"] = 0
+    assert allocate({"EIH": 0.6, "GT": 0.4}, 5000.0, 400.0) == expected
+
+
 def test_a_pinned_view_is_primary_and_has_the_row_in_which_it_is_or_its_largest_share() -> None:
     matrix = WeightMatrix(POLICY.weights.matrix)
     assert [matrix.primary_view(phase, "eih") for phase in Phase] == ["eih"] * len(Phase)
