@@ -192,19 +192,26 @@ def _sheet(views: Sequence[str], number: int, seed: int) -> Sheet:
     return Sheet(rater=f"simulated-{number:02d}", simulated=True, answers=tuple(answers))
 
 
-def check_panel(folder: RatingFolder, views: Sequence[str]) -> None:
-    """ConfigError if the panel prefers views that are not there, or `folder` holds ratings."""
+def check_panel(folder: RatingFolder, views: Sequence[str], seed: int) -> None:
+    """ConfigError if the panel prefers views that are not there, or `folder` holds other ratings:
+    of people, or of a panel of another seed.
+    """
     if unknown := set(PAPER_DOMINANT.values()) - set(views):
         raise ConfigError(f"--sim: its raters prefer {', '.join(sorted(unknown))}: no such view")
-    if folder.sheets():
-        raise ConfigError(f"{folder.path}: holds ratings already: give another --folder with --sim")
+    expected = {sheet.rater: sheet for sheet in simulate_panel(views, seed)}
+    for known in folder.sheets():
+        sheet = expected.get(known.rater) if known.simulated else None
+        if sheet is None or any(sheet.on(answer.phase) != answer for answer in known.answers):
+            raise ConfigError(
+                f"{folder.path}: holds ratings of others: give another --folder with --sim"
+            )
 
 
 def rate_by_panel(folder: RatingFolder, views: Sequence[str], phases: Set[Phase], seed: int) -> str:
-    """Let a simulated panel rate `phases`, in files as people's; what it is."""
+    """Let a panel that `check_panel` accepts rate `phases`, in files as people's; what it is."""
     for sheet in simulate_panel(views, seed):
-        folder.open(sheet.rater, simulated=True)
+        known = folder.open(sheet.rater, simulated=True)
         for answer in sheet.answers:
-            if answer.phase in phases:
+            if answer.phase in phases and known.on(answer.phase) is None:
                 folder.add(sheet.rater, answer)
     return f"prefers the dominant views of the paper's Table I; seed {seed}"

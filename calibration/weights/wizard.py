@@ -77,7 +77,7 @@ class WeightWizard(Wizard[WeightOptions]):
         self._clips = ClipFolder(self.folder / _CLIPS)
         self._ratings = RatingFolder(options.ratings or self.folder / _RATINGS, views)
         if options.sim:
-            check_panel(self._ratings, views)
+            check_panel(self._ratings, views, options.seed)
 
     def measure(self) -> Calibration | None:
         try:

@@ -96,14 +96,16 @@ def test_simulated_raters_make_a_file_that_the_configuration_uses_and_that_says_
 
 
 def test_independent_raters_are_reported_as_disagreeing_in_the_result_and_in_the_file(
-    config_path, session, calibrate, tmp_path, monkeypatch
+    config_path, session, calibrate, monkeypatch
 ):
     monkeypatch.setattr("calibration.weights.ratings._PREFERRED", 3.0)  # as every other view
     options = {"sim": True, "logs": [session], "yes": True}
     with pytest.raises(TamsError, match=r"agree too little on the most critical view"):
         calibrate(**options)
     assert load_config(config_path).calibrated_by == ()
-    code, said = calibrate(**options, accept_unfounded=True, folder=tmp_path / "again")
+    with pytest.raises(ConfigError, match="holds ratings of others: give another --folder"):
+        calibrate(**options, seed=1)
+    code, said = calibrate(**options, accept_unfounded=True)  # the same one goes on
     assert code == 0
     assert "not reliable" in said
     calibration = in_force(config_path)[1]["calibration"]
@@ -173,7 +175,7 @@ def test_stopping_keeps_everything_and_building_is_not_offered_before_anybody_ha
     assert "There is no clip of RELEASE: W keeps its present row there." in said
     assert len(list((tmp_path / "work/clips").glob("*.mp4"))) == 5
     assert not (config_path.parent / "calibration").exists()
-    with pytest.raises(ConfigError, match="holds ratings already: give another --folder"):
+    with pytest.raises(ConfigError, match="holds ratings of others: give another --folder"):
         calibrate(sim=True, logs=[session], yes=True)
 
 
