@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import yaml
 
@@ -28,6 +28,7 @@ from tams_app.outputs import made_folder, write_file
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+Draw: TypeAlias = "Callable[[], Figure | None]"
 _HEADER = (
     "# Written by `run_tams.py calibrate {kind}`. in-force.yaml beside it says which file counts.\n"
 )
@@ -37,6 +38,18 @@ _INDEX_HEADER = "# Which calibration counts, by kind. Name an older file here to
 def utc_now() -> datetime:
     """The wall time of this moment."""
     return datetime.now(UTC)
+
+
+def _no_figure() -> Figure | None:
+    return None
+
+
+def _draw_beside(path: Path, draw: Draw) -> None:
+    """The figure beside a calibration file; TamsError if the disk refuses."""
+    if (figure := draw()) is not None:
+        from tams_app.report.plots import save_figure  # `show` and `undo` need no matplotlib
+
+        save_figure(figure, path.with_suffix(".png"))
 
 
 def write_text(path: Path, text: str) -> None:
@@ -167,15 +180,16 @@ class CalibrationSet:
         ui: WizardUI,
         calibration: Calibration,
         yes: bool,
-        figure: Figure | None = None,
+        draw: Draw = _no_figure,
         accept_unfounded: bool | None = None,
     ) -> Path | None:
         """Show what would be written, ask, and write it; the file, None if nothing was written.
 
         `yes`: write without asking; what is unfounded is then kept, but not in force, and refused
         with TamsError, unless `accept_unfounded` (None: only a person can accept it). Unattended,
-        nothing is written. If the question is never answered (Ctrl-C, a closed terminal) the file
-        is kept, but not in force. `figure` is beside the file before that counts.
+        nothing is written. If the question is never answered (Ctrl-C, a closed terminal), or the
+        figure that `draw` makes, beside the file before that counts, is not finished, the file is
+        kept, but not in force.
         """
         self._refuse_simulated(calibration.simulated)
         before = self.in_force(calibration.kind)
@@ -190,7 +204,7 @@ class CalibrationSet:
             return None
         unfounded = "" if accept_unfounded else calibration.unfounded
         if yes and unfounded:
-            self.keep(ui, calibration, figure)
+            self.keep(ui, calibration, draw)
             remedy = "start it without --yes"
             if accept_unfounded is not None:
                 remedy = "add --accept-unfounded"
@@ -202,36 +216,43 @@ class CalibrationSet:
                 f"{unfounded}. Write it all the same?" if unfounded else "Write it?"
             )
         except (KeyboardInterrupt, TamsError):
-            self.keep(ui, calibration, figure)
+            self.keep(ui, calibration, draw)
             raise
         if not wanted:
             ui.print("Nothing is written.")
             return None
-        path = self.write(calibration, figure)
+        try:
+            path = self.write(calibration, draw)
+        except (KeyboardInterrupt, TamsError) as error:
+            if not isinstance(error, ConfigError):  # what does not fit is no use
+                self.keep(ui, calibration)
+            raise
         ui.print(
             f"Written: {path}\nEvery command with --config {self._config_path} uses it now; "
             "`calibrate undo` takes it back."
         )
         return path
 
-    def keep(self, ui: WizardUI, calibration: Calibration, figure: Figure | None = None) -> None:
-        """Write it without letting it count, and say how it can be made to."""
-        path = self._new(calibration, figure)
+    def keep(self, ui: WizardUI, calibration: Calibration, draw: Draw = _no_figure) -> None:
+        """Write it without letting it count, and say how it can be made to; then its figure."""
+        path = self._new(calibration)
         ui.print(
             f"\nKept, but not in force: {path}\n"
             f"To use it, write `{calibration.kind}: {path.name}` into {IN_FORCE} beside it."
         )
+        _draw_beside(path, draw)
 
-    def write(self, calibration: Calibration, figure: Figure | None = None) -> Path:
+    def write(self, calibration: Calibration, draw: Draw = _no_figure) -> Path:
         """Write it and let it count from now on; what counted before stays beside it.
 
         ConfigError if the configuration would not be valid with it; TamsError if the disk refuses.
         """
-        path = self._new(calibration, figure)
-        names = {kind: file.name for kind, file in files_in_force(self.folder).items()}
+        path = self._new(calibration)
         try:
+            _draw_beside(path, draw)
+            names = {kind: file.name for kind, file in files_in_force(self.folder).items()}
             self._put_in_force(_index(names | {calibration.kind: path.name}), path.name)
-        except ConfigError:
+        except BaseException:  # a file of `write` counts and has its figure
             path.unlink()
             raise
         return path
@@ -242,12 +263,14 @@ class CalibrationSet:
         self._replace_index(index)
         try:
             load_config(self._config_path)
-        except ConfigError as error:  # what counted before counts again
+        except BaseException as error:  # what counted before counts again
             self._replace_index(before)
-            raise ConfigError(f"{what}: does not fit the configuration: {error}") from error
+            if isinstance(error, ConfigError):
+                raise ConfigError(f"{what}: does not fit the configuration: {error}") from error
+            raise
 
-    def _new(self, calibration: Calibration, figure: Figure | None) -> Path:
-        """A new file, and its figure beside it; what counted before still counts."""
+    def _new(self, calibration: Calibration) -> Path:
+        """A new file; what counted before still counts."""
         kind = calibration.kind
         if key := overstepping_key(calibration.changes, kind):
             raise ConfigError(f"{key}: is not for a {kind} calibration to set")
@@ -269,18 +292,9 @@ class CalibrationSet:
         }
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            path = self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
+            return self._new_file(kind, made, _HEADER.format(kind=kind) + _dump(content))
         except OSError as error:
             raise TamsError(f"{self.folder}: cannot be written: {error.strerror}") from error
-        if figure is not None:
-            from tams_app.report.plots import save_figure  # `show` and `undo` need no matplotlib
-
-            try:
-                save_figure(figure, path.with_suffix(".png"))
-            except BaseException:  # without its figure it is not kept
-                path.unlink(missing_ok=True)
-                raise
-        return path
 
     def _refuse_simulated(self, simulated: bool) -> None:
         """A real arm does not move by what a simulated hand did."""

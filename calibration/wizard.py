@@ -56,7 +56,7 @@ class Wizard(ABC, Generic[Options]):
                 return 0
             attended = self.ui.attended
             accepts = getattr(options, "accept_unfounded", None)
-            written = self.store.propose(self.ui, found, self.yes, self.drawn(), accepts)
+            written = self.store.propose(self.ui, found, self.yes, self.drawn, accepts)
             return 0 if written is not None or attended else 1
 
     @abstractmethod

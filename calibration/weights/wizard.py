@@ -19,7 +19,7 @@ from calibration.options import WeightOptions
 from calibration.store import Calibration
 from calibration.weights.clips import Clip, ClipFolder, play
 from calibration.weights.cutting import RecordedSession, cut_session, open_session
-from calibration.weights.fit import Assessment, assess
+from calibration.weights.fit import assess
 from calibration.weights.ratings import (
     LEAST,
     RatedPhase,
@@ -62,7 +62,7 @@ class WeightWizard(Wizard[WeightOptions]):
     _clips: ClipFolder
     _ratings: RatingFolder
     _panel: str | None = None
-    _built: tuple[Assessment, list[Sheet]] | None = None
+    _figure: Figure | None = None
 
     def check(self) -> None:
         ratings = self.options.ratings
@@ -87,9 +87,7 @@ class WeightWizard(Wizard[WeightOptions]):
             raise
 
     def drawn(self) -> Figure | None:
-        if self._built is None:
-            return None
-        return weights_figure(*self._built, self.config.video.views)
+        return self._figure
 
     def _measure(self) -> Calibration | None:
         options = self.options
@@ -174,8 +172,8 @@ class WeightWizard(Wizard[WeightOptions]):
         remarks = evidence_remarks(sheets, sessions, for_rig=self.config.rig.enabled)
         assessment = assess(sheets, views, self.config.policy.weights.matrix, remarks)
         self.ui.print("\n" + describe(assessment, views))
-        self._built = assessment, sheets
-        save_figure(weights_figure(assessment, sheets, views), self.folder / _FIGURE)
+        self._figure = weights_figure(assessment, sheets, views)
+        save_figure(self._figure, self.folder / _FIGURE)
         self.ui.print(f"As a figure: {self.folder / _FIGURE}")
         return calibration_of(assessment, sheets, sessions, self._panel)
 

@@ -183,7 +183,7 @@ def test_what_goes_beside_a_calibration_is_there_before_it_counts(store, monkeyp
         counted.append((path.suffix, store.in_force("frame")))
 
     monkeypatch.setattr(plots, "save_figure", saved)
-    before = store.propose(ScriptedUI(), frame(), yes=True, figure=figure)
+    before = store.propose(ScriptedUI(), frame(), yes=True, draw=lambda: figure)
     assert counted == [(".png", None)]
 
     def fails(_figure, path):
@@ -191,8 +191,21 @@ def test_what_goes_beside_a_calibration_is_there_before_it_counts(store, monkeyp
 
     monkeypatch.setattr(plots, "save_figure", fails)
     with pytest.raises(TamsError, match=r"frame-.*\.png"):
-        store.propose(ScriptedUI(), frame(), yes=True, figure=figure)
+        store.propose(ScriptedUI(), frame(), yes=True, draw=lambda: figure)
     assert store.in_force("frame") == before
+
+
+def test_ctrl_c_while_the_figure_is_drawn_keeps_the_result_out_of_force(store):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    ui = ScriptedUI()
+    with pytest.raises(KeyboardInterrupt):
+        store.propose(ui, frame(), yes=True, draw=interrupted)
+    assert "Kept, but not in force" in ui.said[-1]
+    (kept,) = store.folder.glob("frame-*.yaml")
+    assert str(kept) in ui.said[-1]
+    assert store.in_force("frame") is None
 
 
 def test_half_a_file_does_not_stay(store, monkeypatch):
