@@ -199,6 +199,8 @@ class CalibrationSet:
         ui.print(
             f"It would replace {before.name}, which is kept." if before else "It is the first."
         )
+        if accept_unfounded and calibration.unfounded:
+            ui.print(f"Note: {calibration.unfounded}.")
         if not yes and not ui.attended:
             ui.print("Nothing is written, for there is no terminal to ask at; --yes writes it.")
             return None

@@ -69,9 +69,9 @@ def own_logs(unlabelled, tmp_path) -> tuple[Path, ...]:
     return tuple(shutil.copytree(log, tmp_path / log.name) for log in unlabelled)
 
 
-def calibrate(config_path: Path, **options) -> int:
+def calibrate(config_path: Path, ui: ScriptedUI | None = None, **options) -> int:
     options = PhaseOptions(config=config_path, **options)
-    return PhaseWizard(ScriptedUI(), options).run()
+    return PhaseWizard(ui or ScriptedUI(), options).run()
 
 
 def labelled(folders: tuple[Path, ...]) -> Material:
@@ -152,7 +152,9 @@ def test_no_thresholds_are_put_in_force_that_do_no_better_than_the_defaults(
     assert load_config(config_path).calibrated_by == ()
     (kept,) = files(config_path, "phases")
     assert "no better" in yaml.safe_load(kept.read_text())["calibration"]["unfounded"]
-    assert calibrate(config_path, logs=logs, accept_unfounded=True) == 0
+    ui = ScriptedUI()
+    assert calibrate(config_path, ui, logs=logs, accept_unfounded=True) == 0
+    assert any("Note: On a trial that they were not learned from" in text for text in ui.said)
     assert len(load_config(config_path).calibrated_by) == 1
 
 
