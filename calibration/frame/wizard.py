@@ -220,12 +220,15 @@ def _advice(frame: FrameFit) -> str:
 def calibration(
     config: Config, outcome: FrameResult, before: Path | None, simulated: bool
 ) -> Calibration:
-    """What is written. A part that was not measured now stays as `before`, the file in force."""
+    """What is written. Buttons that were not measured now stay as in `before`, the file in force.
+
+    A `translation_scale` that an earlier version measured does not: the configuration's counts.
+    """
     changes: dict[str, Any] = {}
     if before is not None:
         changes = deepcopy(read_calibrated(before, KIND).changes)
     rotation = [list(row) for row in rows(outcome.frame.rotation)]
-    changes["hand"] = changes.get("hand", {}) | {"rotation": rotation}
+    changes["hand"] = {"rotation": rotation}
     buttons = outcome.buttons
     if buttons is not None and (buttons.wrong or config.controller.mapping):
         mapping = changes.setdefault("controller", {}).setdefault("mapping", {})

@@ -113,6 +113,17 @@ def test_swapped_buttons_are_put_right_and_stay_so_when_only_the_frame_is_made_a
     assert load_config(path).controller.mapping == put_right
 
 
+@pytest.mark.usefixtures("fitted")
+def test_a_scale_that_an_earlier_version_measured_is_not_copied_on(rig):
+    path = rig()
+    assert calibrate(path)[0] == 0
+    old = in_force(path)[0]
+    old.write_text(old.read_text().replace("rotation:", "translation_scale: 0.5\n    rotation:", 1))
+    assert load_config(path).hand.translation_scale == 0.5
+    assert calibrate(path)[0] == 0
+    assert in_force(path)[1]["config"]["hand"].keys() == {"rotation"}
+
+
 def test_a_person_who_cannot_move_straight_gets_no_file_but_the_reason(rig, monkeypatch):
     monkeypatch.setattr(prompted, "DIRECTION_ERROR_DEG", 5.0)
     path = rig()
