@@ -17,6 +17,7 @@ from calibration.frame.buttons import ButtonFinding, ask_buttons, finding_table
 from calibration.frame.fit import (
     BAD_DEG,
     GOOD_DEG,
+    BeginAgainError,
     FrameFit,
     Matrix,
     RefusedError,
@@ -131,7 +132,11 @@ class FrameWizard(Wizard[FrameOptions]):
         config = mapped(self.config, outcome.buttons)
         turned = {"rotation": rows(outcome.frame.rotation)}
         hand = config.hand.model_copy(update=turned)
-        lit = try_six_directions(self.ui, source, config, hand)
+        try:
+            lit = try_six_directions(self.ui, source, config, hand)
+        except BeginAgainError:
+            self._outcome = None  # nothing measured before holds
+            raise
         self.ui.print(
             f"{sum(lit.values())} of {len(SIX_DIRECTIONS)} directions lit up as asked for."
         )

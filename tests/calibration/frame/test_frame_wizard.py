@@ -14,7 +14,7 @@ from calibration.frame import simulated_person as prompted
 from calibration.frame import wizard
 from calibration.frame.asking import ATTEMPTS, fit_moves, try_six_directions
 from calibration.frame.buttons import ask_buttons
-from calibration.frame.fit import FrameFit, RefusedError, turn_deg
+from calibration.frame.fit import BeginAgainError, FrameFit, RefusedError, turn_deg
 from calibration.frame.simulated_person import SimulatedSetup
 from calibration.frame.sources import SIX_DIRECTIONS
 from calibration.frame.wizard import FrameWizard, rows
@@ -222,6 +222,18 @@ def test_a_frame_whose_directions_light_up_wrongly_is_never_written(rig, monkeyp
     monkeypatch.setattr(wizard, "try_six_directions", lambda *_: lit)
     path = rig()
     with pytest.raises(RefusedError, match=r"Another direction lit up for \+x"):
+        calibrate(path)
+    assert files(path, "frame") == []
+
+
+@pytest.mark.usefixtures("fitted")
+def test_a_headset_recentred_while_the_directions_are_tried_leaves_no_frame(rig, monkeypatch):
+    def recentred(*_):
+        raise BeginAgainError("The headset was recentred")
+
+    monkeypatch.setattr(wizard, "try_six_directions", recentred)
+    path = rig()
+    with pytest.raises(BeginAgainError):
         calibrate(path)
     assert files(path, "frame") == []
 
