@@ -89,6 +89,10 @@ class PhaseOptions(FitOptions):
 class WeightOptions(WizardOptions, FitOptions):
     """Derive the view weights W from people's ratings of clips."""
 
+    sim: Annotated[
+        bool, typer.Option("--sim", help="Let simulated raters rate the clips of --from LOG.")
+    ] = False
+
     ratings: Annotated[
         Path | None, typer.Option(help="Use the rating files in this folder, without asking.")
     ] = None
