@@ -29,6 +29,10 @@ from tests.study.synthetic_study import small_config
 pytestmark = pytest.mark.untimed
 
 
+def test_seeds_are_the_same_on_every_machine() -> None:
+    assert derive_seed(0, "P01", "s2", 1) == 581446635
+
+
 def test_the_published_study_is_planned_as_it_was_run() -> None:
     """Who does what in which order, with which seeds, must never change for a study's seed."""
     plan = make_plan(load_config(None, {"study.repetitions": 1}), 18)

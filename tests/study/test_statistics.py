@@ -105,6 +105,14 @@ def test_the_paired_t_test_is_that_of_fisher_s_maize() -> None:
     assert not paired([float(one) for one in MAIZE[:14]] + [-60.0]).is_shown
 
 
+def test_interval_and_test_say_the_same() -> None:
+    random = np.random.default_rng(1)
+    found = [paired(random.normal(0.4, 1, 12).tolist()) for _ in range(100)]
+    for one in found:
+        assert one.is_shown == (one.estimate.low > 0 or one.estimate.high < 0)
+    assert 10 < sum(one.is_shown for one in found) < 60
+
+
 @given(st.lists(st.floats(0.1, 9), min_size=1, max_size=FEWEST_TO_TEST - 1))
 def test_a_handful_of_participants_shows_nothing(values: list[float]) -> None:
     found = paired(values)

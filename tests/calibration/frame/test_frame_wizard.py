@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 
 import numpy as np
@@ -210,6 +210,18 @@ def test_a_controller_lost_in_the_trial_costs_one_try_and_not_the_calibration(ri
     assert lit == dict.fromkeys(ALL_SIX, True)
     assert asked.count("−x") == 2
     assert any("lost while the trigger was held" in text for text in said)
+
+
+def test_a_squeeze_without_motion_is_no_stroke(rig):
+    readings = count()
+
+    def squeezed(_asked, _now_ns, sample):
+        return replace(sample, trigger=1.0) if 3 <= next(readings) < 9 else sample
+
+    lit, asked, said = try_directions(rig(), change=squeezed)
+    assert lit == dict.fromkeys(ALL_SIX, True)
+    assert asked == ALL_SIX
+    assert not any("Once more" in text for text in said)
 
 
 def test_enter_skips_a_direction(rig):
