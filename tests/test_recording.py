@@ -24,18 +24,16 @@ from tams_app.recording import (
     FrameCaptured,
     FrameShown,
     Recorder,
-    ReferenceRecorder,
     journal,
     mcap_log,
     read_log,
-    read_reference,
     read_video,
     topics,
 )
 from tams_app.recording.codec import Codec
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.mcap_stream import Gap, damage_sentence
-from tams_app.recording.topics import HEADER, TOPICS
+from tams_app.recording.reference import ReferenceRecorder, read_reference
+from tams_app.recording.topics import HEADER, TOPICS, Gap, damage_sentence
 from tams_app.records import (
     Activity,
     Allocation,

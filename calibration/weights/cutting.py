@@ -26,7 +26,8 @@ from tams_app.config.section import describe_validation_error
 from tams_app.config.whole import without_removed
 from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, UnreadableLogError
-from tams_app.recording import LOG_NAME, SessionLog, read_log, read_reference, read_video
+from tams_app.recording import LOG_NAME, SessionLog, read_log, read_video
+from tams_app.recording.reference import read_reference
 from tams_app.records import Frame, Image, Phase, PhaseChange
 from tams_app.session.recorders import REFERENCE_NAME
 from tams_app.units import NS_PER_MS, NS_PER_S

@@ -11,16 +11,19 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from tams_app.capacity import Capacity
 from tams_app.recording.mcap_log import McapLog
-from tams_app.recording.reference import ReferenceRecorder
 from tams_app.recording.topics import Facts, FrameCaptured, FrameShown, PacketBatch, RecordsLost
 from tams_app.records import Frame, LinkCapacity, Newest, Note, PacketRecord, Record, ShownFrame
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import BoundedQueue
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS, NS_PER_S
+
+if TYPE_CHECKING:  # few sessions keep them
+    from tams_app.recording.reference import ReferenceRecorder
 
 
 class Journal(ABC):

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
@@ -21,44 +20,13 @@ from mcap.summary import Summary
 from zstandard import ZstdError, frame_content_size
 
 from tams_app.errors import UnreadableLogError
+from tams_app.recording.topics import Gap
 
 _LIMIT_BYTES = 1 << 26  # of a record, and of a chunk unpacked: ours have some MB at most
 _FOOTER = struct.Struct("<BQQQI")  # opcode, length, start of the summary, of its offsets, checksum
 _MAGIC_BYTES, _CHECKSUM_BYTES = 8, 4
 # What flipped bytes make of the reader; a checksum that does not fit is a ValueError.
 DAMAGE = (McapError, ZstdError, struct.error, ValueError, OverflowError, MemoryError)
-
-
-@dataclass(frozen=True, slots=True)
-class Gap:
-    """Part of a log that cannot be read: `start_ns` to `end_ns`, None where that is not known."""
-
-    start_ns: int | None
-    end_ns: int | None
-
-
-def damage_sentence(missing: Sequence[tuple[float | None, float | None]]) -> str:
-    """What a log lacks; "" if that is nothing.
-
-    missing: from when to when [s since the start], None where that is not known.
-    """
-    sentences = []
-    stretches: list[tuple[float, float]] = []
-    for from_s, to_s in sorted(
-        (from_s or 0.0, to_s) for from_s, to_s in missing if to_s is not None
-    ):
-        if stretches and from_s <= stretches[-1][1]:  # chunks that lie over one another
-            from_s, before_s = stretches.pop()
-            to_s = max(to_s, before_s)
-        stretches.append((from_s, to_s))
-    if lost := [f"{from_s:.1f} to {to_s:.1f} s" for from_s, to_s in stretches]:
-        sentences.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
-    if cut := [from_s for from_s, to_s in missing if to_s is None]:
-        sentences.append(
-            f"The log ends early, at {cut[0] or 0:.1f} s (the session was killed, the disk was "
-            "full, or the file was cut or damaged)."
-        )
-    return " ".join(sentences)
 
 
 class McapStream:

@@ -13,7 +13,7 @@ from mcap.records import Message
 
 from tams_app import __version__
 from tams_app.errors import UnreadableLogError
-from tams_app.recording.mcap_stream import Gap, McapStream, messages_between, protobuf_fields
+from tams_app.recording.mcap_stream import McapStream, messages_between, protobuf_fields
 from tams_app.recording.topics import (
     FORMER_NAMES,
     HEADER,
@@ -23,6 +23,7 @@ from tams_app.recording.topics import (
     TOPICS,
     VIDEO_PREFIX,
     FrameSent,
+    Gap,
     Header,
     RecordsLost,
     SessionLog,

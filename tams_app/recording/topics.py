@@ -12,7 +12,6 @@ from operator import attrgetter
 from typing import Annotated, Any, TypeVar
 
 from tams_app.recording.codec import Codec
-from tams_app.recording.mcap_stream import Gap, damage_sentence
 from tams_app.records import (
     Allocation,
     CameraRates,
@@ -237,6 +236,38 @@ class Topic(Codec[T]):
 def records(name: str, record_type: type[T], time: str = "t_ns") -> list[T]:
     """A field of `SessionLog`: the list of a topic's records; arguments as of `Topic`."""
     return field(default_factory=list, metadata={Topic: Topic(name, record_type, time)})
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Part of a log that cannot be read: `start_ns` to `end_ns`, None where that is not known."""
+
+    start_ns: int | None
+    end_ns: int | None
+
+
+def damage_sentence(missing: Sequence[tuple[float | None, float | None]]) -> str:
+    """What a log lacks; "" if that is nothing.
+
+    missing: from when to when [s since the start], None where that is not known.
+    """
+    sentences = []
+    stretches: list[tuple[float, float]] = []
+    for from_s, to_s in sorted(
+        (from_s or 0.0, to_s) for from_s, to_s in missing if to_s is not None
+    ):
+        if stretches and from_s <= stretches[-1][1]:  # chunks that lie over one another
+            from_s, before_s = stretches.pop()
+            to_s = max(to_s, before_s)
+        stretches.append((from_s, to_s))
+    if lost := [f"{from_s:.1f} to {to_s:.1f} s" for from_s, to_s in stretches]:
+        sentences.append(f"The log is damaged: what was recorded at {', '.join(lost)} is missing.")
+    if cut := [from_s for from_s, to_s in missing if to_s is None]:
+        sentences.append(
+            f"The log ends early, at {cut[0] or 0:.1f} s (the session was killed, the disk was "
+            "full, or the file was cut or damaged)."
+        )
+    return " ".join(sentences)
 
 
 @dataclass(slots=True)

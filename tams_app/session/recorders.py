@@ -13,7 +13,7 @@ import psutil
 
 from tams_app import __version__
 from tams_app.config import Config
-from tams_app.recording import LOG_NAME, Header, Recorder, ReferenceRecorder
+from tams_app.recording import LOG_NAME, Header, Recorder
 from tams_app.recording.journal import DirectRecorder, Journal
 from tams_app.recording.mcap_log import McapLog
 from tams_app.records import ServoMode, SystemSample
@@ -21,10 +21,10 @@ from tams_app.robot.control import Signals
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.mailbox import Sentences
 from tams_app.runtime.worker import OnFailure
-from tams_app.session.ros2_bridge import Ros2Bridge
 from tams_app.session.viewing import invitations, viewers_of
 
 if TYPE_CHECKING:
+    from tams_app.session.ros2_bridge import Ros2Bridge
     from tams_app.station.linked_robot import Requests
 
 REFERENCE_NAME = "reference.mcap"
@@ -53,6 +53,8 @@ def live_records(
     bridge: Ros2Bridge | None = None
     with ExitStack() as stack:
         if keeping.ros2 is not None:
+            from tams_app.session.ros2_bridge import Ros2Bridge
+
             bridge = Ros2Bridge(keeping.ros2, header, clock, folder / "helpers")
             stack.callback(bridge.end)
         viewers, context = viewers_of(config, header)
@@ -63,6 +65,8 @@ def live_records(
         log = Recorder(file, clock, on_failure, sentences.note)
         stack.callback(log.close)
         if keeping.record_reference:
+            from tams_app.recording.reference import ReferenceRecorder
+
             path = folder / REFERENCE_NAME
             log.reference = ReferenceRecorder(path, wall_offset_ns, free_mb, on_failure)
             stack.callback(log.reference.close)

@@ -10,8 +10,9 @@ import numpy as np
 
 from tams_app import gst
 from tams_app.config import VideoConfig, load_config
-from tams_app.recording import Recorder, ReferenceRecorder
+from tams_app.recording import Recorder
 from tams_app.recording.mcap_log import McapLog
+from tams_app.recording.reference import ReferenceRecorder
 from tams_app.records import EncodedFrame, Frame, Image, Phase, PhaseChange
 from tams_app.runtime.clock import MonotonicClock
 from tams_app.units import NS_PER_S
