@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.prediction.plane_warp import corners_of, inverse, mounted, projected, silhouette
+from tams_app.prediction.plane_warp import corners_of, inverse, mounted, silhouette
 from tams_app.records import ArmFigure, Image, Lens, Pose, Solid, Vector
 from tams_app.rotation import Rotation
 from tams_app.vectors import ZERO, Floats3
@@ -125,7 +125,7 @@ class ArmOutline:
             yield from _frames(self._links, arm.joints)
 
     def _pixels(self, frame: Pose, points: Points) -> Points:
-        return projected(_mounted(frame, points), self._lens)
+        return self._lens.projected(_mounted(frame, points))
 
 
 class _Hulls:

@@ -18,17 +18,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from tams_app.records import Image, Lens, Pose, Solid, SolidKind
+from tams_app.records import FAR_PX, Image, Lens, Pose, Solid, SolidKind
 
 _LEAST_HEIGHT_M = 0.02  # of the camera above the plane
-_NEAR_M = 0.005  # before the camera: what is nearer is not drawn into a mask
 _MARGIN_PX = 3
 _FACETS = 16
 _UNSEEN = 64  # grey level of places that the frame did not show
 _BORDER_POINTS = 9  # of each side of a picture that is distorted
 _EDGE_PX, _MOST_BETWEEN = 16.0, 64  # how far apart are points of an edge that is bent
 _CELL_PX = 8  # of the mesh on which the map is computed; between its points it is linear
-_FAR_PX = 1e4
 _LEAST_DEPTH = 1e-6
 _ONE_MAP = np.empty(0, np.float32)  # the second map, where the first has both coordinates
 
@@ -89,7 +87,7 @@ def silhouette(hulls: Sequence[NDArray[np.float64]], lens: Lens) -> Image:
     covered = np.zeros((lens.height, lens.width), np.uint8)
     if not hulls:
         return covered
-    is_seen, slopes = _slopes(np.concatenate(hulls), lens)
+    is_seen, slopes = lens.slopes_to(np.concatenate(hulls))
     numbers = np.repeat(np.arange(len(hulls)), [len(hull) for hull in hulls])[is_seen]
     each = np.searchsorted(numbers, np.arange(1, len(hulls)))
     if lens.is_distorted:  # the hull is of straight lines, which the picture bends
@@ -105,30 +103,8 @@ def silhouette(hulls: Sequence[NDArray[np.float64]], lens: Lens) -> Image:
     return covered
 
 
-def projected(points: NDArray[np.float64], lens: Lens) -> NDArray[np.float64]:
-    """Where the camera sees those of `points`, shape (n, 3), that are before it [px], shape (m, 2).
-
-    The points are in the camera's parent frame.
-    """
-    return _clipped(lens.pixels(_slopes(points, lens)[1]))
-
-
-def _slopes(
-    points: NDArray[np.float64], lens: Lens
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Which `points` are before the camera, and the rays (x, y, 1) to those, shape (m, 2)."""
-    seen = (points - lens.pose.position) @ lens.pose.rotation.as_matrix()  # in the camera's axes
-    is_seen = seen[:, 2] > _NEAR_M
-    seen = seen[is_seen]
-    return is_seen, np.asarray(seen[:, :2] / seen[:, 2:])
-
-
 def _whole(pixels: NDArray[np.float64]) -> NDArray[np.int32]:
-    return np.rint(_clipped(pixels)).astype(np.int32)
-
-
-def _clipped(pixels: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.clip(pixels, -1e4, 1e4)
+    return np.rint(np.clip(pixels, -FAR_PX, FAR_PX)).astype(np.int32)
 
 
 def _between(corners: NDArray[np.float64], step: float) -> NDArray[np.float64]:
@@ -177,7 +153,7 @@ class RayMap:
         """
         then = self._rays @ change.T
         depth = np.maximum(then[:, 2:], _LEAST_DEPTH)
-        pixels = np.clip(self._lens.pixels(then[:, :2] / depth), -_FAR_PX, _FAR_PX)
+        pixels = np.clip(self._lens.pixels(then[:, :2] / depth), -FAR_PX, FAR_PX)
         mesh = pixels.astype(np.float32).reshape(*self._shape, 2)
         rows, columns = self._shape
         fine = cv2.resize(mesh, (columns * _CELL_PX, rows * _CELL_PX))

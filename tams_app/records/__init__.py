@@ -14,6 +14,7 @@ from tams_app.records.arm import CommandLink as CommandLink
 from tams_app.records.arm import LinkFault as LinkFault
 from tams_app.records.arm import MountPrediction as MountPrediction
 from tams_app.records.arm import ServoMode as ServoMode
+from tams_app.records.figure import FAR_PX as FAR_PX
 from tams_app.records.figure import NO_DISTORTION as NO_DISTORTION
 from tams_app.records.figure import ArmFigure as ArmFigure
 from tams_app.records.figure import Lens as Lens

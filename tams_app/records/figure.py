@@ -57,6 +57,8 @@ def focal_length_px(fovy_deg: float, height_px: int) -> float:
     return height_px / 2.0 / math.tan(math.radians(fovy_deg) / 2.0)
 
 
+FAR_PX = 1e4  # from the middle: pixels beyond are as far off as this
+_NEAR_M = 0.005  # before the camera: what is nearer is not seen
 NO_DISTORTION = (0.0, 0.0, 0.0, 0.0, 0.0)
 _BEYOND = 1.2  # times the farthest corner: from there on the distortion grows no more
 _STEPS = 256
@@ -147,6 +149,25 @@ class Lens:
                 break
             slopes -= self._correction(slopes, error)
         return slopes
+
+    def slopes_to(
+        self, points: NDArray[np.float64]
+    ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+        """Which `points` are before the camera, and the rays (x, y, 1) to those, shape (m, 2).
+
+        `points`: in the parent frame, shape (n, 3).
+        """
+        seen = (points - self.pose.position) @ self.pose.rotation.as_matrix()  # in camera axes
+        is_seen = seen[:, 2] > _NEAR_M
+        seen = seen[is_seen]
+        return is_seen, np.asarray(seen[:, :2] / seen[:, 2:])
+
+    def projected(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the camera sees those of `points` that are before it [px], shape (m, 2).
+
+        `points`: in the parent frame, shape (n, 3).
+        """
+        return np.clip(self.pixels(self.slopes_to(points)[1]), -FAR_PX, FAR_PX)
 
     @property
     def _reach(self) -> float:

@@ -11,14 +11,12 @@ import numpy as np
 
 from tams_app.config import Config, VideoConfig
 from tams_app.errors import TamsError
-from tams_app.prediction.plane_warp import projected
 from tams_app.recording.journal import Journal
 from tams_app.records import Frame, FrameQuality, Lens, Record, TaskRegion, Tick, Vector, ViewState
 from tams_app.robot.listener import Listener
 from tams_app.runtime.parts import Parts
 from tams_app.session.viewing import scene_of, tool_tip
-from tams_app.station.mount_memory import mount_specification
-from tams_app.station.screen import Screen
+from tams_app.station.screen import Screen, mount_specification
 from tams_app.units import NS_PER_S
 from tams_app.video.live.frame_ring import CAPTURED, FrameBlock
 from tams_app.video.live.reporting_helper import ReportingHelper
@@ -78,7 +76,7 @@ def task_region(lens: Lens, tcp: Vector) -> TaskRegion | None:
 
     `tcp`: position in the frame of the lens's parent [m], shape (3,).
     """
-    pixels = projected(tcp.reshape(1, 3), lens)
+    pixels = lens.projected(tcp.reshape(1, 3))
     if not len(pixels):
         return None
     x_px, y_px = pixels[0].tolist()

@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
 from tams_app.records import SessionState
+from tams_app.robot.listener import Listener
 from tams_app.robot.side import RobotSide, bind_video, start_devices
 from tams_app.robot.status import StatusBoard
 from tams_app.session.local_operator import LocalOperator
-from tams_app.session.predicting import follow_states, predicted_cameras
 from tams_app.session.quality import LiveQuality, task_regions
 from tams_app.session.session import Outset, Session
 from tams_app.station.hand import OperatorHand, launch_operator
 from tams_app.station.receivers import Receivers
 from tams_app.station.screen import Screen
 from tams_app.video.live.codecs import installed_codecs
+
+if TYPE_CHECKING:  # few sessions predict
+    from tams_app.prediction.present import PredictedCamera
 
 
 @contextmanager
@@ -30,7 +34,13 @@ def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Ite
     config, clock = outset.config, outset.clock
     with outset.starting() as parts:
         codecs, log = installed_codecs(config.video), outset.open_log(config, parts)
-        screen = Screen(config.video, parts, log, predicted_cameras(config))
+        predicts = config.view.predict != "off"
+        cameras: Mapping[str, PredictedCamera] = {}
+        if predicts:
+            from tams_app.session.predicting import follow_states, predicted_cameras
+
+            cameras = predicted_cameras(config)
+        screen = Screen(config.video, parts, log, cameras)
         ground = outset.ground(parts, log, arm_at_once, dry_run)
         board, devices = StatusBoard(config, log.newest), start_devices(ground)
         confirms, world = not arm_at_once, devices.memory_name
@@ -54,7 +64,9 @@ def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Ite
         screen.hide()
         outset.go_on()
         operator = LocalOperator(hand, receivers, config)
-        listeners = (*follow_states(config, clock, parts, log, screen.mount), regions)
+        listeners: tuple[Listener, ...] = (regions,)
+        if predicts:
+            listeners = (*follow_states(config, clock, parts, log, screen.mount), regions)
         robot = RobotSide(ground, board, devices, video, operator, listeners)
         outset.ready(parts)
         robot.begin()

@@ -31,12 +31,12 @@ from tams_app.runtime.realtime import (
 from tams_app.session.recorders import LoadMonitor, live_records
 from tams_app.station.fresh_video import Displays
 from tams_app.station.hand import OperatorHand
-from tams_app.station.mount_memory import MountMemory
 from tams_app.station.screen import Screen
 from tams_app.video.live.frame_ring import FrameBlock
 
 if TYPE_CHECKING:
     from tams_app.station.linked_robot import Requests
+    from tams_app.station.mount_memory import MountMemory
 
 
 class Spoken(Journal):

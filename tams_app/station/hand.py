@@ -17,9 +17,8 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.process import HelperProcess
 from tams_app.runtime.shared_ring import new_block_name
-from tams_app.station.mount_memory import mount_specification
 from tams_app.station.recorded_hand import recorded_hand
-from tams_app.station.screen import Screen
+from tams_app.station.screen import Screen, mount_specification
 from tams_app.video.live.reporting_helper import ReportingHelper
 
 MakeHand = Callable[[Config], Controller]

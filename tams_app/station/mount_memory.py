@@ -76,6 +76,11 @@ class MountMemory:
             )
         )
 
+    def specification(self) -> dict[str, Any]:
+        """What a helper process makes `described_views` from."""
+        cameras = msgspec.to_builtins(self.cameras, enc_hook=numbers_of)
+        return {"mount_memory": self.name, "cameras": cameras}
+
     def hide(self) -> None:
         """Take the name away, once all readers have it open: nothing is left behind then."""
         remove_block(self.name)
@@ -85,16 +90,6 @@ class MountMemory:
         self.hide()
         os.close(self.descriptor)
         self._memory.close()
-
-
-def mount_specification(mount: MountMemory | None) -> dict[str, Any]:
-    """What a helper process makes `described_views` from; None: no view is corrected."""
-    if mount is None:
-        return {"mount_memory": "", "cameras": {}}
-    return {
-        "mount_memory": mount.name,
-        "cameras": msgspec.to_builtins(mount.cameras, enc_hook=numbers_of),
-    }
 
 
 class PresentViews:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 from tams_app.config import VideoConfig
-from tams_app.prediction.present import PredictedCamera
 from tams_app.recording.journal import Journal
 from tams_app.records import ShownFrame
 from tams_app.runtime.parts import Parts
-from tams_app.station.mount_memory import CameraWatch, MountMemory
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
+
+if TYPE_CHECKING:  # few sessions predict
+    from tams_app.prediction.present import PredictedCamera
+    from tams_app.station.mount_memory import CameraWatch, MountMemory
 
 
 class Screen:
@@ -34,6 +37,8 @@ class Screen:
         self.mount: MountMemory | None = None
         self._camera_watch: CameraWatch | None = None
         if cameras:
+            from tams_app.station.mount_memory import CameraWatch, MountMemory
+
             self.mount = MountMemory(cameras)
             parts.stack.callback(self.mount.close)
             self._camera_watch = CameraWatch(self.mount, log.note)
@@ -50,3 +55,8 @@ class Screen:
         self.frames.hide()
         if self.mount is not None:
             self.mount.hide()
+
+
+def mount_specification(mount: MountMemory | None) -> dict[str, Any]:
+    """What a helper process makes `described_views` from; None: no view is corrected."""
+    return {"mount_memory": "", "cameras": {}} if mount is None else mount.specification()

@@ -19,7 +19,7 @@ from tams_app import cli
 from tams_app.config import Config, LensConfig, MountConfig, load_config
 from tams_app.console import doctor
 from tams_app.errors import SetupError, TamsError
-from tams_app.prediction.plane_warp import RayMap, border_rays, mounted, plane_change, projected
+from tams_app.prediction.plane_warp import RayMap, border_rays, mounted, plane_change
 from tams_app.records import Lens, Pose
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras
@@ -84,7 +84,7 @@ def test_each_mount_is_found_and_so_is_how_far_off_a_prediction_is_in_pixels(cal
         assert apart < (0.001 if view == "eih" else 0.004)
         assert np.degrees(turned) < 0.3
         rays = np.insert(true.slopes(GRID), 2, 1.0, axis=1) * DISTANCE_M[view]
-        off = projected(true.pose.position + true.pose.rotation.apply(rays), found) - GRID
+        off = found.projected(true.pose.position + true.pose.rotation.apply(rays)) - GRID
         assert np.sqrt((off**2).sum(axis=1).mean()) < 0.5
         assert told.error_px < 0.5
 

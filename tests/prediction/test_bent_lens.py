@@ -16,7 +16,6 @@ from tams_app.prediction.plane_warp import (
     corners_of,
     mounted,
     plane_change,
-    projected,
     silhouette,
 )
 from tams_app.records import NO_DISTORTION, Lens, Pose, Solid, SolidKind
@@ -122,7 +121,7 @@ def test_a_bent_edge_is_filled_up_to_where_its_points_are_projected():
     along = np.linspace(-0.09, 0.09, 50)
     for inside, there in ((0.059, 255), (0.061, 0)):
         edge = np.column_stack((along, np.full(50, -inside), np.zeros(50)))
-        pixels = np.rint(projected(solid.pose.position + edge, lens)).astype(int)
+        pixels = np.rint(lens.projected(solid.pose.position + edge)).astype(int)
         seen = pixels[(pixels >= 0).all(axis=1) & (pixels < (640, 480)).all(axis=1)][2:-2]
         assert len(seen) > 20
         assert (shape[seen[:, 1], seen[:, 0]] == there).all()

@@ -7,7 +7,7 @@ import pytest
 from hw.lite6.kind import Lite6Figure
 from tams_app.config import load_config
 from tams_app.prediction.outline import ArmOutline, PlacedArm, links_of
-from tams_app.prediction.plane_warp import corners_of, mounted, projected, silhouette
+from tams_app.prediction.plane_warp import corners_of, mounted, silhouette
 from tams_app.records import Lens, Pose, Solid, SolidKind
 from tams_app.rotation import Rotation
 from tams_app.session.predicting import predicted_cameras
@@ -127,7 +127,7 @@ def test_the_rig_s_cameras_see_the_arm_within_its_outline(view: str, turn: float
         ("link6", (0.0, 0.012, 0.075)),
     ):
         at = mounted(links[name], Pose(np.array(place), STRAIGHT)).position
-        ((x, y),) = projected(at[None], lens)
+        ((x, y),) = lens.projected(at[None])
         if 4 <= round(x) < lens.width - 4 and 4 <= round(y) < lens.height - 4:
             assert part[round(y) - 4, round(x) - 4] != background, name
             seen += 1

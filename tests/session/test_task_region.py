@@ -15,7 +15,6 @@ from hw.arms import arm_kind
 from hw.sim.layout import HEIGHT_PX, VIEWS, WIDTH_PX, draw_layout
 from hw.sim.world.scene import build_model
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.prediction.plane_warp import projected
 from tams_app.records import Activity, ArmState, Lens, Pose, ServoMode
 from tams_app.rotation import Rotation
 from tams_app.session.quality import LEAST_RADIUS_PX, RADIUS_M, task_region, task_regions
@@ -45,8 +44,8 @@ def test_the_region_is_the_disc_of_a_ball_about_the_tool_wherever_the_camera_is(
     rotation, shift = Rotation.from_rotvec(turn), np.array(moved)
     here = task_region(AHEAD, np.array(tcp))
     there = task_region(turned(AHEAD, rotation, shift), rotation.apply(np.array(tcp)) + shift)
-    (x_px, y_px), (edge_px, _) = projected(
-        np.array([tcp, (tcp[0] + RADIUS_M, tcp[1], tcp[2])]), AHEAD
+    (x_px, y_px), (edge_px, _) = AHEAD.projected(
+        np.array([tcp, (tcp[0] + RADIUS_M, tcp[1], tcp[2])])
     )
     inside = 0.01 < x_px < 639.99 and 0.01 < y_px < 479.99
     outside = not (-0.01 < x_px < 640.01 and -0.01 < y_px < 480.01)
