@@ -20,7 +20,7 @@ from tams_app.records import ControllerSample, ControllerStatus, Haptic, Image
 from tams_app.runtime.clock import MonotonicClock, VirtualClock
 from tams_app.runtime.parts import Parts
 from tams_app.runtime.shared_ring import new_block_name
-from tams_app.station.hand import RigOperator
+from tams_app.station.rig_operator import RigOperator
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.live.frame_ring import SHOWN, FrameBlock, RingLayout
 from tests.hw.sim.operator.scripted_pick import READY
