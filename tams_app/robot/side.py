@@ -14,9 +14,7 @@ from tams_app.records import Activity, Placed, Record, SessionState, Tick
 from tams_app.robot import build
 from tams_app.robot.arm_gate import GATE_TIMEOUT_S, ArmGate
 from tams_app.robot.devices import ConnectedDevices, Devices
-from tams_app.robot.dry_run import DryRunArm
 from tams_app.robot.engine import Engine
-from tams_app.robot.episode_keeper import EpisodeKeeper
 from tams_app.robot.ground import LiveGround
 from tams_app.robot.guarding import Guarding
 from tams_app.robot.listener import Listener
@@ -27,7 +25,6 @@ from tams_app.robot.status import StatusBoard
 from tams_app.robot.video import TakeFrame
 from tams_app.runtime.clock import FixedRate
 from tams_app.runtime.worker import Worker
-from tams_app.task.episodes import Episodes
 from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
@@ -99,6 +96,9 @@ class RobotSide(Listener):
         self._rates = FrameRates(config.video.views, ground.clock, log)
         keeping, self._episodes = config.recording, None
         if keeping.episodes:
+            from tams_app.robot.episode_keeper import EpisodeKeeper
+            from tams_app.task.episodes import Episodes
+
             wanted = Episodes(keeping.countdown_s, keeping.episode_limit_s, keeping.episode_count)
             self._episodes = EpisodeKeeper(wanted, ground.signals, log)
         self._cameras = parts.stack.enter_context(ExitStack())  # end after the arm
@@ -135,6 +135,8 @@ class RobotSide(Listener):
         arm = devices.make_arm()
         boundary = session_boundary(config.arm, config.limits)
         if ground.dry_run:
+            from tams_app.robot.dry_run import DryRunArm
+
             arm = DryRunArm(arm, config.arm, ground.clock, boundary)
             log.note("warning", "dry run: the arm does not move, its commands go to a model of it")
         guard.join(arm, parts.stack, arm.connect)
