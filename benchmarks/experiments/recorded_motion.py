@@ -28,6 +28,7 @@ from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import session_header
 from tams_app.session.virtual.side import VirtualRobot
+from tams_app.robot.trial import task_geometry
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
@@ -133,7 +134,7 @@ class _Recording(Listener):
         self._to_and_fro = to_and_fro
         self._period_ns = round(NS_PER_S / config.control.rate_hz)
         self._robot = robot = VirtualRobot(config, clock, lambda _level, _text: None)
-        self._judge = TrialJudge(config.trial, build.task_geometry())
+        self._judge = TrialJudge(config.trial, task_geometry())
         controller = demo_controller(config, self._see)
         self._loop = build.control_loop(
             config,

@@ -26,7 +26,7 @@ from tams_app.console.report import session_log
 from tams_app.errors import ConfigError, SetupError, UnreadableLogError
 from tams_app.recording import LOG_NAME, SessionLog, read_log
 from tams_app.records import Phase, SceneTruth, Tick, Vector
-from tams_app.robot.build import task_geometry
+from tams_app.robot.trial import task_geometry
 from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.safety import ArmingState
 

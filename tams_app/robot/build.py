@@ -21,7 +21,6 @@ from tams_app.robot.control import ControlLoop, LoopDevices, Observer, Signals
 from tams_app.robot.devices import Devices
 from tams_app.robot.listener import Listener
 from tams_app.runtime.clock import Clock
-from tams_app.task.judge import TaskGeometry
 from tams_app.teleop.drive import POSE_GAIN_PER_S
 from tams_app.teleop.hands import SIMULATED
 from tams_app.teleop.limits import linear_profile
@@ -153,14 +152,3 @@ def teleop(config: Config, delay_ns: int) -> Teleop:
 def ready_pose(config: Config) -> Pose:
     joints = np.radians(np.array(config.arm.ready_joints_deg))
     return arm_kind(config.arm.model).kinematics(config.arm).tcp_pose(joints)
-
-
-def task_geometry() -> TaskGeometry:
-    """Sizes of the simulated rig's things, for the rules of the trial."""
-    from hw.sim.layout import BLOCK_HEIGHT_M, CONTAINER_HEIGHT_M, CONTAINER_INNER_M
-
-    return TaskGeometry(
-        container_inner=CONTAINER_INNER_M,
-        container_height=CONTAINER_HEIGHT_M,
-        block_rest_height=BLOCK_HEIGHT_M / 2,
-    )

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from hw.arms import arm_kind
 from tams_app.recording.journal import Journal
-from tams_app.records import Phase, PhaseChange, Record
+from tams_app.records import Outcome, Phase, PhaseChange, Record
 from tams_app.robot import build
 from tams_app.robot.control import LoopDevices
 from tams_app.robot.devices import ConnectedDevices
 from tams_app.robot.ground import Ground
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialLook, TrialObserver
+from tams_app.robot.observers import ArmingNotes, HeatWatch, StopWatch, TrialLook
 from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
 from tams_app.robot.video import Video
 from tams_app.teleop.hands import HAND_FACT
+
+if TYPE_CHECKING:  # of the rig
+    from tams_app.robot.trial import TrialObserver
 
 VIDEO_DELAY_FACT = "video_delay_ns"
 
@@ -44,12 +48,17 @@ class Engine:
         self._devices, self._operator, self._video = devices, operator, video
         self._clock, self._log = ground.clock, log
         self._stops = StopWatch()
-        self.trial = TrialObserver(config.trial, devices.truth is not None)
+        self.trial: TrialObserver | None = None  # without a known scene only a person can judge
+        if devices.truth is not None:
+            from tams_app.robot.trial import TrialObserver
+
+            self.trial = TrialObserver(config.trial)
         recorded = RecordedSteps(log)
         self.policy = PolicyLoop(config, ground.clock, video, log, (recorded, *listeners))
         arming = ArmingNotes(signals, lambda: operator.hand, arm_at_once)
         heat = HeatWatch(arm_kind(config.arm.model).limits.hot_motor_c)
         guard = () if devices.guard is None else (devices.guard,)
+        trial = () if self.trial is None else (self.trial,)
         controller = operator.take_controller()
         self.control = build.control_loop(
             config,
@@ -58,7 +67,7 @@ class Engine:
             video.delay_ns,
             signals,
             # the guard first: its heartbeat before all else, armed and disarmed before any report
-            (*guard, self.trial, recorded, self.policy, *listeners),
+            (*guard, *trial, recorded, self.policy, *listeners),
             (arming, heat, self._stops),
         )
 
@@ -74,11 +83,17 @@ class Engine:
     def look(self) -> TrialLook:
         """Record where things are and look at the trial; a person is given no time limit."""
         scene = None if self._devices.truth is None else self._devices.truth()
-        if scene is None:
+        if scene is None or self.trial is None:
             return TrialLook()
         self._log.record(scene)
         arm = self._devices.arm.state()
         return self.trial.look(self._clock.now_ns(), scene, arm, self._operator.is_simulated)
+
+    def outcome(self, reason: str) -> Outcome:
+        """The verdict; `reason` says why the session ended."""
+        if self.trial is None:
+            return Outcome(None, None, None, None, reason)
+        return self.trial.outcome(reason)
 
     def finish(self) -> None:
         """The control loop has ended: log a stop whose end was not seen."""

@@ -1,16 +1,12 @@
-"""A session's conclusions from each tick: advice for the operator, stops, the trial."""
+"""A session's conclusions from each tick: advice for the operator, and stops."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tams_app.config import TrialConfig
 from tams_app.records import ArmState, Note, Outcome, Record, SceneTruth, StopRecord, Tick
-from tams_app.robot import build
 from tams_app.robot.control import Signals, describe, lasting_label
-from tams_app.robot.listener import Listener
-from tams_app.task.judge import TrialJudge
 from tams_app.teleop.hands import words_of_hand
 from tams_app.teleop.reasons import advice, refusal
 from tams_app.teleop.records import TeleopInput, TeleopOutput
@@ -140,57 +136,3 @@ class TrialLook:
 
     placed: bool = False
     over: bool = False
-
-
-class TrialObserver(Listener):
-    """Asks the judge of a pick-and-place at each look, some `TRIAL_RATE_HZ` a second.
-
-    Where nothing knows the scene only a person can judge: then it knows nothing but why the session
-    ended.
-    """
-
-    def __init__(self, config: TrialConfig, judges: bool) -> None:
-        """`judges`: the scene is known."""
-        self._config, self._judges = config, judges
-        self._judge = self._new_judge()
-        self._first_placed: TrialJudge | None = None
-
-    @property
-    def started(self) -> bool:
-        """The operator has engaged the arm."""
-        return self._judge.started
-
-    def receive(self, record: Record) -> None:
-        if isinstance(record, Tick) and record.arming == ArmingState.ENGAGED.value:
-            self._judge.engaged(record.started_ns)
-
-    def again(self) -> None:
-        """Judge anew, as the block is put back; the first trial that was placed stays the verdict.
-
-        In the control thread.
-        """
-        self._first_placed = self._first_placed or (self._judge if self._judge.placed else None)
-        self._judge = self._new_judge()
-
-    def look(
-        self, now_ns: int, scene: SceneTruth, arm: ArmState | None, is_limited: bool
-    ) -> TrialLook:
-        """Ask the judge; `is_limited`: it ends when the block is placed or its time is over.
-
-        A person takes their time and goes on for as long as they like.
-        """
-        closed = None if arm is None else arm.gripper_closed
-        judge = self._judge
-        was_placed = judge.placed
-        if not judge.step(now_ns, scene, closed, is_limited):
-            return TrialLook()
-        return TrialLook(judge.placed and not was_placed, is_limited)
-
-    def outcome(self, reason: str) -> Outcome:
-        """The verdict; `reason` says why the session ended."""
-        if not self._judges:
-            return Outcome(None, None, None, None, reason)
-        return (self._first_placed or self._judge).outcome(reason)
-
-    def _new_judge(self) -> TrialJudge:
-        return TrialJudge(self._config, build.task_geometry())

@@ -25,7 +25,6 @@ from tams_app.robot.status import StatusBoard
 from tams_app.robot.video import TakeFrame
 from tams_app.runtime.clock import FixedRate
 from tams_app.runtime.worker import Worker
-from tams_app.task.judge import PLACED
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.codecs import Codecs
 from tams_app.video.live.networks import described, read_trace, resolve_network
@@ -216,7 +215,7 @@ class RobotSide(Listener):
         if self._episodes is not None:
             self._episodes.finish()
         try:
-            self._ground.log.record(self._engine.trial.outcome(reason))
+            self._ground.log.record(self._engine.outcome(reason))
         finally:
             if self._link is not None:
                 self._link.end(reason, failed)
@@ -235,11 +234,13 @@ class RobotSide(Listener):
         if self._operator.is_simulated:  # places the block once, and knows of no episodes
             return
         self._devices.put_back()
-        self._engine.trial.again()
-        if self._devices.truth is not None:  # else nothing was put back, and no judge sees it
+        if self._engine.trial is not None:  # else nothing was put back, and no judge sees it
+            self._engine.trial.again()
             self._record_placed(False)
 
     def _on_placed(self) -> None:
+        from tams_app.task.judge import PLACED  # the judge has found it
+
         self._record_placed(True)
         then = "" if self._operator.is_simulated else ": go on, or press q to end the session"
         self._ground.log.note("info", PLACED + then)

@@ -14,6 +14,7 @@ from tams_app.config import load_config
 from tams_app.records import (
     Allocation,
     Frame,
+    Outcome,
     Phase,
     PhaseChange,
     Pose,
@@ -21,7 +22,6 @@ from tams_app.records import (
     ShownFrame,
     Tick,
 )
-from tams_app.robot import build
 from tams_app.robot.arm_gate import ArmGate
 from tams_app.robot.control import Signals
 from tams_app.robot.devices import ConnectedDevices
@@ -29,6 +29,7 @@ from tams_app.robot.engine import Engine
 from tams_app.robot.ground import Ground
 from tams_app.robot.listener import Listener
 from tams_app.robot.operator import Operator
+from tams_app.robot.trial import task_geometry
 from tams_app.robot.video import Video
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
@@ -106,7 +107,7 @@ class Guard(Listener):
 
 
 class Bench:
-    def __init__(self):
+    def __init__(self, truth_is_known=True):
         self.clock, self.heard = VirtualClock(), []
         ready = np.radians(np.array(CONFIG.arm.ready_joints_deg))
         self.model = ControllerModel(IdealPlant(), start_joints=ready)
@@ -121,13 +122,15 @@ class Bench:
         self.video = Mirror(ground, self.captured.append, *shown)
         boundary = session_boundary(CONFIG.arm, CONFIG.limits)
         self.gate = ArmGate(self.arm, boundary, records.note)
-        devices = ConnectedDevices(self.arm, self.gate, self.truth, Guard(self.heard))
+        devices = ConnectedDevices(
+            self.arm, self.gate, self.truth if truth_is_known else None, Guard(self.heard)
+        )
         self.engine = Engine(ground, devices, self.person, self.video)
 
     def truth(self):
         """The block has lain in its container since long ago, and the gripper is open."""
         here = Pose(np.zeros(3), Rotation.identity())
-        block = Pose(np.array([0.0, 0.0, build.task_geometry().block_rest_height]), here.rotation)
+        block = Pose(np.array([0.0, 0.0, task_geometry().block_rest_height]), here.rotation)
         return SceneTruth(self.clock.now_ns(), block, here, here, 0.0, 0.016)
 
     def tick(self, count=1):
@@ -218,3 +221,11 @@ def test_a_person_who_tries_the_rig_has_no_time_limit(bench, device, limited):
     bench.clock.advance_ns(round(CONFIG.trial.limit_s * 1e9) + 1)
     assert bench.engine.look().over is limited
     assert len(bench.log.of(SceneTruth)) == 1
+
+
+def test_where_the_truth_is_not_known_the_trial_is_not_judged():
+    bench = Bench(truth_is_known=False)
+    bench.engage()
+    assert not bench.engine.look().over
+    assert bench.engine.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
+    bench.arm.close()

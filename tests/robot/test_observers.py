@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from tams_app.config import TrialConfig
-from tams_app.records import Outcome, Pose, SceneTruth
-from tams_app.robot import build
+from tams_app.records import Pose, SceneTruth
 from tams_app.robot.control import Signals
-from tams_app.robot.observers import HOT_ADVICE, ArmingNotes, HeatWatch, TrialObserver
+from tams_app.robot.observers import HOT_ADVICE, ArmingNotes, HeatWatch
+from tams_app.robot.trial import TrialObserver, task_geometry
 from tams_app.rotation import Rotation
 from tams_app.runtime.clock import VirtualClock
 from tams_app.teleop.hands import HANDS
@@ -96,7 +96,7 @@ class Tried:
         here = Pose(np.zeros(3), Rotation.identity())
         block = Pose(np.array([0.0, 0.0, block_z_m]), Rotation.identity())
         self._scene = SceneTruth(0, block, here, here, 0.0, 0.016)
-        self.trial = TrialObserver(TrialConfig(), judges=True)
+        self.trial = TrialObserver(TrialConfig())
 
     def look(self):
         arm = SimpleNamespace(gripper_closed=self.closed)
@@ -119,7 +119,7 @@ def test_only_a_limited_trial_ends_when_its_time_is_over(limited):
 
 @pytest.mark.parametrize("limited", [True, False])
 def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
-    tried = Tried(limited, build.task_geometry().block_rest_height)
+    tried = Tried(limited, task_geometry().block_rest_height)
     tried.begin()
     assert not tried.look()
     tried.closed = False
@@ -134,7 +134,7 @@ def test_only_a_limited_trial_ends_when_the_block_is_placed(limited):
 
 
 def test_a_block_that_is_put_back_is_judged_anew_and_the_first_placed_trial_is_the_verdict():
-    tried = Tried(False, build.task_geometry().block_rest_height)
+    tried = Tried(False, task_geometry().block_rest_height)
     trial, clock, told = tried.trial, tried.clock, tried.told
 
     def places(after_s):
@@ -158,12 +158,6 @@ def test_a_block_that_is_put_back_is_judged_anew_and_the_first_placed_trial_is_t
     assert told == ["placed", "placed"]
     trial.again()
     assert trial.outcome("ended by q").completion_time_s == 3.0
-
-
-def test_where_the_truth_is_not_known_the_trial_is_not_judged():
-    trial = TrialObserver(TrialConfig(), judges=False)
-    trial.receive(after(output(ArmingState.ENGAGED)))
-    assert trial.outcome("ended by q") == Outcome(None, None, None, None, "ended by q")
 
 
 def test_the_operator_is_warned_of_a_hot_motor_and_again_only_when_it_is_hotter() -> None:

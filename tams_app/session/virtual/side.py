@@ -155,6 +155,7 @@ class VirtualRobotSide(Listener):
     @property
     def started(self) -> bool:
         """The operator has engaged the arm."""
+        assert self._engine.trial is not None, "virtual time knows the scene"
         return self._engine.trial.started
 
     def begin(self, now_ns: int) -> None:
@@ -177,7 +178,7 @@ class VirtualRobotSide(Listener):
 
     def outcome(self, reason: str) -> Outcome:
         """The verdict; `reason` says why the trial ended."""
-        return self._engine.trial.outcome(reason)
+        return self._engine.outcome(reason)
 
     def close(self) -> None:
         """Give everything back; may be called twice."""

@@ -15,7 +15,8 @@ from tams_app.records import Record, SceneTruth, Tick
 from tams_app.robot import build
 from tams_app.robot.control import ControlLoop, LoopDevices, Signals, SteadyVideo
 from tams_app.robot.listener import Listener
-from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingNotes, TrialObserver
+from tams_app.robot.observers import TRIAL_RATE_HZ, ArmingNotes
+from tams_app.robot.trial import TrialObserver
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.virtual.side import VirtualRobot, repeat
 from tams_app.session.virtual.trial import ENGAGED_WITHIN_S, START_NS
@@ -40,7 +41,7 @@ class VideolessTrial(Listener):
         self._ended = False
         self._robot = VirtualRobot(config, self._clock, _ignore)
         self._hand = SharpEyedHand(config, seed, self._robot.truth)
-        self._trial = TrialObserver(config.trial, judges=True)
+        self._trial = TrialObserver(config.trial)
         self._control = self._build_control(config)
 
     def perform(self) -> Iterator[float]:
