@@ -25,10 +25,10 @@ from tams_app.robot import build
 from tams_app.robot.control import LoopDevices, Signals, SteadyVideo
 from tams_app.robot.engine import RecordedSteps
 from tams_app.robot.listener import Listener
+from tams_app.robot.trial import task_geometry
 from tams_app.runtime.clock import VirtualClock
 from tams_app.session.recorders import session_header
 from tams_app.session.virtual.side import VirtualRobot
-from tams_app.robot.trial import task_geometry
 from tams_app.task.judge import TrialJudge
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S

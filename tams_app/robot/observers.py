@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tams_app.records import ArmState, Note, Outcome, Record, SceneTruth, StopRecord, Tick
+from tams_app.records import ArmState, Note, Record, StopRecord
 from tams_app.robot.control import Signals, describe, lasting_label
 from tams_app.teleop.hands import words_of_hand
 from tams_app.teleop.reasons import advice, refusal

@@ -19,7 +19,7 @@ from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.frame_identity import SentFrames
-from tams_app.video.live.relay import RelayClient
+from tams_app.video.live.networks import RelayClient
 from tams_app.video.live.sender import VideoSender
 from tams_app.video.live.udp import ViewPorts
 

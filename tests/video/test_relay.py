@@ -14,8 +14,7 @@ from tams_app.errors import HelperError
 from tams_app.records import PacketFate, PacketKind
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.link import Link
-from tams_app.video.live.networks import network_capacity
-from tams_app.video.live.relay import RelayClient
+from tams_app.video.live.networks import RelayClient, network_capacity
 from tams_app.video.live.udp import ViewPorts
 from tests.faults.applications import until
 

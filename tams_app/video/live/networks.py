@@ -1,4 +1,4 @@
-"""Uplink conditions by name or trace file, and the capacity of their bottleneck.
+"""Uplink conditions by name or trace file, their bottleneck's capacity, and who emulates them.
 
 Traces are text: `t_ms,kbps` tables or Mahimahi files, distinguished by the first line.
 
@@ -17,6 +17,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 
 from tams_app.capacity import (
@@ -30,7 +32,10 @@ from tams_app.capacity import (
 )
 from tams_app.config import CONFIG_DIRECTORY, Config, Network
 from tams_app.errors import ConfigError, not_one_of
+from tams_app.records import PacketRecord
 from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.live.reporting_helper import ReportingHelper
+from tams_app.video.live.udp import ViewPorts
 
 CSV_HEADER = "t_ms,kbps"
 _COLUMNS = {"t_ms": 1.0, "t_s": 1000.0}, {"kbps": 1.0, "mbps": 1000.0}  # to [ms] and [kbit/s]
@@ -193,3 +198,47 @@ def _check_length(name: str, number: int, length_ms: float) -> None:
 
 def _wrong(name: str, number: int, reason: str) -> ConfigError:
     return ConfigError(f"{name}, line {number}: {reason}")
+
+
+class RelayClient(ReportingHelper[list[PacketRecord]]):
+    """One relay process between the video ends.
+
+    `on_packets` and `on_failure` are called in the reading thread; a relay that ends unasked is a
+    failure. Records name a packet's delivery when it is decided, up to the link's delay ahead of
+    time.
+    """
+
+    def __init__(
+        self,
+        log_directory: Path | None,
+        on_packets: Callable[[list[PacketRecord]], None],
+        on_failure: Callable[[str, BaseException], None],
+    ) -> None:
+        super().__init__(
+            "relay",
+            "tams_app.video.live.relay",
+            log_directory=log_directory,
+            report_type=list[PacketRecord],
+            on_report=on_packets,
+            on_failure=on_failure,
+            ended_unasked="the link relay ended unasked, so no video arrives; "
+            "end this session and start anew",
+        )
+
+    def emulate(
+        self, network: Network, exits: Mapping[str, ViewPorts], seed: int, epoch_ns: int
+    ) -> dict[str, ViewPorts]:
+        """Start the relay; per view the entrances to send to. HelperError if it cannot start.
+
+        `exits` say per view where the link's flows come out (what the ends have bound). A trace
+        begins at `epoch_ns` of the machine's monotonic clock.
+        """
+        ready = self.start(
+            {
+                "network": network.model_dump(mode="json"),
+                "seed": seed,
+                "epoch_ns": epoch_ns,
+                "exits": {view: asdict(ports) for view, ports in exits.items()},
+            }
+        )
+        return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}

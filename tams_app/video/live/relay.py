@@ -13,10 +13,9 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from tams_app.config import Network
@@ -28,7 +27,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.link import Link
 from tams_app.video.core.packets import identify
 from tams_app.video.live.networks import network_capacity
-from tams_app.video.live.reporting_helper import ReportingHelper, line_of, reports_to_session
+from tams_app.video.live.reporting_helper import line_of, reports_to_session
 from tams_app.video.live.udp import ViewPorts
 
 REPORT_PERIOD_NS = 50 * NS_PER_MS
@@ -242,50 +241,6 @@ def main() -> None:
         relay.run(side.stop_requested)
     finally:
         relay.close()
-
-
-class RelayClient(ReportingHelper[list[PacketRecord]]):
-    """One relay process between the video ends.
-
-    `on_packets` and `on_failure` are called in the reading thread; a relay that ends unasked is a
-    failure. Records name a packet's delivery when it is decided, up to the link's delay ahead of
-    time.
-    """
-
-    def __init__(
-        self,
-        log_directory: Path | None,
-        on_packets: Callable[[list[PacketRecord]], None],
-        on_failure: Callable[[str, BaseException], None],
-    ) -> None:
-        super().__init__(
-            "relay",
-            "tams_app.video.live.relay",
-            log_directory=log_directory,
-            report_type=list[PacketRecord],
-            on_report=on_packets,
-            on_failure=on_failure,
-            ended_unasked="the link relay ended unasked, so no video arrives; "
-            "end this session and start anew",
-        )
-
-    def emulate(
-        self, network: Network, exits: Mapping[str, ViewPorts], seed: int, epoch_ns: int
-    ) -> dict[str, ViewPorts]:
-        """Start the relay; per view the entrances to send to. HelperError if it cannot start.
-
-        `exits` say per view where the link's flows come out (what the ends have bound). A trace
-        begins at `epoch_ns` of the machine's monotonic clock.
-        """
-        ready = self.start(
-            {
-                "network": network.model_dump(mode="json"),
-                "seed": seed,
-                "epoch_ns": epoch_ns,
-                "exits": {view: asdict(ports) for view, ports in exits.items()},
-            }
-        )
-        return {view: ViewPorts(**ports) for view, ports in ready["entrances"].items()}
 
 
 if __name__ == "__main__":
