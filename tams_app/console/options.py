@@ -229,7 +229,7 @@ def endpoint_of(
     from tams_app.link.addresses import addresses_of, is_loopback
     from tams_app.link.gateway_client import Endpoint
     from tams_app.link.keys import accepted_keys, read_key
-    from tams_app.telemetry import Address
+    from tams_app.telemetry.gate import Address
 
     at = Address.of(given, option, "192.168.1.20:7300")
     host, port = at.host, at.port

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
 from foxglove import Context
@@ -16,8 +17,11 @@ from tams_app.records import ArmFigure, Pose, Solid, SolidKind
 from tams_app.robot.build import ready_pose
 from tams_app.rotation import Rotation
 from tams_app.session.lenses import known_lenses
-from tams_app.telemetry import Address, Scene, Telemetry, check_address
+from tams_app.telemetry import Scene, Telemetry
 from tams_app.vectors import Floats3
+
+if TYPE_CHECKING:  # loaded where viewers may connect
+    from tams_app.telemetry.gate import Address
 
 _BLOCK_COLOUR = (0.85, 0.15, 0.12)
 _CONTAINER_COLOUR = (0.20, 0.35, 0.75)
@@ -26,12 +30,18 @@ _CONTAINER_COLOUR = (0.20, 0.35, 0.75)
 def address_of(config: Config) -> Address | None:
     """The address for viewers; None: there is none. ConfigError if it is no address."""
     given = config.recording.foxglove
-    return Address.of(given, "--foxglove", "127.0.0.1:8765") if given else None
+    if not given:
+        return None
+    from tams_app.telemetry.gate import Address
+
+    return Address.of(given, "--foxglove", "127.0.0.1:8765")
 
 
 def check_viewers(config: Config) -> None:
     """ConfigError or SetupError in one sentence if viewers cannot be served as they should."""
     if (address := address_of(config)) is not None:
+        from tams_app.telemetry.gate import check_address
+
         check_address(address)
     if config.recording.ros2 is not None:
         require_extra("ros2", "--ros2")

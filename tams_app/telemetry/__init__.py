@@ -4,8 +4,7 @@ Foxglove's own messages beside ours: log lines, the arm and its surroundings, pi
 shown, the rates of each second; in the log's file and, if asked for, live over a WebSocket.
 """
 
-from tams_app.telemetry.gate import Address, check_address
 from tams_app.telemetry.scene import Scene
 from tams_app.telemetry.telemetry import Telemetry
 
-__all__ = ["Address", "Scene", "Telemetry", "check_address"]
+__all__ = ["Scene", "Telemetry"]

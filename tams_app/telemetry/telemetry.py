@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 from itertools import product
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -28,7 +28,6 @@ from tams_app.records import (
     Tick,
 )
 from tams_app.rotation import Rotation
-from tams_app.telemetry.gate import Address, LiveServer
 from tams_app.telemetry.scene import (
     BASE,
     MOTION_HZ,
@@ -42,6 +41,9 @@ from tams_app.telemetry.scene import (
     thing_frames,
 )
 from tams_app.vectors import Floats3
+
+if TYPE_CHECKING:  # loaded where viewers may connect
+    from tams_app.telemetry.gate import Address, LiveServer
 
 SCENE_HZ = 0.2  # again and again, as a viewer that connects late knows only what it receives
 PREDICTED = "flange predicted"  # the frame of where it is believed to be now
@@ -105,9 +107,11 @@ class Telemetry(Viewer):
         }
         self._channels = {topic: kind(topic, context=context) for topic, kind in kinds.items()}
         self._channels[RATES.name] = json_channel(context, RATES)
-        self._server = (
-            None if address is None else LiveServer(context, address, header.name, origins)
-        )
+        self._server: LiveServer | None = None
+        if address is not None:
+            from tams_app.telemetry.gate import LiveServer
+
+            self._server = LiveServer(context, address, header.name, origins)
 
     def receive(self, record: Any) -> None:
         match record:
