@@ -12,12 +12,11 @@ from hw.arm import FoundArm
 from hw.lite6.commands import standing_error_sentence
 from hw.lite6.protocol import AXES, LITE6_TYPE, Register, ReplyBit, State, UxbusClient
 from hw.lite6.report import StatusReport, read_status
-from hw.lite6.settings import foreign_refusal, other_settings
+from hw.lite6.settings import dotted, foreign_refusal, other_settings, unfitness
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 
 PROBE_TIMEOUT_S = 1.0
-MIN_FIRMWARE = (1, 8, 0)  # older ones drop `duration`, the controller's own deadman
 
 # axes, type, serial numbers of arm and control box, firmware (SDK x3/base.py, `_check_version`)
 _VERSION = re.compile(r"(\d+),(\d+),(.*),(.*),.*?[vV]*(\d+)\.(\d+)\.(\d+)")
@@ -62,7 +61,7 @@ def _ask(config: ArmConfig, timeout_s: float) -> tuple[str, str]:
     what = "Lite 6" if (axes, kind) == (AXES, LITE6_TYPE) else f"{axes} axes, type {kind}"
     known = state[0] in State.__members__.values()
     doing = State(state[0]).name.lower() if known else f"state {state[0]}"
-    named = f"{what} {found.group(3).strip()}, firmware {_dotted(tuple(numbers))}"
+    named = f"{what} {found.group(3).strip()}, firmware {dotted(tuple(numbers))}"
     return problem, f"{named}, {doing}{notes}"
 
 
@@ -72,21 +71,3 @@ def _notes(config: ArmConfig, status: StatusReport) -> str:
     replaced = f"; connecting replaces its {others}" if others else ""
     opened = "; a stop switches its gripper off" if status.clears_outputs else ""
     return f", motors at most {max(status.temperatures_c)} °C{replaced}{opened}"
-
-
-def unfitness(axes: int, device_type: int, firmware: tuple[int, ...]) -> str:
-    """The reason why TAMS cannot use this arm, in one sentence; "" if it can."""
-    if (axes, device_type) != (AXES, LITE6_TYPE):
-        return (
-            f"The arm is no Lite 6 (axes {axes}, type {device_type}); set arm.host to the Lite 6."
-        )
-    if firmware < MIN_FIRMWARE:
-        return (
-            f"The arm's firmware {_dotted(firmware)} is older than {_dotted(MIN_FIRMWARE)} and "
-            "would not stop by itself when commands cease; update it with UFACTORY Studio."
-        )
-    return ""
-
-
-def _dotted(firmware: tuple[int, ...]) -> str:
-    return ".".join(map(str, firmware))

@@ -1,4 +1,4 @@
-"""Settings of the Lite 6's controller: those that TAMS makes, and those of other programs.
+"""Settings of the Lite 6's controller: those that TAMS makes, and what of it TAMS refuses.
 
 The control box keeps what UFACTORY Studio sets (its manual, chapter 6), and moves by that whatever
 program commands it.
@@ -11,12 +11,13 @@ from typing import Any
 
 from hw.arm import TcpBoundary
 from hw.lite6.commands import boundary_edges
-from hw.lite6.protocol import Code, return_code_sentence
+from hw.lite6.protocol import AXES, LITE6_TYPE, Code, return_code_sentence
 from hw.lite6.report import StatusReport
 from hw.lite6.sdk import set_collision_sensitivity
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError
 
+MIN_FIRMWARE = (1, 8, 0)  # older ones drop `duration`, the controller's own deadman
 _TOLERANCE = 1e-3  # mm, rad, kg
 _UPRIGHT = (0.0, 0.0, -1.0)  # gravity in the base frame of an arm on a table
 _LEVEL = 0.02  # about a degree
@@ -141,3 +142,22 @@ def _turns(angles_rad: tuple[float, ...], wanted_deg: tuple[float, ...]) -> tupl
         math.remainder(angle - math.radians(wanted), math.tau)
         for angle, wanted in zip(angles_rad, wanted_deg, strict=True)
     )
+
+
+def unfitness(axes: int, device_type: int, firmware: tuple[int, ...]) -> str:
+    """The reason why TAMS cannot use this arm, in one sentence; "" if it can."""
+    if (axes, device_type) != (AXES, LITE6_TYPE):
+        return (
+            f"The arm is no Lite 6 (axes {axes}, type {device_type}); set arm.host to the Lite 6."
+        )
+    if firmware < MIN_FIRMWARE:
+        return (
+            f"The arm's firmware {dotted(firmware)} is older than {dotted(MIN_FIRMWARE)} and "
+            "would not stop by itself when commands cease; update it with UFACTORY Studio."
+        )
+    return ""
+
+
+def dotted(firmware: tuple[int, ...]) -> str:
+    """A version as it is written."""
+    return ".".join(map(str, firmware))

@@ -14,12 +14,11 @@ from hw.lite6.commands import (
     error_sentence,
     standing_error_sentence,
 )
-from hw.lite6.discovery import unfitness
 from hw.lite6.protocol import DRIVE_ERRORS, Code, Mode, StateCommand
 from hw.lite6.report import STATUS_STALE_NS, MotionReport, ReportReader, StatusReport
 from hw.lite6.sdk import connect_sdk, disconnect_sdk, note_mode
 from hw.lite6.sender import CommandSender, Outbox
-from hw.lite6.settings import Lite6Settings, accept, foreign_refusal
+from hw.lite6.settings import Lite6Settings, accept, foreign_refusal, unfitness
 from hw.lite6.stop_channel import Lite6StopChannel
 from tams_app.config import ArmConfig
 from tams_app.errors import DeviceError

@@ -26,7 +26,6 @@ from hw.lite6.commands import (
     servo_of,
     twist_refusal,
 )
-from hw.lite6.discovery import unfitness
 from hw.lite6.kinematics import pose_from_matrix
 from hw.lite6.protocol import (
     AXES,
@@ -40,7 +39,7 @@ from hw.lite6.protocol import (
     return_code_sentence,
 )
 from hw.lite6.report import parse_status
-from hw.lite6.settings import foreign_refusal
+from hw.lite6.settings import foreign_refusal, unfitness
 from hw.sim.controller.core import outputs_for
 from hw.sim.controller.model import (
     ALL_JOINTS,
