@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from hw.controller import Controller
-from hw.desk.keyboard import KeyboardController
 from tams_app.config import ControllerConfig, HandConfig
 from tams_app.records import TakeNote
 from tams_app.registry import Registry
@@ -54,12 +53,18 @@ def _openvr(parts: ControllerParts) -> Controller:
     return OpenVrController(parts.config, parts.clock, parts.note)
 
 
+def _keyboard(parts: ControllerParts) -> Controller:
+    from hw.desk.keyboard import KeyboardController
+
+    return KeyboardController(parts.config.desk, parts.hand.rotation)
+
+
 DEVICES: Registry[Callable[[ControllerParts], Controller]] = Registry(
     "controller.device",
     "tams.controllers",
     {
         "openvr": _openvr,
-        "keyboard": lambda parts: KeyboardController(parts.config.desk, parts.hand.rotation),
+        "keyboard": _keyboard,
     },
 )
 """Makers of a controller by their word for `controller.device`; entry points of `tams.controllers`.

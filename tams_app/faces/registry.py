@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
-from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
@@ -15,8 +14,11 @@ from tams_app.faces.messages import Ended, Keys, Outline, ReplayFacts, TrialFact
 from tams_app.records import SessionState
 from tams_app.registry import Registry
 from tams_app.station.fresh_video import Displays
-from tams_app.station.mount_memory import MountMemory
 from tams_app.video.live.frame_ring import FrameBlock
+
+if TYPE_CHECKING:
+    from hw.desk.keyboard import KeyboardController
+    from tams_app.station.mount_memory import MountMemory
 
 
 class FacedSession(Protocol):

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Protocol
 
 import cv2
 
-from hw.desk.keyboard import KeyboardController
 from tams_app.config import Config
 from tams_app.errors import TamsError
 from tams_app.recording import Recorder
@@ -35,6 +34,7 @@ from tams_app.station.screen import Screen
 from tams_app.video.live.frame_ring import FrameBlock
 
 if TYPE_CHECKING:
+    from hw.desk.keyboard import KeyboardController
     from tams_app.station.linked_robot import Requests
     from tams_app.station.mount_memory import MountMemory
 

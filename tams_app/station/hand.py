@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hw.controller import Controller
-from hw.desk.keyboard import KeyboardController
 from hw.make_controller import make_controller
 from tams_app.config import Config
 from tams_app.recording.journal import Journal
@@ -15,7 +14,8 @@ from tams_app.runtime.clock import Clock
 from tams_app.runtime.parts import Parts
 from tams_app.station.screen import Screen
 
-if TYPE_CHECKING:  # a person holds a device
+if TYPE_CHECKING:  # a person holds a tracked controller
+    from hw.desk.keyboard import KeyboardController
     from tams_app.station.rig_operator import RigOperator
 
 MakeHand = Callable[[Config], Controller]
@@ -82,8 +82,11 @@ class OperatorHand:
     def take_controller(self) -> Controller:
         """The operator's controller, started; DeviceError if it is not there."""
         controller = self._make(self._config)
-        if isinstance(controller, KeyboardController):  # the console's window feeds it
-            self.keyboard = controller
+        if self._config.controller.device == "keyboard":
+            from hw.desk.keyboard import KeyboardController
+
+            if isinstance(controller, KeyboardController):  # the console's window feeds it
+                self.keyboard = controller
         self._parts.stack.callback(controller.close)
         controller.start()
         self._parts.hurry(controller.realtime_thread_ids)
