@@ -12,10 +12,9 @@ import msgspec
 from tams_app.faces.commands import Command
 from tams_app.faces.facts_memory import FactsReader
 from tams_app.faces.messages import LONGEST, CommandRequest, Event, Opening
-from tams_app.prediction.present import array_of
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.shared_ring import map_descriptor
-from tams_app.station.mount_memory import PresentViews
+from tams_app.station.mount_memory import PresentViews, described_cameras
 from tams_app.video.live.frame_ring import SHOWN, FrameReader, RingLayout
 
 _POLL_S = 0.05
@@ -49,7 +48,7 @@ class Application:
                 if not content:
                     return None
                 self._socket.setblocking(False)
-                opening = msgspec.msgpack.decode(content, type=Opening, dec_hook=array_of)
+                opening = msgspec.msgpack.decode(content, type=Opening)
                 return _opened(opening, *descriptors)
         return None
 
@@ -80,5 +79,7 @@ def _opened(opening: Opening, frames: int, facts: int, mount: int | None = None)
     layout = RingLayout(SHOWN, opening.views, opening.width, opening.height)
     block = map_descriptor(frames)
     readers = {view: FrameReader(block, layout, view) for view in opening.views}
-    present = None if mount is None else PresentViews(opening.cameras, map_descriptor(mount))
+    present: PresentViews | None = None
+    if mount is not None:
+        present = PresentViews(described_cameras(opening.cameras), map_descriptor(mount))
     return Opened(opening, readers, FactsReader(facts), present)

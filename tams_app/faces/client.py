@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
@@ -26,12 +26,13 @@ from tams_app.faces.messages import (
     Outline,
     ShownWorkspace,
 )
-from tams_app.prediction.present import numbers_of
 from tams_app.runtime.clock import Clock
 from tams_app.runtime.process import HelperProcess
-from tams_app.station.mount_memory import MountMemory
 from tams_app.teleop.hands import hand_of
 from tams_app.video.live.frame_ring import FrameBlock
+
+if TYPE_CHECKING:  # few sessions predict
+    from tams_app.station.mount_memory import MountMemory
 
 _POLL_S = 0.2
 
@@ -113,12 +114,12 @@ class FaceClient:
         self._stack.callback(facts.close)
         opening = _opening(config, blind, replay)
         if mount is not None:
-            opening = msgspec.structs.replace(opening, cameras=dict(mount.cameras))
+            opening = msgspec.structs.replace(opening, cameras=mount.specification()["cameras"])
         if self._socket is not None and screen.descriptor is not None:
             with suppress(ConnectionError):  # it has ended, which its owner notices
                 descriptors = [screen.descriptor, facts.descriptor]
                 descriptors += [] if mount is None else [mount.descriptor]
-                content = msgspec.msgpack.encode(opening, enc_hook=numbers_of)
+                content = msgspec.msgpack.encode(opening)
                 socket.send_fds(self._socket, [content], descriptors)
 
     @property

@@ -6,12 +6,11 @@ over a socket, each whole in one packet. Stamps are of the monotonic clock of th
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import msgspec
 
 from tams_app.faces.commands import Command
-from tams_app.prediction.present import PredictedCamera
 from tams_app.records import SessionState
 
 BEAT_S = 0.02  # a face reports at least so often
@@ -52,7 +51,8 @@ class Opening(msgspec.Struct, frozen=True):
     network of a trial, or the phases of one that a person marks. hand: of `HANDS`. replay: the log
     that all of it is from, so that nothing moves; None for a session. old_ms: the age from
     which a frame is called old. has_episodes: there are keys for them. strategy, network: "" where
-    they may not be known. cameras: by view, those whose frames are to be corrected.
+    they may not be known. cameras: by view, those whose frames are to be corrected, as of
+    `MountMemory.specification`.
     """
 
     views: tuple[str, ...]
@@ -66,7 +66,7 @@ class Opening(msgspec.Struct, frozen=True):
     has_episodes: bool = False
     strategy: str = ""
     network: str = ""
-    cameras: dict[str, PredictedCamera] = {}
+    cameras: dict[str, Any] = {}
 
 
 class TrialFacts(msgspec.Struct, frozen=True):

@@ -77,7 +77,7 @@ class MountMemory:
         )
 
     def specification(self) -> dict[str, Any]:
-        """What a helper process makes `described_views` from."""
+        """What a helper process makes `described_views` from, or a face `described_cameras`."""
         cameras = msgspec.to_builtins(self.cameras, enc_hook=numbers_of)
         return {"mount_memory": self.name, "cameras": cameras}
 
@@ -127,14 +127,17 @@ class PresentViews:
         self._next = written
 
 
+def described_cameras(described: Mapping[str, Any]) -> dict[str, PredictedCamera]:
+    """The `cameras` of a `MountMemory` from what its `specification` has of them."""
+    return msgspec.convert(described, dict[str, PredictedCamera], dec_hook=array_of)
+
+
 def described_views(specification: Mapping[str, Any]) -> dict[str, partial[Shown]]:
     """By view that is corrected, what shows its frames as `WristView.show` does."""
     name = str(specification["mount_memory"])
     if not name:
         return {}
-    cameras = msgspec.convert(
-        specification["cameras"], dict[str, PredictedCamera], dec_hook=array_of
-    )
+    cameras = described_cameras(specification["cameras"])
     views = PresentViews(cameras, open_block(name))
     return {view: partial(views.show, view) for view in cameras}
 
