@@ -88,10 +88,22 @@ def test_a_session_with_real_devices_loads_nothing_of_the_simulated_rig_and_no_s
     assert not [name for name in found if name.startswith("hw.sim") or name == "mujoco"]
 
 
-def test_neither_side_loads_studies_summaries_reports_or_viewers():
+def test_neither_side_loads_viewers_or_the_console():
     found = loaded("tams_app.robot.side", "tams_app.station.hand", "tams_app.station.receivers")
-    above = [f"tams_app.{one}" for one in ("study", "summary", "report", "telemetry", "console")]
-    assert not [name for name in found if name.startswith(tuple(above))]
+    above = ("tams_app.telemetry", "tams_app.console")
+    assert not [name for name in found if name.startswith(above)]
+
+
+def test_a_session_with_a_window_loads_nothing_that_only_some_sessions_need():
+    found = loaded("tams_app.console.app", "tams_app.faces.session_face")
+    others = (
+        "tams_app.study", "tams_app.summary", "tams_app.report", "tams_app.console.report",
+        "tams_app.link", "tams_app.prediction", "tams_app.ros2", "tams_app.export",
+        "tams_app.recording.reader", "tams_app.recording.reference", "tams_app.telemetry.gate",
+        "tams_app.robot.dry_run", "tams_app.robot.episode_keeper", "tams_app.robot.trial",
+        "tams_app.task.judge", "tams_app.station.rig_operator", "calibration",
+    )  # fmt: skip
+    assert not [name for name in found if name.startswith(others)]
 
 
 def test_the_control_loop_imports_little():

@@ -11,8 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 from tams_app.config import Config
-from tams_app.console.end_screen import ask_at_end
-from tams_app.console.report import report_session
 from tams_app.errors import SetupError, SignalledError, TamsError
 from tams_app.faces.commands import Command, OperatorSignals
 from tams_app.faces.display import has_display
@@ -169,6 +167,9 @@ def _run_once(
         outset, opening = make(folder)
         with showing(outset, opening, console, signals=signals, shows_end=True) as faces:
             closed = True
+            from tams_app.console.end_screen import ask_at_end  # not before the session is over
+            from tams_app.console.report import report_session
+
             summary: Mapping[str, Any] | None = None
             try:
                 summary = report_session(folder, console)

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from tams_app.config import CONFIG_DIRECTORY, load_config
-from tams_app.console import app
+from tams_app.console import app, end_screen, report
 from tams_app.errors import SignalledError, TamsError
 from tams_app.faces.commands import Command
 from tams_app.faces.terminal.keys import TerminalKeys
@@ -356,8 +356,8 @@ def ran(monkeypatch):
     def run(answers, came=(), may_repeat=True, **overrides):
         left, folders = list(answers), []
         monkeypatch.setattr(app, "create_session_folder", lambda config: f"folder {len(folders)}")
-        monkeypatch.setattr(app, "report_session", lambda folder, console: {})
-        monkeypatch.setattr(app, "ask_at_end", lambda *given: left.pop(0))
+        monkeypatch.setattr(report, "report_session", lambda folder, console: {})
+        monkeypatch.setattr(end_screen, "ask_at_end", lambda *given: left.pop(0))
 
         def make(folder):
             folders.append(folder)
