@@ -9,9 +9,18 @@ from tams_app.config import Config
 from tams_app.policy.allocation import Policy
 from tams_app.policy.weights import WeightMatrix
 from tams_app.recording.journal import Journal
-from tams_app.records import Phase, PhaseChange, PinnedView, PolicyInputs, Record
+from tams_app.records import (
+    PacketFate,
+    PacketRecord,
+    Phase,
+    PhaseChange,
+    PinnedView,
+    PolicyInputs,
+    Record,
+    UplinkReport,
+    UplinkSummary,
+)
 from tams_app.robot.listener import Listener
-from tams_app.robot.uplink_meter import summary_of
 from tams_app.robot.video import Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -102,3 +111,20 @@ class PolicyLoop(Listener):
     def _hand_on(self, record: Record) -> None:
         for listener in self._listeners:
             listener.receive(record)
+
+
+def summary_of(report: UplinkReport, reported: Sequence[PacketRecord]) -> UplinkSummary:
+    """The sums of a report of the uplink; `reported`: its arrivals (`ReportedPackets`)."""
+    came = [one for one in reported if one.fate is PacketFate.DELIVERED]
+    newest = came[-1] if came else None
+    return UplinkSummary(
+        t_ns=report.now_ns,
+        sent_bytes=report.sent_bytes,
+        packets=len(reported),
+        lost=len(reported) - len(came),
+        arrived_bytes=sum(one.size_bytes for one in came),
+        newest_sent_ns=None if newest is None else newest.entered_ns,
+        queueing_ns=None if newest is None else newest.departed_ns - newest.entered_ns,
+        fraction_lost={one.view: one.fraction_lost for one in report.receptions},
+        round_trip_ns={one.view: one.round_trip_ns for one in report.receptions},
+    )

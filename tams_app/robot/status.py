@@ -1,8 +1,10 @@
-"""The state of a running session, as the robot's side knows it."""
+"""The state of a running session, as the robot's side knows it, with the uplink's load."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import threading
+from collections import deque
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
 from msgspec.structs import replace
@@ -24,10 +26,12 @@ from tams_app.records import (
 from tams_app.robot.control import SteadyVideo
 from tams_app.robot.listener import Listener
 from tams_app.robot.operator import Operator
-from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter
 from tams_app.state import StateMaker
-from tams_app.units import NS_PER_MS
-from tams_app.video.core.uplink_figures import ReportedPackets, uplink_figures
+from tams_app.units import NS_PER_MS, NS_PER_S
+from tams_app.video.core.uplink_figures import ReportedPackets, UplinkFigures, uplink_figures
+
+WINDOW_NS = NS_PER_S
+_OLD_NS = 2 * NS_PER_S  # what is known of so long ago says nothing of now
 
 
 class StatusBoard(Listener):
@@ -79,3 +83,50 @@ class StatusBoard(Listener):
             now_ns=now_ns,
             heard_ns=None if tick is None else tick.started_ns,
         )
+
+
+class UplinkMeter:
+    """The uplink's load in the last second; each method from any thread.
+
+    An emulated network knows each packet's fate (`packets`), and then nothing else counts. Of a
+    real one there is only what receivers report (`reported`), half a round trip later.
+    """
+
+    def __init__(self, views: tuple[str, ...]) -> None:
+        self._views = views
+        self._lock = threading.Lock()
+        self._packets: deque[PacketRecord] = deque()
+        self._emulated = False
+
+    @property
+    def emulated(self) -> bool:
+        """Whether the network is emulated: what receivers report does not count then."""
+        return self._emulated
+
+    def packets(self, packets: Sequence[PacketRecord]) -> None:
+        """Newly decided packet fates; those older than the window are forgotten."""
+        with self._lock:
+            if not self._emulated:
+                self._emulated = True
+                self._packets.clear()
+            self._add(packets)
+
+    def report(self, packets: Sequence[PacketRecord]) -> None:
+        """Count the packets that receivers have reported."""
+        with self._lock:
+            if not self._emulated:
+                self._add(packets)
+
+    def figures(self, now_ns: int) -> UplinkFigures:
+        """As far as they are known."""
+        with self._lock:
+            packets = list(self._packets)
+        if packets and now_ns - packets[-1].entered_ns > _OLD_NS:
+            packets = []
+        return uplink_figures(packets, self._views, WINDOW_NS)
+
+    def _add(self, packets: Sequence[PacketRecord]) -> None:
+        self._packets.extend(packets)
+        oldest_ns = self._packets[-1].entered_ns - WINDOW_NS if self._packets else 0
+        while self._packets and self._packets[0].entered_ns < oldest_ns:
+            self._packets.popleft()

@@ -13,7 +13,8 @@ from tams_app.records import (
     UplinkReport,
     UplinkSummary,
 )
-from tams_app.robot.uplink_meter import WINDOW_NS, UplinkMeter, summary_of
+from tams_app.robot.policy_loop import summary_of
+from tams_app.robot.status import WINDOW_NS, UplinkMeter
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.uplink_figures import ReportedPackets, uplink_figures
 

@@ -14,7 +14,7 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.recording.topics import FrameShown
 from tams_app.records import EpisodesState, Newest, Note, Placed, Record, SessionState, ViewState
-from tams_app.robot.uplink_meter import WINDOW_NS
+from tams_app.robot.status import WINDOW_NS
 from tams_app.state import StateMaker
 from tams_app.summary.tables import Integers, known_packets
 from tams_app.task.episodes import shown_episodes
