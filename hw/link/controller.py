@@ -4,8 +4,8 @@ Each rule about what may move the arm is one part, here in the order in which a 
 
 - `SampleGate`: may it count, by its age, order and form?
 - `TransitFilter` and `HandTimes` (`hand_times`): when was its pose new, on our clock?
-- `BreakWatch`: were too many missing before it?
-- `Presence`: is an operator present, or is there a gap, a lost link, or have they left?
+- `BreakWatch`: were too many missing before it (a hold)?
+- `Presence`: is there a gap (a hold), or is the link lost or the operator gone (faults)?
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ _NOT_STARTED = replace(_LOST, status=ControllerStatus.DISCONNECTED)
 _GAP = replace(_LOST, status=ControllerStatus.LINK_GAP)
 _AWAY = replace(_LOST, status=ControllerStatus.OPERATOR_AWAY)
 _UNIT_TOLERANCE = 1e-3  # of a rotation's quaternion
-_JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # a second's
+_JITTER_SAMPLES, _LARGEST_JITTER_NS = 120, 25 * NS_PER_MS  # of one second
 
 
 class SampleGate:
     """Gate for samples: those count that are young, answered, in order and well formed.
 
-    Young: certainly not older than `LinkConfig.longest_age_ms` (`PeerClock.age_ns`), which samples
-    queued during an outage are. Answered: with an echo of a stamp of ours that is at most
-    `longest_silence_ms` old, which those of an operator who receives nothing have not.
+    Young: by `PeerClock.age_ns` no older than `LinkConfig.longest_age_ms`; what was queued in an
+    outage is. Answered: echoing a stamp of ours no older than `longest_silence_ms`; who receives
+    nothing echoes none.
     """
 
     def __init__(self, config: LinkConfig) -> None:
@@ -50,7 +50,7 @@ class SampleGate:
     def refusal(self, message: HandMessage, received_ns: int) -> str:
         """The reason not to count it; "" if it counts, and from then on only newer ones do."""
         self.clock.step(message.echo_ns, message.echo_heard_ns, message.sent_ns, received_ns)
-        refusal = self._too_old(message, received_ns)
+        refusal = self._untimely(message, received_ns)
         if refusal:
             return refusal
         if self._newest_sent_ns is not None and message.sent_ns <= self._newest_sent_ns:
@@ -64,7 +64,7 @@ class SampleGate:
         """The next sample is judged as the first."""
         self._newest_sent_ns = None
 
-    def _too_old(self, message: HandMessage, received_ns: int) -> str:
+    def _untimely(self, message: HandMessage, received_ns: int) -> str:
         age_ns = self.clock.age_ns(message.sent_ns, message.echo_ns, received_ns)
         if age_ns is None:
             return "without an echo"
@@ -92,12 +92,12 @@ def _is_rotation(quaternion: tuple[float, ...]) -> bool:
 
 
 class BreakWatch:
-    """Watch for samples missing too often: three breaks within a second, until it is over.
+    """Watch for three breaks within a second; the arm holds until that second is over.
 
-    Otherwise an attacker who chooses what is lost could steer the arm. A break is a time in which
-    the newest sample that counts is older than `LinkConfig.bridge_ms` because others were lost,
-    refused or late. Under jitter the median excess over the transit time in use is added, at most
-    25 ms: the hand slows down then, but no sample is missing.
+    Otherwise an attacker who chooses what is lost could steer it. A break lasts while the newest
+    sample that counts is older than `LinkConfig.bridge_ms`, and counts when it ends. Jitter extends
+    that by the median excess over the transit time in use, at most 25 ms: the hand slows down, but
+    no sample is missing.
     """
 
     def __init__(self, bridge_ms: float) -> None:
@@ -106,7 +106,7 @@ class BreakWatch:
         self._in_break = False
         self._newest_ns: int | None = None  # when the newest sample was sent, on our clock
         self._transits_ns: deque[int] = deque(maxlen=_JITTER_SAMPLES)
-        self._used_ns = 0  # of them, for the newest
+        self._used_ns = 0  # in use at the newest
 
     def step(self, sent_ns: int, received_ns: int, transit: Transit) -> bool:
         """Take in a sample that counts; True if it ends a break that makes too many."""
@@ -136,12 +136,13 @@ class BreakWatch:
 class Presence:
     """Presence of an operator.
 
-    Without a pose that counts for `lost_after_ms` the link has a gap, after `fault_after_ms` it is
-    lost. It is lost at once, and for one sample at least, when the operator changes.
+    After `lost_after_ms` without a sample (early ones aside) there is a gap, after `fault_after_ms`
+    the link is lost. A change of operator loses it at once, for one sample at least; one who left
+    is away.
     """
 
     def __init__(self, config: LinkConfig) -> None:
-        self.counted_ns: int | None = None  # when the newest pose that counts was received
+        self.counted_ns: int | None = None  # when the newest sample, early ones aside, was received
         self._lost_after_ns = config.lost_after_ms * NS_PER_MS
         self._fault_after_ns = config.fault_after_ms * NS_PER_MS
         self._lost_from_ns = 0
@@ -245,7 +246,7 @@ class LinkController(Controller):
         return ""
 
     def let_go(self, left: bool = False) -> None:
-        """Forget the operator, who may have `left`: the link is lost for one sample at least."""
+        """Forget the operator: for one sample at least they have `left`, or the link is lost."""
         self._presence.let_go(left)
         self.clock.forget()
         self._forget()

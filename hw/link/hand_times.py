@@ -16,10 +16,10 @@ from tams_app.records import Pose
 from tams_app.rotation import Rotation
 from tams_app.units import NS_PER_MS
 
-_SHORTEST_WITHIN_NS = 300 * NS_PER_MS  # a longer one-way delay stops the hand for so long
+_SHORTEST_WITHIN_NS = 300 * NS_PER_MS  # until a longer delay counts, poses look old
 _LEAST_TOLERANCE_NS, _LARGEST_TOLERANCE_NS = 5 * NS_PER_MS, 50 * NS_PER_MS
 _RESTART_NS = 51 * NS_PER_MS  # longer than any gap across which `HandMotion` computes a speed
-_SLEW = 4  # one nanosecond less in each four
+_SLEW = 4  # it falls by 1/4 of the time passed
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class Transit:
     """The decision about the transit time of one sample.
 
     used_ns: what is added to the operator's times to have them on our clock [ns].
-    is_early: it took less than all others, as an exception: its pose does not count.
+    is_early: it took less by more than the tolerance: only its pose is dropped.
     restarts: less is used from now on, and the hand's motion begins anew.
     """
 
@@ -37,14 +37,13 @@ class Transit:
 
 
 class TransitFilter:
-    """The shortest transit time of the last 300 ms, used so that no hand becomes faster by it.
+    """The transit time in use: the shortest of the last 300 ms, so that queueing only ages poses.
 
-    With the shortest one, poses of a steady hand keep a steady rate, and queueing makes them older.
-    When it falls by at most 5 ms, or `LinkConfig.jitter_ms` (50 at most), it is used gradually:
-    until then times are too new by the rest. When it falls by more, messages are early at first.
-    If one with the longer time arrives within 51 ms, the early ones were exceptions, and the longer
-    time stays in use. Else (a queue drained, the route changed) the shorter one is used at once,
-    and the motion restarts: the motion of a longer time would pass for that of a faster hand.
+    A fall by up to `LinkConfig.jitter_ms` (5 ms at least, 50 at most) is followed at a quarter of
+    the time passed; until then the hand looks up to a third faster. Messages that fall by more are
+    early. If one with the longer time arrives within 51 ms, they were exceptions, and the longer
+    time stays in use. Otherwise (a queue drained, the route changed) the shorter one is used at
+    once and the motion restarts: the time that was skipped would look like a faster hand.
     """
 
     def __init__(self, jitter_ms: float) -> None:
@@ -80,9 +79,9 @@ class TransitFilter:
 class HandTimes:
     """Pose and buttons with the times when they were new, on our clock; times never decrease.
 
-    What has not changed keeps its time, so that a hand that is frozen grows old. Where the motion
-    restarts, poses wait for 51 ms: `HandMotion` begins anew after such a gap. An early pose never
-    counts; that there is none, or one again, counts at once.
+    What has not changed keeps its time, so that a hand that is frozen grows old. After a restart,
+    poses of 51 ms are dropped: `HandMotion` begins anew after such a gap. So are early poses, but
+    for the first after none; a lost pose counts at once.
     """
 
     def __init__(self) -> None:
@@ -90,7 +89,7 @@ class HandTimes:
         self.pose_ns = self.buttons_ns = 0
         self._posed: HandMessage | None = None  # the newest that was not early
         self._newest: HandMessage | None = None
-        self._pose_from_ns = 0  # older poses wait
+        self._pose_from_ns = 0  # older poses are dropped
 
     def step(self, message: HandMessage, transit: Transit) -> None:
         """Take in a message that counts."""

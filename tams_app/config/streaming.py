@@ -112,7 +112,7 @@ RepairMode = Literal["paper", "adaptive"]
 
 
 class RepairConfig(Section):
-    """Repair of lost packets (`video/repair.py` has the rule)."""
+    """Repair of lost packets (`video/core/repair.py` has the rule)."""
 
     mode: RepairMode = "adaptive"
     """`paper`: resending where it takes at most 200 ms, no parity. `adaptive`: resending of what
@@ -235,7 +235,7 @@ class LinkConfig(Section):
     bridge_ms: Annotated[float, Field(gt=0, le=50)] = 50.0
     """Takes the place of freshness.hold_pose_ms: so short a gap in the samples is bridged."""
     lost_after_ms: Annotated[float, Field(ge=60, le=1000)] = 100.0
-    """Without a usable sample for so long the arm stops."""
+    """Without a usable sample for so long the arm holds."""
     max_age_ms: Annotated[float, Field(ge=20, le=3000)] | None = None
     """A sample that may be older does not move the arm; null: twice latency and jitter, and 200.
 

@@ -21,9 +21,9 @@ _WAIT_S = 0.05
 class ArmGate:
     """Stops the arm, and enables it and clears its errors when the arming logic asks.
 
-    A stop outdates every request made before it: an ENABLE that was queued or under way when the
-    arm was stopped never leaves it enabled, and that the arm refused it then is no error. Beside
-    those that are outdated only one ENABLE and one CLEAR_ERRORS are queued or under way at a time.
+    A stop voids every earlier ENABLE: one queued or under way never leaves the arm enabled, and its
+    refusal then is no error. CLEAR_ERRORS is still carried out. Beside those that are void only one
+    ENABLE and one CLEAR_ERRORS are queued or under way at a time.
     An arm outside `boundary` is not enabled: its controller would end the first motion with an
     error.
     """

@@ -144,7 +144,7 @@ class SteadyVideo:
 
 @dataclass(frozen=True, slots=True)
 class LoopDevices:
-    """What the loop reads and commands; of `video`, `fresh_video` has the rule of what counts."""
+    """What the loop reads and commands; which frame counts: `station.fresh_video`."""
 
     controller: Controller
     arm: Arm

@@ -1,4 +1,4 @@
-"""The parts between controller, arm and encoders, built once for both clocks."""
+"""The parts between controller, arm and encoders, for real and virtual time alike."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ VIDEO_DELAY_FACT = "video_delay_ns"
 
 
 class Engine:
-    """Control, policy, observers and judge of one session; it makes no thread and no file.
+    """Control, policy, observers and judge of one session; of its own it makes no thread or file.
 
     Its owner runs the loops: `side.RobotSide` gives each a thread, a `VirtualRobotSide` of
     `tams_app.session.virtual` events. A phase change goes from the control loop through the
@@ -42,7 +42,7 @@ class Engine:
         listeners: Sequence[Listener] = (),
         arm_at_once: bool = False,
     ) -> None:
-        """`listeners` get everything after the others, and `operator` last."""
+        """Starts the controller. `listeners` come after the others, `operator` last."""
         config, log, signals = ground.config, ground.log, ground.signals
         listeners = (*listeners, operator)
         self._devices, self._operator, self._video = devices, operator, video
@@ -66,7 +66,7 @@ class Engine:
             LoopDevices(controller, devices.arm, devices.gate, operator),
             video.delay_ns,
             signals,
-            # the guard first: its heartbeat before all else, armed and disarmed before any report
+            # the guard first: it beats, arms and disarms before all else
             (*guard, *trial, recorded, self.policy, *listeners),
             (arming, heat, self._stops),
         )

@@ -13,7 +13,7 @@ from tams_app.runtime.parts import Ending, Parts
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """In either time."""
+    """Live and virtual."""
 
     config: Config
     clock: Clock
@@ -23,7 +23,7 @@ class Ground:
 
 @dataclass(frozen=True, slots=True)
 class LiveGround(Ground):
-    """With threads and processes, and an end that is not known before.
+    """Live: with threads and processes; its end may come at any time.
 
     arm_at_once: the arming needs no confirmation. dry_run: everything but motion, the arm's
     commands go to a model of it.

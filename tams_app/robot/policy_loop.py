@@ -66,7 +66,7 @@ class PolicyLoop(Listener):
         return min(self._step_ns, self._pad_ns)
 
     def receive(self, record: Record) -> None:
-        """Step at once for the phase that begins, or by the row of the view that is pinned."""
+        """Wake the loop for a new phase or a newly pinned view."""
         if isinstance(record, PhaseChange):
             self._phase = record.phase
             self._woken.set()

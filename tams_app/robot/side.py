@@ -39,7 +39,7 @@ CONTROL_TIMEOUT_S = 0.1
 
 
 def start_devices(ground: LiveGround) -> Devices:
-    """Begin to start the devices, which the session's parts end; `wait_ready` before their use."""
+    """Start the devices without waiting (`wait_ready` before use); `Parts.stack` closes them."""
     devices = build.devices(ground.config, ground.clock, ground.parts.logs)
     ground.parts.stack.callback(devices.close)
     devices.start()
@@ -53,9 +53,9 @@ def bind_video(
     captured: TakeFrame | None = None,
     link: LinkConfig | None = None,
 ) -> Senders:
-    """The video, which can flow as soon as there are frames, which `captured` gets too.
+    """The video, ready for frames, which `captured` gets too.
 
-    `link`: the real network on the way, None: there is none.
+    `link`: of the real network on the way, if there is one.
     """
     config = ground.config
     network = resolve_network(config, config.network)
@@ -69,8 +69,7 @@ def bind_video(
 class RobotSide(Listener):
     """Arm, guard, engine and cameras, connected and at work; the control loop from `begin` on.
 
-    In the end `stop_arm`, then `finish`. What it starts is one of the session's parts, which end
-    it.
+    To end: `stop_arm`, then `finish`; `Parts.stack` closes what it started.
     """
 
     def __init__(
@@ -86,7 +85,7 @@ class RobotSide(Listener):
         """Connect arm, guard and controller, and build what works with them; TamsError if it fails.
 
         `devices` are ready. `listeners` of the loops, besides those of this side. `link`: the
-        operator, where they are sent the state and the end over one.
+        operator again, if over a link: they are sent the state and the end.
         """
         config, log, parts = ground.config, ground.log, ground.parts
         self._ground, self._board = ground, board
@@ -199,19 +198,19 @@ class RobotSide(Listener):
     # --- end ------------------------------------------------------------------------------------
 
     def stop_arm(self, failed: bool) -> None:
-        """Stop the arm: the first thing when a session ends; may be called twice.
+        """End the control loop, or it would take our stop for a fault, then stop the arm.
 
-        The control loop ends before, or it would take our stop for a fault; if it hangs, the stop
-        is sent all the same.
+        If it hangs, the stop is sent all the same. `failed`: `Outset.fail` has stopped the arm, and
+        the log gets a moment to show how.
         """
         if failed:
-            self._await_stop()  # so that the log shows how the arm stopped
+            self._await_stop()
         self._control.request_stop()
         self._control.join(CONTROL_TIMEOUT_S)
         self._gate.stop()
 
     def finish(self, reason: str, failed: bool) -> None:
-        """The arm has stopped: record the verdict, notify the operator why the session is over."""
+        """The stop is sent: record the verdict, tell the operator why the session is over."""
         if self._episodes is not None:
             self._episodes.finish()
         try:

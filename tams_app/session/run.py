@@ -47,7 +47,7 @@ def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Ite
         simulated = launch_operator(config, clock, parts, log, screen, confirms, world)
         regions = task_regions(config)  # of the frames that are scored
         quality = LiveQuality(config.video, parts, screen, log, regions)
-        quality.start()  # takes a moment, of which a capacity trace must lose nothing
+        quality.start()  # before `bind_video`, at which a capacity trace begins
         video = bind_video(ground, board, codecs, quality.captured)
         identify = {view: frames.find for view, frames in video.sent.items()}
         rule, feedback, decoder = video.rule, video.feedback, codecs.decoder

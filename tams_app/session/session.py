@@ -50,12 +50,12 @@ class Spoken(Journal):
 
 
 class Outset(Ending):
-    """What there is of a session before it is open, and after: by it the session ends or fails.
+    """What exists before a session opens and after it closes; by it the session ends or fails.
 
-    `run`, `robot` or `operate` opens the session, once. `signals`: the operator's, to arm and log,
-    and that the arm must not move any more. `started`: everything has run; what was recorded is
-    worth keeping. `log`: keeps nothing until `open_log`. `records_lost`: those that it lacks, known
-    once it is closed.
+    `run`, `robot` or `operate` opens it, once. `signals`: take the operator's confirmations and
+    stops, and the session's failure. `started`: the start is complete, and the log worth keeping.
+    `log`: keeps nothing until `open_log`. `records_lost`: missing from the log, known once it is
+    closed.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Outset(Ending):
 
     @contextmanager
     def starting(self) -> Iterator[Parts]:
-        """What is started within is one of the parts, which end with the context, in reverse.
+        """What is started inside is closed at the end, last first (`Parts.stack`).
 
         What fails at their end is kept in `failure`, unless there is one already.
         """
@@ -85,7 +85,7 @@ class Outset(Ending):
             if priority:
                 use_round_robin(APPLICATION_PRIORITY)  # inherited by every thread made from here on
                 parts.stack.callback(use_ordinary)
-            logs.mkdir(exist_ok=True)  # the window is there before
+            logs.mkdir(exist_ok=True)  # a window has made it already
             yield parts
         finally:
             try:
@@ -118,7 +118,7 @@ class Outset(Ending):
         self.go_on()
 
     def go_on(self) -> None:
-        """Between two stages of the start: TamsError if a part failed or our end was requested."""
+        """Between two stages of the start: TamsError if a part failed or an end was requested."""
         if self.failure or self.requested_end:
             raise TamsError(self.failure or f"{self.requested_end} before it had started")
 
@@ -176,16 +176,16 @@ class Side(Protocol):
         """The session's state as the console shows it now."""
 
     def stop_arm(self, failed: bool) -> None:
-        """The first thing when a session ends; may be called twice."""
+        """Comes first when a session ends; from any thread, any number of times."""
 
     def finish(self, reason: str, failed: bool) -> None:
-        """The arm has stopped; everything else still runs."""
+        """The arm's stop is sent; everything else still runs."""
 
 
 class Session:
     """An open session: `poll` it a few times a second until it has ended; a context.
 
-    Its end stops the arm, then everything else in the reverse order of its start (`starting`).
+    At its end the arm is stopped, `finish` is called, then all else ends in reverse (`starting`).
     """
 
     def __init__(
@@ -251,7 +251,7 @@ class Session:
         return self.side.state()
 
     def stop_arm(self) -> None:
-        """The first thing when a session ends; may be called twice."""
+        """Comes first when a session ends; from any thread, any number of times."""
         self.side.stop_arm(bool(self._outset.failure))
 
     def end(self, reason: str) -> None:

@@ -27,7 +27,7 @@ class Displays:
         self._seen_ns: tuple[Callable[[str], int], ...] = ()
 
     def add(self, seen_ns: Callable[[str], int]) -> None:
-        """One more, and when the frame of a view was decoded that it shows; or when it opened."""
+        """Add one; `seen_ns`: when the frame of a view that it shows was decoded, or it opened."""
         self._seen_ns = (*self._seen_ns, seen_ns)
 
     def __bool__(self) -> bool:
@@ -39,7 +39,7 @@ class Displays:
 
 
 class FreshVideo:
-    """The frames shown of all views, of which one counts on two conditions; from any thread.
+    """The decoded frames of all views, and which of each counts; from any thread.
 
     It is whole (`tams_app.video.core.receiver`), and each display shows it, or a newer one: one
     that stands still, or puts off its drawing, shows what it showed before. Without displays a

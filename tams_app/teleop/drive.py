@@ -21,7 +21,7 @@ POSE_GAIN_PER_S = 4.0
 
 
 class Drive:
-    """Moves the commanded velocity.
+    """Makes the commanded velocity.
 
     After `engage` or `toggle_mode` the arm brakes first if it still moves; then hand and target are
     anchored to this controller pose and the *measured* arm pose, so that nothing ever jumps.

@@ -27,7 +27,7 @@ class Teleop:
     """From the operator's hand to the arm's command, one `step` per control period.
 
     The menu button: while the arm is armed (ready, engaged, holding) its press is an emergency
-    stop at once. While it is disarmed or in fault, held 1 s it confirms and released before it is
+    stop at once. While it is disarmed or in fault, held 1 s it confirms; released sooner it is
     an emergency stop. A press that stopped the arm never confirms, however long it lasts.
 
     The gripper moves on the edges of A and B while engaged and never otherwise; a button that was

@@ -19,7 +19,7 @@ CLAMP_ABOVE_RAD_S, REJECT_ABOVE_RAD_S = 6.0, 15.0
 MAX_REJECTS = 6  # poses in a row that are a fault
 # How far the arm may be led from the hand by late poses, within about a second.
 MAX_DRIFT_MM, MAX_DRIFT_DEG = 25.0, 4.0
-_FORGETS_S = 1.0  # what they led it away by
+_FORGETS_S = 1.0  # time constant of that drift
 
 
 class HandMotion:

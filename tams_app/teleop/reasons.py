@@ -13,7 +13,7 @@ def _fault(label: str, lasting: str, left: str = "") -> tuple[str, bool, str, st
 
 
 def _hold(label: str, lasting: str, left: str = "") -> tuple[str, bool, str, str]:
-    """Stops the arm, which goes on after the deadman was released and the cause is gone."""
+    """Stops the arm until the cause is gone and the deadman was released and pressed anew."""
     return label, False, lasting, left
 
 

@@ -20,7 +20,7 @@ class TeleopInput:
     arm: ArmState | None
     link: CommandLink
     arm_ready: bool  # enabled, and nothing has stopped it since
-    video_age_ns: int | None  # of the primary view as far as it counts; None: no video in this run
+    video_age_ns: int | None  # of the primary view; no frame yet: ENDLESS_NS; None: not judged
     confirm: bool  # edge of Enter or the console's button
     estop: bool  # edge of terminal, console or signal
     faults: tuple[Reason, ...] = ()  # what the session lost or the guard did
@@ -55,5 +55,5 @@ class TeleopOutput:
 
 
 def is_fresh(stamp_ns: int, now_ns: int, limit_ns: float) -> bool:
-    """Whether a time stamp is at most `limit_ns` old and not from the future."""
+    """Whether a time stamp is at most `limit_ns` old, and no more than 50 ms ahead."""
     return -_FUTURE_NS <= now_ns - stamp_ns <= limit_ns

@@ -83,7 +83,7 @@ class Watch:
     def video_scale(self, age_ns: int | None) -> float:
         """1 for a fresh frame, falling to 0 at the age at which the arm holds; None: no video.
 
-        0 for one from the future as well: whatever stamped it says nothing about its age.
+        0 for one more than 50 ms ahead as well: its stamp says nothing about its age.
         """
         if age_ns is None:
             return 1.0
