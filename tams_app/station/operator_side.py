@@ -20,7 +20,7 @@ _STOP_SENT_NS = 100 * NS_PER_MS
 
 
 class OperatorSide:
-    """The parts at the operator's computer; main thread, but for `stop_arm`; they command nothing."""
+    """The operator's computer: main thread, but for `stop_arm`; it commands nothing."""
 
     def __init__(
         self,
