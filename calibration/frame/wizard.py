@@ -187,8 +187,8 @@ def remarks(config: Config, frame: FrameFit) -> list[str]:
     """What a person should know of the result, one sentence each."""
     off = turn_deg(frame.rotation, np.array(config.hand.rotation))
     lines = [
-        f"The frame is right within {frame.error_bound_deg:.1f}° (95 %, as far as the "
-        "measurements' disagreement tells); the rotation in force differs from it by "
+        f"The frame is right within {frame.error_bound_deg:.1f}° (95 %, judged by how "
+        "far the measurements disagree); the rotation in force differs from it by "
         f"{off:.1f}°.",
         f"Residual {frame.residual_mm:.1f} mm.",
         *(f"Note: {remark}." for remark in frame.left_out),

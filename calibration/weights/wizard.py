@@ -218,7 +218,7 @@ def rate(
     order = viewing_order(clips, rater, seed)
     left = [(phase, shown) for phase, shown in order if sheet.on(phase) is None]
     if not left:
-        ui.print(f"{rater} has rated every phase. Thank you. What was said stays as it is.")
+        ui.print(f"{rater} has rated every phase. Thank you. The ratings stay as they are.")
         return
     if sheet.answers:
         before = "1 phase" if len(sheet.answers) == 1 else f"{len(sheet.answers)} phases"

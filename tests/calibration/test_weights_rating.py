@@ -157,4 +157,4 @@ def test_an_interrupted_rater_goes_on_where_it_stopped(tmp_path, folder):
     assert {answer.phase for answer in answers} == set(Phase)
     again = ScriptedUI()
     rate(again, folder, "p01", given_, VIEWS, False, seed=0)
-    assert again.said == ["p01 has rated every phase. Thank you. What was said stays as it is."]
+    assert again.said == ["p01 has rated every phase. Thank you. The ratings stay as they are."]
