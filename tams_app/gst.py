@@ -54,10 +54,6 @@ ELEMENT_PACKAGES = _STREAMING | {
     "ximagesink": "gstreamer1.0-x",
     "mp4mux": _GOOD,
     "qtdemux": _GOOD,
-    "nvh264enc": _BAD,
-    "nvh264dec": _BAD,
-    "vah264enc": _BAD,
-    "vah264dec": _BAD,
 }
 # By media type, the Debian package that demuxes or decodes it, where that is not libav's.
 _FORMATS = (
@@ -177,13 +173,6 @@ def shut_down(pipeline: Any) -> None:
     pipeline.set_state(gst.State.NULL)
     pipeline.get_state(gst.CLOCK_TIME_NONE)
     pipeline.get_bus().set_flushing(True)
-
-
-def known_settings(element: str, settings: Iterable[str]) -> tuple[str, ...]:
-    """Those of `settings`, each `name=value`, that this version of an element has."""
-    if (made := load().Gst.ElementFactory.make(element)) is None:
-        raise SetupError(f"GStreamer cannot make its element {element}; see `run_tams.py doctor`")
-    return tuple(one for one in settings if made.find_property(one.partition("=")[0]))
 
 
 def raw_buffer(data: bytes | NDArray[np.uint8], pts_ns: int, duration_ns: int) -> Any:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from tams_app.config.section import Fraction, NonNegative, Port, Positive, Section, Word
 from tams_app.records import Phase
@@ -126,21 +126,6 @@ class RepairConfig(Section):
     """Whether a keyframe is asked for where a packet stays lost."""
 
 
-_ELEMENTS = {
-    "x264": "x264enc",
-    "nvh264": "nvh264enc",
-    "vah264": "vah264enc",
-    "v4l2h264": "x264enc",  # could not follow the budget
-    "avdec": "avdec_h264",
-}
-
-
-def _element(default: str) -> BeforeValidator:
-    """Logs and studies up to version 3 have other words; `auto` chose by a probe."""
-    words = _ELEMENTS | {"auto": default}
-    return BeforeValidator(lambda word: words.get(word, word) if isinstance(word, str) else word)
-
-
 class VideoConfig(Section):
     """The same settings for all views and strategies."""
 
@@ -153,19 +138,11 @@ class VideoConfig(Section):
     fps: Annotated[int, Field(ge=5, le=60)] = 30
     """Frames per second that each camera is asked for."""
     preset: Literal["ultrafast", "superfast", "veryfast", "faster", "fast", "medium"] = "superfast"
-    """x264's speed preset; other encoders have their own."""
+    """x264's speed preset."""
     keyframe_interval: Annotated[int, Field(ge=1)] = 600
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
     """Payload of an RTP packet at most."""
-    encoder: Annotated[Literal["x264enc", "nvh264enc", "vah264enc"], _element("x264enc")] = (
-        "x264enc"
-    )
-    """Element of GStreamer that encodes in a live session; `doctor` says whether it is here."""
-    decoder: Annotated[Literal["avdec_h264", "nvh264dec", "vah264dec"], _element("avdec_h264")] = (
-        "avdec_h264"
-    )
-    """Element of GStreamer that decodes in a live session."""
     bind_host: str = "127.0.0.1"
     """Address that the video flows are bound to."""
     first_port: Port = 0

@@ -65,17 +65,6 @@ def configuration(config: Config) -> Iterator[Finding]:
     yield attempted("Ready pose inside the workspace", check_ready_pose, config)
 
 
-def codecs(config: Config) -> Iterator[Finding]:
-    """The configured encoder and decoder."""
-    from tams_app import gst
-    from tams_app.video.live.codecs import installed_codecs
-
-    if gst.missing_elements():
-        return  # named above
-    names = f"{config.video.encoder}, {config.video.decoder}"
-    yield attempted("Video encoder and decoder", installed_codecs, config.video, detail=names)
-
-
 def rendering(config: Config) -> Iterator[Finding]:
     """Off-screen OpenGL for the rig's cameras, in a child: a broken driver may abort."""
     if not config.rig.enabled:
@@ -246,7 +235,6 @@ CHECKS: tuple[Check, ...] = (
     loading,
     gstreamer,
     configuration,
-    codecs,
     rendering,
     shared_memory,
     ports,

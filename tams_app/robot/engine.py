@@ -18,6 +18,7 @@ from tams_app.robot.operator import Operator
 from tams_app.robot.policy_loop import PolicyLoop
 from tams_app.robot.video import Video
 from tams_app.teleop.hands import HAND_FACT
+from tams_app.video.core.codecs import DECODER, ENCODER
 
 if TYPE_CHECKING:  # of the rig
     from tams_app.robot.trial import TrialObserver
@@ -75,8 +76,8 @@ class Engine:
         """Log the start; `scheduler` says what runs the control loop."""
         self._log.fact("scheduler", scheduler)
         self._log.fact(HAND_FACT, self._operator.hand)
-        self._log.fact("encoder", self._video.codecs.encoder.element)
-        self._log.fact("decoder", self._video.codecs.decoder.element)
+        self._log.fact("encoder", ENCODER)
+        self._log.fact("decoder", DECODER)
         self._log.fact(VIDEO_DELAY_FACT, str(self._video.delay_ns))
         self._log.record(PhaseChange(self._clock.now_ns(), Phase.REACH, "start"))
 

@@ -17,7 +17,6 @@ from tams_app.robot.status import StatusBoard
 from tams_app.robot.video import TakeFrame, Video
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.live.networks import RelayClient
 from tams_app.video.live.sender import VideoSender
@@ -105,7 +104,6 @@ class Senders(Video):
         board: StatusBoard,
         captured: TakeFrame | None = None,
         epoch_ns: int | None = None,
-        codecs: Codecs = SOFTWARE,
         link: LinkConfig | None = None,
     ) -> None:
         """`network` is emulated, on top of the real one that `link` crosses; None: there is none.
@@ -117,7 +115,7 @@ class Senders(Video):
         clock, log = ground.clock, ground.log
         self._epoch_ns = clock.now_ns() if epoch_ns is None else epoch_ns
         crossed = network if link is None else behind(network, link)
-        super().__init__(ground, crossed, self._epoch_ns, captured, codecs, link is not None)
+        super().__init__(ground, crossed, self._epoch_ns, captured, link is not None)
         if link is not None:
             self.delay_ns += round(link.latency_ms * NS_PER_MS)  # what is shown must be reported
         self._config, self._parts, self._board = ground.config, ground.parts, board

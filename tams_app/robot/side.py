@@ -26,7 +26,6 @@ from tams_app.robot.video import TakeFrame
 from tams_app.runtime.clock import FixedRate
 from tams_app.runtime.worker import Worker
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import Codecs
 from tams_app.video.live.networks import described, read_trace, resolve_network
 
 if TYPE_CHECKING:  # `run` needs nothing of the link
@@ -49,7 +48,6 @@ def start_devices(ground: LiveGround) -> Devices:
 def bind_video(
     ground: LiveGround,
     board: StatusBoard,
-    codecs: Codecs,
     captured: TakeFrame | None = None,
     link: LinkConfig | None = None,
 ) -> Senders:
@@ -63,7 +61,7 @@ def bind_video(
         text, is_plausible = described(read_trace(Path(network.trace)))
         level = "info" if is_plausible else "warning"
         ground.log.note(level, f"the trace of network {config.network}: {text}")
-    return Senders(ground, network, board, captured, codecs=codecs, link=link)
+    return Senders(ground, network, board, captured, link=link)
 
 
 class RobotSide(Listener):

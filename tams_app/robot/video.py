@@ -13,7 +13,6 @@ from tams_app.policy.budget import BUDGETS
 from tams_app.records import Frame, Phase, UplinkReport
 from tams_app.robot.ground import Ground
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import SOFTWARE, Codecs
 from tams_app.video.core.pacer import FlightBound, Pacer
 from tams_app.video.core.packets import media_ssrc, parity_ssrc
 from tams_app.video.core.parity import ViewParity
@@ -35,7 +34,6 @@ class Video(ABC):
         network: Network,
         epoch_ns: int,
         captured: TakeFrame | None = None,
-        codecs: Codecs = SOFTWARE,
         real: bool = False,
     ) -> None:
         """A capacity trace of `network` begins at `epoch_ns`.
@@ -54,7 +52,6 @@ class Video(ABC):
         self.delay_ns = video_delay_ns(network, self.rule)
         policy = Policy.of(config, self.capacity)
         start_kbps = policy.step(Phase.REACH, UplinkReport(epoch_ns, 0)).target_kbps
-        self.codecs = codecs
         self._streams = {
             view: StreamSettings(
                 view,
@@ -62,7 +59,6 @@ class Video(ABC):
                 self.rule.rtx,
                 start_kbps[view],
                 policy.strategy.source_drop_below_kbps,
-                codecs.encoder,
             )
             for view in video.views
         }

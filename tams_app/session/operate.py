@@ -20,7 +20,6 @@ from tams_app.station.operator_side import OperatorSide
 from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import call_robot
 from tams_app.station.screen import Screen
-from tams_app.video.live.codecs import installed_codecs
 
 
 @contextmanager
@@ -47,10 +46,8 @@ def operate(
         screen = Screen(ours.video, parts, log, cameras)
         present = linked_present(ours, moves_by, log, screen.mount)
         frames, feedback = RobotFrames(ours.video.views), call.welcome.feedback
-        identify, decoder = frames.identify(), installed_codecs(ours.video).decoder
-        receivers = Receivers(
-            ours.video, call.rule, feedback, clock, identify, screen, decoder, outset.displays
-        )
+        identify, displays = frames.identify(), outset.displays
+        receivers = Receivers(ours.video, call.rule, feedback, clock, identify, screen, displays)
         parts.stack.callback(receivers.close)
         link = LinkedRobot(clock, call, requests, log, receivers, frames, present)
         receivers.start(link.connect(receivers.ports))

@@ -13,7 +13,6 @@ from tams_app.robot.side import RobotSide, bind_video, start_devices
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.mailbox import Sentences
 from tams_app.session.session import Outset, Session
-from tams_app.video.live.codecs import installed_codecs
 
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
@@ -30,12 +29,12 @@ def robot(
     """
     config = outset.config
     with outset.starting() as parts:
-        codecs, log = installed_codecs(config.video), outset.open_log(config, parts)
+        log = outset.open_log(config, parts)
         ground = outset.ground(parts, log, arm_at_once, dry_run)
         board, devices = StatusBoard(config, log.newest), start_devices(ground)
         sentences = Sentences()  # for the operator
         outset.sentences.forward_to(sentences)
-        video = bind_video(ground, board, codecs, link=config.link)
+        video = bind_video(ground, board, link=config.link)
         gateway = listen(ground, endpoint, welcome_of(config, video, outset.folder.name))
         operator = LinkedOperator(ground, gateway, video.sent, sentences)
         entrances = video.enter_network(operator.ports)

@@ -19,7 +19,6 @@ from tams_app.session.session import Outset, Session
 from tams_app.station.hand import OperatorHand, launch_operator
 from tams_app.station.receivers import Receivers
 from tams_app.station.screen import Screen
-from tams_app.video.live.codecs import installed_codecs
 
 if TYPE_CHECKING:  # few sessions predict
     from tams_app.prediction.present import PredictedCamera
@@ -33,7 +32,7 @@ def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Ite
     """
     config, clock = outset.config, outset.clock
     with outset.starting() as parts:
-        codecs, log = installed_codecs(config.video), outset.open_log(config, parts)
+        log = outset.open_log(config, parts)
         predicts = config.view.predict != "off"
         cameras: Mapping[str, PredictedCamera] = {}
         if predicts:
@@ -48,11 +47,11 @@ def run(outset: Outset, arm_at_once: bool = False, dry_run: bool = False) -> Ite
         regions = task_regions(config)  # of the frames that are scored
         quality = LiveQuality(config.video, parts, screen, log, regions)
         quality.start()  # before `bind_video`, at which a capacity trace begins
-        video = bind_video(ground, board, codecs, quality.captured)
+        video = bind_video(ground, board, quality.captured)
         identify = {view: frames.find for view, frames in video.sent.items()}
-        rule, feedback, decoder = video.rule, video.feedback, codecs.decoder
+        rule, feedback = video.rule, video.feedback
         receivers = Receivers(
-            config.video, rule, feedback, clock, identify, screen, decoder, outset.displays
+            config.video, rule, feedback, clock, identify, screen, outset.displays
         )
         parts.stack.callback(receivers.close)
         entrances = video.enter_network(receivers.ports)

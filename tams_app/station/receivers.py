@@ -15,7 +15,6 @@ from tams_app.runtime.clock import Clock
 from tams_app.station.fresh_video import Displays, FreshVideo
 from tams_app.station.screen import Screen
 from tams_app.units import NS_PER_MS, NS_PER_S
-from tams_app.video.core.codecs import Decoder
 from tams_app.video.core.frame_identity import SentFrame
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.core.stages import StageMeans, together
@@ -37,7 +36,6 @@ class Receivers:
         clock: Clock,
         identify: Mapping[str, Identify],
         screen: Screen,
-        decoder: Decoder,
         displays: Displays,
     ) -> None:
         """`identify`: by view. `displays`: what shows the frames of `screen` to a person."""
@@ -51,7 +49,7 @@ class Receivers:
         with ExitStack() as stack:  # where one cannot bind, the others let go of their ports
             for view in config.views:
                 receiver = VideoReceiver(
-                    view, config, rule, clock, identify[view], self._shown, feedback, decoder
+                    view, config, rule, clock, identify[view], self._shown, feedback
                 )
                 stack.callback(receiver.close)
                 self._receivers[view] = receiver

@@ -110,15 +110,13 @@ class PlannedTrial(Section):
 def conditions_of_all(config: Config) -> Config:
     """The study's configuration with what is the same in all trials.
 
-    Budget and repair are those of the section `study`; the codecs are always x264 and avdec,
-    whatever hardware each machine has.
+    Budget and repair are those of the section `study`.
     """
     budget = config.policy.budget.model_copy(update={"mode": config.study.budget})
     repair = config.video.repair.model_copy(update={"mode": config.study.repair})
-    video = {"encoder": "x264enc", "decoder": "avdec_h264", "repair": repair}
     changes = {
         "policy": config.policy.model_copy(update={"budget": budget}),
-        "video": config.video.model_copy(update=video),
+        "video": config.video.model_copy(update={"repair": repair}),
     }
     return config.model_copy(update=changes)
 

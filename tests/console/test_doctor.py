@@ -183,22 +183,6 @@ def test_a_name_that_run_would_refuse_is_found(key: str, value: Any, what: str) 
     assert "".join(value) in finding.fix
 
 
-def test_an_encoder_that_is_not_here_is_one_row_with_what_to_do(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-
-    def lacking(names: tuple[str, ...] = ()) -> dict[str, str]:
-        return dict.fromkeys({"nvh264enc"} & set(names), "a package")
-
-    monkeypatch.setattr(gst, "missing_elements", lacking)
-    (finding,) = doctor.codecs(config(video__encoder="nvh264enc"))
-    assert (finding.ok, finding.essential) == (False, True)
-    assert finding.detail == "nvh264enc, avdec_h264"
-    assert finding.fix.startswith("video.encoder: GStreamer lacks nvh264enc; install a package")
-    (finding,) = doctor.codecs(config())
-    assert finding.ok
-
-
 def doctor_where_it_fails_to_load(module: str, tmp_path: Path, how: str) -> tuple[int, str, str]:
     """Exit code and output of the doctor where importing `module` raises `how`."""
     folder = tmp_path / module

@@ -27,7 +27,6 @@ from tams_app.station.receivers import Receivers
 from tams_app.station.screen import Screen
 from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_S
-from tams_app.video.core.codecs import AVDEC
 from tams_app.video.live.receiver import VideoReceiver
 from tests.faults.applications import until
 from tests.faults.bench import ACROSS, PERIOD_S
@@ -120,7 +119,6 @@ class Chain:
             clock,
             identify,
             Screen(config.video, self._parts, log, {}),
-            AVDEC,
             Displays(),
         )
         hand: Any = None  # nothing is held

@@ -33,7 +33,6 @@ from tams_app.station.operator_side import OperatorSide
 from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import RobotCall, call_robot
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import AVDEC
 from tams_app.video.core.repair import RepairRule
 from tams_app.video.live.udp import requested_ports
 from tests.free_port import free_port
@@ -114,7 +113,7 @@ def receivers_of(config: Config, clock: VirtualClock, displays: Displays) -> Rec
     identify = dict.fromkeys(config.video.views, lambda _timestamp: None)
     rule = RepairRule(True, 60, 300.0)
     screen: Any = SimpleNamespace(show=lambda _shown: None)
-    return Receivers(config.video, rule, True, clock, identify, screen, AVDEC, displays)
+    return Receivers(config.video, rule, True, clock, identify, screen, displays)
 
 
 def test_the_robot_hears_of_no_newer_frames_while_the_operators_window_stands_still() -> None:

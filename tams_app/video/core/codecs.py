@@ -1,7 +1,4 @@
-"""The encoders and decoders that a session can use, how each is set up, and the frames they take.
-
-Adding one takes an entry here and its word in `VideoConfig`. Names of settings differ between the
-versions of an element: `installed_codecs` leaves out those that it does not have here.
+"""The encoder and the decoder, how each is set up, and the frames they take.
 
 Frames are converted by OpenCV in place of GStreamer's videoconvert, BGR to I420 and back (BT.601):
 a fifth of its time there and two fifths back, and what comes back is nearer to what entered, by
@@ -10,8 +7,6 @@ one.
 """
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -23,115 +18,28 @@ from tams_app.records import Image
 Planes = NDArray[np.uint8]
 
 
-@dataclass(frozen=True, slots=True)
-class Encoder:
-    """An H.264 encoder, set up to give each frame at once: no B frames, no lookahead, CBR.
+ENCODER, DECODER = "x264enc", "avdec_h264"
 
-    Its `bitrate` [kbit/s] can be set while it plays. In `settings`, `{kbps}` stands for it,
-    `{preset}` and `{keyframe_interval}` for the keys of the configuration.
+
+def encoder_launch(config: VideoConfig, kbps: int) -> str:
+    """I420 frames in, H.264 out; each frame at once: no B frames, no lookahead, CBR.
+
+    `bitrate` [kbit/s] can be set while it plays. threads=1: anything else is not deterministic.
+    aud=false saves a fifth of the packets. A rate buffer of 33 ms is one frame, at any rate; with
+    more than 36 x264 no longer holds each frame to it. The converter only hands I420 on.
     """
-
-    element: str
-    settings: tuple[str, ...]  # `name=value`, as gst-launch takes them
-    pixels: str = "NV12"
-
-    def launch(self, config: VideoConfig, kbps: int) -> str:
-        """I420 frames in, H.264 out; the converter only hands I420 on."""
-        settings = " ".join(self.settings).format(
-            kbps=kbps,
-            preset=config.preset,
-            keyframe_interval=config.keyframe_interval,
-        )
-        return (
-            f"videoconvert name=converter n-threads=1 ! video/x-raw,format={self.pixels} "
-            f"! {self.element} name=encoder {settings} "
-            "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au"
-        )
+    return (
+        "videoconvert name=converter n-threads=1 ! video/x-raw,format=I420 "
+        f"! {ENCODER} name=encoder tune=zerolatency threads=1 speed-preset={config.preset} "
+        f"bitrate={kbps} vbv-buf-capacity=33 key-int-max={config.keyframe_interval} aud=false "
+        "! video/x-h264,profile=high,stream-format=byte-stream,alignment=au"
+    )
 
 
-@dataclass(frozen=True, slots=True)
-class Decoder:
-    element: str
-    settings: tuple[str, ...] = ()
-
-    @property
-    def launch(self) -> str:
-        """H.264 in, I420 out; the converter is for decoders that give something else."""
-        settings = "".join(f" {setting}" for setting in self.settings)
-        return (
-            f"{self.element} name=decoder{settings} "
-            "! videoconvert n-threads=1 ! video/x-raw,format=I420"
-        )
-
-
-# threads=1: anything else is not deterministic. aud=false saves a fifth of the packets. 33 ms are
-# one frame, at any rate; with more than 36 x264 no longer holds each frame to it.
-X264 = Encoder(
-    "x264enc",
-    (
-        "tune=zerolatency",
-        "threads=1",
-        "speed-preset={preset}",
-        "bitrate={kbps}",
-        "vbv-buf-capacity=33",
-        "key-int-max={keyframe_interval}",
-        "aud=false",
-    ),
-    pixels="I420",
+# H.264 in, I420 out
+DECODER_LAUNCH = (
+    f"{DECODER} name=decoder max-threads=1 ! videoconvert n-threads=1 ! video/x-raw,format=I420"
 )
-AVDEC = Decoder("avdec_h264", ("max-threads=1",))
-
-# The rate buffers of the others are set in kbit: `vbv-buffer-size` of the older nvh264enc only
-# before it plays, `cpb-size` of vah264enc at least half a second. They keep their own.
-ENCODERS = {
-    encoder.element: encoder
-    for encoder in (
-        X264,
-        Encoder(
-            "nvh264enc",
-            (
-                "preset=low-latency-hq",
-                "rc-mode=cbr",
-                "bitrate={kbps}",
-                "bframes=0",
-                "b-frames=0",  # the same in newer versions
-                "b-adapt=false",
-                "rc-lookahead=0",
-                "zerolatency=true",
-                "zero-reorder-delay=true",  # the same in newer versions
-                "gop-size={keyframe_interval}",
-                "aud=false",
-            ),
-        ),
-        Encoder(
-            "vah264enc",
-            (
-                "rate-control=cbr",
-                "bitrate={kbps}",
-                "b-frames=0",
-                "key-int-max={keyframe_interval}",
-                "aud=false",
-            ),
-        ),
-    )
-}
-DECODERS = {
-    decoder.element: decoder
-    for decoder in (
-        AVDEC,
-        Decoder("nvh264dec", ("max-display-delay=0",)),
-        Decoder("vah264dec"),
-    )
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Codecs:
-    encoder: Encoder
-    decoder: Decoder
-
-
-SOFTWARE = Codecs(X264, AVDEC)
 
 
 def i420_of(image: Image) -> Planes:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from tams_app.config import VideoConfig
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import AVDEC, Decoder
+from tams_app.video.core.codecs import DECODER_LAUNCH, encoder_launch
 from tams_app.video.core.packets import (
     MEDIA_PAYLOAD_TYPE,
     PADDING_PAYLOAD_TYPE,
@@ -100,14 +100,14 @@ def encoder_chain(
     # the payloader does not count what an extension takes
     mtu_bytes = config.mtu_bytes - feedback * TRANSPORT_SEQUENCE_BYTES
     return (
-        f"{stream.encoder.launch(config, encoder_kbps)} ! h264parse "
+        f"{encoder_launch(config, encoder_kbps)} ! h264parse "
         f"! rtph264pay name=payloader pt={MEDIA_PAYLOAD_TYPE} ssrc={ssrc} "
         f"mtu={mtu_bytes} config-interval=-1 aggregate-mode=zero-latency "
         f"timestamp-offset=0 seqnum-offset=0 {_PACED if paced else ''}{extension}"
     )
 
 
-def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
+def decoder_chain(rule: RepairRule) -> str:
     """RTP packets in, I420 frames out.
 
     mode=none keeps PTS an exact linear function of the RTP timestamp (see frame_identity); its
@@ -119,5 +119,5 @@ def decoder_chain(rule: RepairRule, decoder: Decoder = AVDEC) -> str:
         f"rtpjitterbuffer name=jitterbuffer mode=none latency={rule.latency_ms} do-lost=true "
         f"do-retransmission={'true' if rule.rtx else 'false'} rtx-next-seqnum=false rtx-delay=0 "
         f'! rtpptdemux name=ptdemux ignored-payload-types="<{REPAIR_PAYLOAD_TYPE}>" '
-        f"! rtph264depay name=depayloader request-keyframe=true ! h264parse ! {decoder.launch}"
+        f"! rtph264depay name=depayloader request-keyframe=true ! h264parse ! {DECODER_LAUNCH}"
     )

@@ -13,7 +13,6 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.records import IP_UDP_HEADER_BYTES, DroppedFrame, EncodedFrame, Frame
 from tams_app.units import NS_PER_S
-from tams_app.video.core.codecs import X264, Encoder
 from tams_app.video.core.frame_identity import SentFrame, SentFrames
 from tams_app.video.core.pacer import FlightBound, Pacer
 from tams_app.video.core.packets import Padding, padding_ssrc
@@ -27,8 +26,7 @@ class StreamSettings:
     """How one view is encoded and sent.
 
     rtx: packets are kept to be sent again (`RepairRule.rtx`). start_kbps: the target until the
-    first is set; below source_drop_below_kbps whole frames are dropped. encoder: one that is here
-    (`installed_codecs`).
+    first is set; below source_drop_below_kbps whole frames are dropped.
     """
 
     view: str
@@ -36,7 +34,6 @@ class StreamSettings:
     rtx: bool
     start_kbps: float
     source_drop_below_kbps: float
-    encoder: Encoder = X264
 
 
 @dataclass(frozen=True, slots=True)

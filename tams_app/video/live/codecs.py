@@ -1,17 +1,15 @@
-"""The codecs of this machine: those that are configured, and the decoding of a recorded view."""
+"""The decoding of a recorded view."""
 
 from __future__ import annotations
 
 from collections.abc import Generator, Iterator
-from dataclasses import replace
 from typing import Any
 
 from tams_app import gst
-from tams_app.config import VideoConfig
-from tams_app.errors import SetupError, UnreadableLogError
+from tams_app.errors import UnreadableLogError
 from tams_app.records import EncodedFrame
 from tams_app.units import NS_PER_MS
-from tams_app.video.core.codecs import AVDEC, DECODERS, ENCODERS, Codecs, Planes
+from tams_app.video.core.codecs import DECODER, DECODER_LAUNCH, Planes
 
 _ELEMENTS = ("appsrc", "h264parse", "videoconvert", "appsink")
 _UNDERWAY = 8  # frames inside the pipeline before one is waited for
@@ -19,32 +17,16 @@ _DECODING_NS = 500 * NS_PER_MS  # then the next goes in, for this one may yield 
 _AT_THE_END_NS = 10_000 * NS_PER_MS
 
 
-def installed_codecs(config: VideoConfig) -> Codecs:
-    """What `config.encoder` and `config.decoder` name; SetupError if this machine lacks it."""
-    for key, element in (("encoder", config.encoder), ("decoder", config.decoder)):
-        if missing := gst.missing_elements((element,)):
-            default = VideoConfig.model_fields[key].default
-            raise SetupError(
-                f"video.{key}: GStreamer lacks {element}; install {missing[element]}, or leave the "
-                f"key out for {default}"
-            )
-    encoder, decoder = ENCODERS[config.encoder], DECODERS[config.decoder]
-    return Codecs(
-        replace(encoder, settings=gst.known_settings(encoder.element, encoder.settings)),
-        replace(decoder, settings=gst.known_settings(decoder.element, decoder.settings)),
-    )
-
-
 def decoded(units: Iterator[EncodedFrame]) -> Generator[tuple[int, Planes]]:
     """Capture time [ns] and I420 planes, flat, of one view's frames; from a keyframe on.
 
     UnreadableLogError if the decoder gives up, SetupError if there is none.
     """
-    gst.require_elements((*_ELEMENTS, AVDEC.element))
+    gst.require_elements((*_ELEMENTS, DECODER))
     pipeline = gst.parse_pipeline(
         "appsrc name=units format=time max-bytes=0 "
         "caps=video/x-h264,stream-format=byte-stream,alignment=au "
-        f"! h264parse ! {AVDEC.launch} "
+        f"! h264parse ! {DECODER_LAUNCH} "
         "! appsink name=frames sync=false max-buffers=0"
     )
     entry, frames = pipeline.get_by_name("units"), pipeline.get_by_name("frames")

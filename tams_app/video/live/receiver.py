@@ -10,7 +10,6 @@ from tams_app.config import VideoConfig
 from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock
 from tams_app.video.core import pipelines
-from tams_app.video.core.codecs import AVDEC, Decoder
 from tams_app.video.core.frame_identity import Identify
 from tams_app.video.core.packets import media_ssrc, parity_ssrc, receiver_ssrc
 from tams_app.video.core.parity import ParityDecoder
@@ -34,20 +33,17 @@ class VideoReceiver:
         identify: Identify,
         take: TakeShown,
         feedback: bool = False,
-        decoder: Decoder = AVDEC,
     ) -> None:
         """Bind the ports for RTP and for the sender's RTCP; ConfigError if one is taken.
 
         `feedback`: whether it reports when each packet came; the sender must agree, as with
-        `rule.rtx`. `decoder`: one that is here (`installed_codecs`). SetupError if GStreamer lacks
-        an element.
+        `rule.rtx`. SetupError if GStreamer lacks an element.
         """
         gst.require_elements()
         self.view = view
         self._config = config
         self._rule = rule
         self._feedback = feedback
-        self._decoder = decoder
         self._clock, self._identify, self._take = clock, identify, take
         self._pipeline: gst.Pipeline | None = None
         ports = requested_ports(config, view)
@@ -114,7 +110,7 @@ class VideoReceiver:
             f"{udp_source('rtp_in', pipelines.received_caps(self._feedback))} "
             "! session.recv_rtp_sink session.recv_rtp_src "
             f"{'! rtprtxreceive name=rtx ' if rule.rtx else ''}! rtpssrcdemux name=ssrcdemux "
-            f"{media}{pipelines.decoder_chain(rule, self._decoder)} ! {pipelines.SHOWN_FRAMES} "
+            f"{media}{pipelines.decoder_chain(rule)} ! {pipelines.SHOWN_FRAMES} "
             f"{udp_source('reports_in', pipelines.RTCP_CAPS)} ! session.recv_rtcp_sink "
             f"session.send_rtcp_src ! {udp_sink('feedback_out', link.host, link.feedback)}"
         )
