@@ -140,7 +140,6 @@ def test_the_effective_configuration_reads_back_the_same(tmp_path):
         ({"version": 2}, "version"),
         ({"video.views": ["eih", "gt", "gs", "eih"]}, "views must be different"),
         ({"video.quality": True}, "video.quality"),
-        ({"video.first_port": 65530}, "first_port leaves no space"),
         ({"networks.s2.rate_kbps": 1e-300}, "networks.s2.rate_kbps"),
     ],
 )

@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from tams_app.config.section import Fraction, NonNegative, Port, Positive, Section, Word
+from tams_app.config.section import Fraction, NonNegative, Positive, Section, Word
 from tams_app.records import Phase
 
 
@@ -143,10 +143,6 @@ class VideoConfig(Section):
     """Frames between two keyframes at most."""
     mtu_bytes: Annotated[int, Field(ge=256, le=1472)] = 1200
     """Payload of an RTP packet at most."""
-    bind_host: str = "127.0.0.1"
-    """Address that the video flows are bound to."""
-    first_port: Port = 0
-    """First of three UDP ports for each view; 0 takes any free ones."""
     repair: RepairConfig = RepairConfig()
     latency_bound_ms: Annotated[float, Field(ge=20, le=2000)] = 200.0
     """In repair mode `adaptive`: no frame waits for a resend until later than this after it was
@@ -164,9 +160,6 @@ class VideoConfig(Section):
                 f"mtu_bytes must be at most {_LARGEST_PROTECTED_BYTES} with repair.mode adaptive: "
                 "a parity packet is 7 bytes longer than those it protects"
             )
-        last = self.first_port + 3 * len(self.views) - 1
-        if self.first_port and last > 65535:
-            raise ValueError(f"first_port leaves no space for {3 * len(self.views)} ports")
         return self
 
 

@@ -6,11 +6,9 @@ one that cannot be loaded spoils no other.
 
 from __future__ import annotations
 
-import errno
 import json
 import os
 import shutil
-import socket
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -91,38 +89,6 @@ def realtime(config: Config) -> Iterator[Finding]:
         "add the line `@realtime - rtprio 98` to /etc/security/limits.d/realtime.conf, "
         "join the group realtime and log in again",
         essential=False,
-    )
-
-
-def ports(config: Config) -> Iterator[Finding]:
-    """The address of the video flows and their fixed ports; 0 takes any free ones."""
-    from tams_app.video.live.udp import requested_ports
-
-    host = config.video.bind_host
-    if refusal := _bind_refusal(host, 0):
-        fix = "set video.bind_host to an address of this machine, such as 127.0.0.1"
-        yield Finding("Video address", False, f"{host}: {refusal.strerror}", fix)
-        return
-    if config.video.first_port == 0:
-        return
-    wanted = [requested_ports(config.video, view) for view in config.video.views]
-    refusals = {
-        port: refusal
-        for view in wanted
-        for port in (view.rtp, view.reports, view.feedback)
-        if (refusal := _bind_refusal(host, port))
-    }
-    taken = [port for port, refusal in refusals.items() if refusal.errno == errno.EADDRINUSE]
-    for port, refusal in refusals.items():
-        if port not in taken:
-            fix = "set video.first_port to 1024 or more"  # lower ones are for the administrator
-            yield Finding("Video ports", False, f"{port}: {refusal.strerror}", fix)
-            return
-    yield Finding(
-        "Video ports",
-        not taken,
-        f"in use: {', '.join(map(str, taken))}" if taken else f"from {config.video.first_port}",
-        "change video.first_port, or end the program that has them",
     )
 
 
@@ -237,7 +203,6 @@ CHECKS: tuple[Check, ...] = (
     configuration,
     rendering,
     shared_memory,
-    ports,
     disk,
     home_folder,
     realtime,
@@ -269,15 +234,3 @@ def run_doctor(
     else:
         console.print(verdict(broken))
     return 1 if broken else 0
-
-
-def _bind_refusal(host: str, port: int) -> OSError | None:
-    """The reason why a UDP socket cannot have this address; None if it can."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind((host, port))
-        except OSError as error:
-            return error
-        except ValueError:  # what cannot even be looked up, such as `a..b`
-            return OSError(errno.EADDRNOTAVAIL, "not the name of a host")
-    return None

@@ -51,7 +51,6 @@ def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False)
         "headless": True,
         "controller.device": "auto",  # the operator's side has the device
         "name": "robot",
-        "video.bind_host": "127.0.0.1",
         "video.quality.enabled": False,
     },
 )

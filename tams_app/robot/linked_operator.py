@@ -37,7 +37,7 @@ from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.core.packets import receiver_ssrc
-from tams_app.video.live.udp import ViewPorts
+from tams_app.video.live.udp import HOST, ViewPorts
 
 _HEALTH_NS = NS_PER_S // 10
 _FAREWELLS = 5
@@ -85,8 +85,8 @@ class LinkedOperator(Operator):
     @property
     def ports(self) -> dict[str, ViewPorts]:
         """By view, where its packets must arrive."""
-        host, entrance = self._config.video.bind_host, self._gateway.entrance_port
-        return {view: ViewPorts(host, entrance, entrance, 0) for view in self._sent}
+        entrance = self._gateway.entrance_port
+        return {view: ViewPorts(HOST, entrance, entrance, 0) for view in self._sent}
 
     def connect(self, entrances: Mapping[str, ViewPorts]) -> None:
         """Begin to receive; feedback goes to `entrances`, by view."""

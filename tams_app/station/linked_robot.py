@@ -42,7 +42,7 @@ from tams_app.teleop.safety import ArmingState
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tams_app.video.core.frame_identity import SentFrame, capture_of
 from tams_app.video.core.packets import stream_ssrcs
-from tams_app.video.live.udp import ViewPorts
+from tams_app.video.live.udp import HOST, ViewPorts
 
 _HEALTH_NS = NS_PER_S // 10
 _TICK_NS = round(NS_PER_S / HAND_RATE_HZ)
@@ -177,7 +177,7 @@ class LinkedRobot:
             for ssrc in stream_ssrcs(self._video, view):
                 rtp[ssrc], rtcp[ssrc] = one.rtp, one.reports
         self._gateway.follow(Routes(rtp, rtcp))
-        entrance = ViewPorts(self._video.bind_host, 0, 0, self._gateway.entrance_port)
+        entrance = ViewPorts(HOST, 0, 0, self._gateway.entrance_port)
         return dict.fromkeys(ports, entrance)
 
     @property

@@ -74,8 +74,7 @@ def follow(welcome: SessionDescription, ours: Config) -> Config:
     With its video, its workspace, which the operator is shown, and its rotation of the hand, since
     a device on a desk moves the hand in the arm's frame. ConfigError if it has other views.
     """
-    here = {"bind_host": "127.0.0.1", "first_port": 0}
-    video = understood(VideoConfig, {**welcome.video, **here})
+    video = understood(VideoConfig, welcome.video)
     if video.views != ours.video.views:
         raise ConfigError(
             f"the robot's side has the views {', '.join(video.views)}, this configuration "

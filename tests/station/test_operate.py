@@ -15,7 +15,7 @@ import psutil
 import pytest
 
 from tams_app.config import Config, load_config
-from tams_app.errors import ConfigError, TamsError
+from tams_app.errors import TamsError
 from tams_app.faces.session_face import facts_of
 from tams_app.faces.silence import as_known, silence_of
 from tams_app.faces.terminal.line import status_words
@@ -34,7 +34,6 @@ from tams_app.station.receivers import Receivers
 from tams_app.station.robot_call import RobotCall, call_robot
 from tams_app.units import NS_PER_MS
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.live.udp import requested_ports
 from tests.free_port import free_port
 from tests.session.exchange import MemoryJournal
 
@@ -291,16 +290,6 @@ def test_a_robot_that_cannot_be_followed_is_refused_in_a_sentence(
 def test_a_recorded_hand_which_sees_nothing_is_refused(endpoint, tmp_path):
     config = simulated(**{"rig.hand_trajectory": str(tmp_path / "session.mcap")})
     assert "a recorded hand sees nothing" in start(endpoint, tmp_path, config)
-
-
-def test_where_one_receiver_cannot_bind_the_others_let_go_of_their_ports() -> None:
-    config = simulated(**{"video.first_port": 46_400})
-    last = requested_ports(config.video, config.video.views[-1])
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
-        other.bind((last.host, last.rtp))
-        with pytest.raises(ConfigError, match="cannot use UDP port"):
-            receivers_of(config, VirtualClock(), Displays())
-    receivers_of(config, VirtualClock(), Displays()).close()
 
 
 @pytest.mark.parametrize("is_there", [False, True])

@@ -2,22 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import socket
-from contextlib import ExitStack
 
 import pytest
 
 from tams_app.config import VideoConfig
-from tams_app.errors import ConfigError
-from tams_app.runtime.clock import MonotonicClock
 from tams_app.video.core.frame_identity import SentFrames
 from tams_app.video.core.packets import MEDIA_PAYLOAD_TYPE, media_ssrc
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.live.receiver import VideoReceiver
 from tests.video.lossy_link import LossyLink
 from tests.video.streams import (
-    PATIENT,
     UNREPAIRED,
     checksum,
     decoded_checksums,
@@ -132,31 +126,3 @@ def test_packets_of_another_program_of_this_computer_are_not_taken() -> None:
             joined.push(range(first, first + 10))
         assert joined.wait_until(lambda: joined.shown_indices()[-1:] == [59])
     assert joined.shown_indices() == list(range(60))
-
-
-def free_pair() -> int:
-    """The first of two free ports, below the range of ephemeral ones."""
-    for first in range(20_000 + os.getpid() % 5_000, 32_000, 2):
-        with ExitStack() as stack:
-            try:
-                for port in (first, first + 1):
-                    one = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
-                    one.bind(("127.0.0.1", port))
-            except OSError:
-                continue
-            return first
-    raise AssertionError("no two ports are free")
-
-
-def test_a_port_in_use_is_refused_and_nothing_stays_bound() -> None:
-    reports = free_pair() + 1
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", reports))
-        config = VideoConfig(first_port=reports - 1)
-        sentence = f"receiver of view eih .* UDP port {reports} on 127.0.0.1 .*video.first_port"
-        with pytest.raises(ConfigError, match=sentence):
-            VideoReceiver(
-                "eih", config, PATIENT, MonotonicClock(), NOTHING_SENT, lambda shown: None
-            )
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free_again:
-            free_again.bind(("127.0.0.1", reports - 1))

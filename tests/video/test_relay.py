@@ -170,6 +170,6 @@ def test_a_relay_that_is_killed_is_reported_in_one_sentence(between):
 def test_a_relay_that_cannot_bind_says_so(between, tmp_path):
     client = RelayClient(tmp_path, lambda records: None, lambda name, failure: None)
     nowhere = {"eih": ViewPorts("192.0.2.1", 1, 2, 3)}
-    with pytest.raises(HelperError, match=r"the link relay cannot start .*check video\.bind_host"):
+    with pytest.raises(HelperError, match=r"the link relay cannot start .*check the trace"):
         client.emulate(Network(), nowhere, seed=1, epoch_ns=0)
     client.close()

@@ -9,15 +9,14 @@ import pytest
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.errors import ConfigError
 from tams_app.video.core.packets import stream_ssrcs
-from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
+from tams_app.video.live.udp import UdpSocket, udp_sink, udp_source
 
 pytestmark = pytest.mark.waiting
 
 
 def test_a_free_port_is_told_and_belongs_to_the_host_asked_for() -> None:
-    bound = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+    bound = UdpSocket("receiver of view eih")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as elsewhere:
         elsewhere.bind(("127.0.0.2", bound.port))
     with (
@@ -29,11 +28,6 @@ def test_a_free_port_is_told_and_belongs_to_the_host_asked_for() -> None:
     bound.close()
 
 
-def test_a_host_that_is_no_address_is_refused() -> None:
-    with pytest.raises(ConfigError, match=r"video\.bind_host: 'nowhere'"):
-        UdpSocket("nowhere", 0, "receiver of view eih")
-
-
 def test_a_connected_socket_takes_what_its_peer_sends_and_nothing_from_before() -> None:
     """Also while its peer is gone, and once it is back: a helper may be started anew."""
     with (
@@ -42,7 +36,7 @@ def test_a_connected_socket_takes_what_its_peer_sends_and_nothing_from_before() 
     ):
         peer.bind(("127.0.0.1", 0))
         address = peer.getsockname()
-        bound = UdpSocket("127.0.0.1", 0, "receiver of view eih")
+        bound = UdpSocket("receiver of view eih")
         for one in (peer, other):
             one.sendto(b"before", ("127.0.0.1", bound.port))
         bound.connect(*address)
@@ -72,14 +66,6 @@ def pulled(appsink: object) -> bytes:
     sample = appsink.emit("try-pull-sample", 10 * gst.load().Gst.SECOND)  # type: ignore[attr-defined]
     buffer = sample.get_buffer()
     return bytes(buffer.extract_dup(0, buffer.get_size()))
-
-
-def test_each_view_has_any_free_ports_or_three_of_its_own_from_the_first_on() -> None:
-    assert requested_ports(VideoConfig(), "gt") == ViewPorts("127.0.0.1", 0, 0, 0)
-    config = VideoConfig(first_port=5000, bind_host="127.0.0.2")
-    for place, view in enumerate(config.views):
-        first = 5000 + 3 * place
-        assert requested_ports(config, view) == ViewPorts("127.0.0.2", first, first + 1, first + 2)
 
 
 def test_no_two_streams_share_an_ssrc() -> None:

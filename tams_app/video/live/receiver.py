@@ -7,14 +7,13 @@ from typing import Any
 
 from tams_app import gst
 from tams_app.config import VideoConfig
-from tams_app.errors import TamsError
 from tams_app.runtime.clock import Clock
 from tams_app.video.core import pipelines
 from tams_app.video.core.frame_identity import Identify
 from tams_app.video.core.packets import media_ssrc, parity_ssrc, receiver_ssrc
 from tams_app.video.core.parity import ParityDecoder
 from tams_app.video.core.repair import RepairRule
-from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
+from tams_app.video.live.udp import HOST, UdpSocket, ViewPorts, udp_sink, udp_source
 from tams_app.video.live.view_codecs import TakeShown, ViewDecoder, caps_of_payload_type
 
 
@@ -34,7 +33,7 @@ class VideoReceiver:
         take: TakeShown,
         feedback: bool = False,
     ) -> None:
-        """Bind the ports for RTP and for the sender's RTCP; ConfigError if one is taken.
+        """Bind ports for RTP and for the sender's RTCP.
 
         `feedback`: whether it reports when each packet came; the sender must agree, as with
         `rule.rtx`. SetupError if GStreamer lacks an element.
@@ -46,16 +45,10 @@ class VideoReceiver:
         self._feedback = feedback
         self._clock, self._identify, self._take = clock, identify, take
         self._pipeline: gst.Pipeline | None = None
-        ports = requested_ports(config, view)
         what = f"receiver of view {view}"
-        self._rtp_socket = UdpSocket(ports.host, ports.rtp, what)
-        try:
-            self._reports_socket = UdpSocket(ports.host, ports.reports, what)
-        except TamsError:
-            self._rtp_socket.close()
-            raise
+        self._rtp_socket, self._reports_socket = UdpSocket(what), UdpSocket(what)
         rtp, reports = self._rtp_socket.port, self._reports_socket.port
-        self.ports = ViewPorts(ports.host, rtp, reports, 0)  # where its packets must arrive
+        self.ports = ViewPorts(HOST, rtp, reports, 0)  # where its packets must arrive
 
     def start(self, link: ViewPorts) -> None:
         """Begin to receive from `link.feedback`, where feedback goes to. SetupError if refused."""

@@ -232,7 +232,7 @@ def main() -> None:
         relay = build(side.specification, connection)
     except (OSError, ConfigError) as error:
         connection.close()
-        side.fail(f"the link relay cannot start ({error}); check video.bind_host and the trace")
+        side.fail(f"the link relay cannot start ({error}); check the trace")
         return
     use_fifo(RELAY_PRIORITY)
     entrances = {view: asdict(ports) for view, ports in relay.entrances().items()}

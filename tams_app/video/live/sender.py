@@ -16,7 +16,7 @@ from tams_app.video.core.packets import RTP_HEADER_BYTES, TRANSPORT_SEQUENCE_BYT
 from tams_app.video.core.rtcp import ReceivedFeedback, read_arrivals, read_blocks
 from tams_app.video.core.sender import Sender, StreamSettings, Uplink
 from tams_app.video.core.stages import StageMeans
-from tams_app.video.live.udp import UdpSocket, ViewPorts, requested_ports, udp_sink, udp_source
+from tams_app.video.live.udp import UdpSocket, ViewPorts, udp_sink, udp_source
 from tams_app.video.live.view_codecs import TakeEncoded, ViewEncoder
 
 # A machine that wakes threads so late has no time for pacing: frames leave at once for a while.
@@ -37,12 +37,9 @@ class VideoSender:
     def __init__(
         self, stream: StreamSettings, uplink: Uplink, clock: Clock, take: TakeEncoded
     ) -> None:
-        """Bind the port for feedback; ConfigError if it is taken.
-
-        SetupError if GStreamer lacks an element.
-        """
+        """Bind a port for feedback; SetupError if GStreamer lacks an element."""
         gst.require_elements()
-        self.view, config = stream.view, stream.config
+        self.view = stream.view
         self._sender = Sender(stream, uplink)
         self.sent = self._sender.sent
         self.set_target_kbps = self._sender.set_target_kbps
@@ -54,8 +51,7 @@ class VideoSender:
         self._pacer = uplink.pacer
         self._unpaced_until_ns = 0
         self._pipeline: gst.Pipeline | None = None
-        ports = requested_ports(config, self.view)
-        self._socket = UdpSocket(ports.host, ports.feedback, f"sender of view {self.view}")
+        self._socket = UdpSocket(f"sender of view {self.view}")
 
     @property
     def feedback_port(self) -> int:

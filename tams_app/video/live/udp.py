@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ipaddress
 import os
 import socket
 from contextlib import suppress
@@ -10,16 +9,16 @@ from dataclasses import dataclass
 from typing import Any
 
 from tams_app import gst
-from tams_app.config import VideoConfig
-from tams_app.errors import ConfigError
+from tams_app.errors import SetupError
 
+HOST = "127.0.0.1"  # between computers the gateway carries the flows
 # A 33 ms frame at 20 Mbit/s is 80 kB; room for many while the decoder waits for the GIL.
 RECEIVE_BUFFER_BYTES = 2_000_000
 
 
 @dataclass(frozen=True, slots=True)
 class ViewPorts:
-    """UDP ports of one view's three flows, all on one host; 0 asks for any free port.
+    """UDP ports of one view's three flows, all on one host.
 
     The same record says where the flows enter the link and where they come out of it. Without a
     link the two are equal. A sender sends all from its feedback port and receives from the link's
@@ -33,14 +32,6 @@ class ViewPorts:
     feedback: int  # receiver -> sender: RTCP (receiver reports, NACK, PLI)
 
 
-def requested_ports(config: VideoConfig, view: str) -> ViewPorts:
-    """The ports a view's sender and receiver bind: three from `first_port` on, or any."""
-    if config.first_port == 0:
-        return ViewPorts(config.bind_host, 0, 0, 0)
-    first = config.first_port + 3 * config.views.index(view)
-    return ViewPorts(config.bind_host, first, first + 1, first + 2)
-
-
 class UdpSocket:
     """A bound UDP socket for the ends of a chain, so that its port is known before the start.
 
@@ -48,15 +39,11 @@ class UdpSocket:
     program sends to this port.
     """
 
-    def __init__(self, host: str, port: int, what: str) -> None:
-        """Bind `host`:`port` (0: any free port); ConfigError if that is impossible."""
+    def __init__(self, what: str) -> None:
+        """Bind any free port of HOST; SetupError if there is none, with `what` it is for."""
         modules = gst.load()
         gio = modules.Gio
-        try:
-            ipaddress.ip_address(host)
-        except ValueError as error:
-            raise ConfigError(f"video.bind_host: {host!r} is not an IP address") from error
-        address = gio.InetSocketAddress.new_from_string(host, port)
+        address = gio.InetSocketAddress.new_from_string(HOST, 0)
         self._socket = gio.Socket.new(
             address.get_family(), gio.SocketType.DATAGRAM, gio.SocketProtocol.UDP
         )
@@ -64,10 +51,7 @@ class UdpSocket:
             self._socket.bind(address, False)
         except modules.GLib.Error as error:
             self._socket.close()
-            raise ConfigError(
-                f"the {what} cannot use UDP port {port} on {host} ({error.message}); "
-                "change video.first_port or video.bind_host"
-            ) from error
+            raise SetupError(f"the {what} gets no UDP port on {HOST}: {error.message}") from error
         self.port: int = self._socket.get_local_address().get_port()
 
     def connect(self, host: str, port: int) -> None:
