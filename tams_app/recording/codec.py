@@ -19,7 +19,6 @@ from typing import Any, Generic, NamedTuple, TypeVar
 import msgspec
 import numpy as np
 
-from tams_app.records import Activity, ArmState, FrameQuality, ServoMode
 from tams_app.rotation import Rotation
 
 T = TypeVar("T")
@@ -154,11 +153,8 @@ def _record(record_type: type) -> _Form:
         form = _form(hint.__origin__)
         forms.append((name, form.convert))
         properties[name] = {**form.schema, "description": hint.__metadata__[0]}
-    upgrade = UPGRADES.get(record_type)
 
     def read(tree: dict[str, Any]) -> Any:
-        if upgrade is not None:
-            tree = upgrade(tree)
         # a field added since the log was written takes its default
         return record_type(
             **{
@@ -169,33 +165,3 @@ def _record(record_type: type) -> _Form:
         )
 
     return _Form({"type": "object", "properties": properties}, read)
-
-
-# Up to 0.1 an arm's state was given in the numbers of the only controller there was.
-_ACTIVITIES = {0: Activity.IDLE, 1: Activity.MOVING, 2: Activity.IDLE, 3: Activity.PAUSED}
-_SERVO_MODES = {1: ServoMode.POSE, 5: ServoMode.VELOCITY}
-
-
-def _arm_state(logged: dict[str, Any]) -> dict[str, Any]:
-    if "error_code" not in logged:
-        return logged
-    code = logged["error_code"]
-    return {
-        **logged,
-        "activity": _ACTIVITIES.get(logged["state"], Activity.STOPPED),
-        "servo": _SERVO_MODES.get(logged["mode"]),
-        "fault": {"code": code, "text": f"C{code}"} if code else None,
-    }
-
-
-def _frame_quality(logged: dict[str, Any]) -> dict[str, Any]:
-    """Up to 0.1, `damaged` was what `concealed` is now."""
-    if "damaged" not in logged:
-        return logged
-    return {**logged, "concealed": logged["damaged"]}
-
-
-UPGRADES: dict[type, Convert] = {
-    ArmState: _arm_state,
-    FrameQuality: _frame_quality,
-}

@@ -15,7 +15,6 @@ from tams_app import __version__
 from tams_app.errors import UnreadableLogError
 from tams_app.recording.mcap_stream import McapStream, messages_between, protobuf_fields
 from tams_app.recording.topics import (
-    FORMER_NAMES,
     HEADER,
     PICTURE_PREFIX,
     PROFILE,
@@ -34,7 +33,6 @@ from tams_app.units import NS_PER_S
 _VIDEO_DATA_FIELD = 3  # foxglove.CompressedVideo.data
 _PICTURE_DATA_FIELD, _FORMAT_FIELD = 2, 3  # of foxglove.CompressedImage
 _PICTURE_AT_MOST_NS = 2 * NS_PER_S
-_RENAMED_SCHEMA = 4
 _TOPICS_BY_NAME = {topic.name: topic for topic in TOPICS.values()}
 
 
@@ -46,8 +44,8 @@ def read_log(path: Path, only: Container[type] | None = None) -> SessionLog:
     header, stream, messages = _opened(path)
     log = SessionLog(header, header.started_ns)
     for name, message in messages:
-        if (topic := _topic(name, header)) is None:
-            continue
+        if (topic := _TOPICS_BY_NAME.get(name)) is None:
+            continue  # video, viewers' channels, and what a newer version may add
         if only is None or topic.record_type in only or topic.record_type is RecordsLost:
             with _as_we_write_it(path, topic.name):
                 log.add(topic.decode(message.data))
@@ -74,7 +72,7 @@ def read_records(path: Path, only: Container[type] | None = None) -> Iterator[tu
     yield header.started_ns, header
     sent: dict[str, FrameSent] = {}  # by the topic that their bytes follow on
     for name, message in messages:
-        if (topic := _topic(name, header)) is not None:
+        if (topic := _TOPICS_BY_NAME.get(name)) is not None:
             if only is not None and topic.record_type not in only:
                 continue
             with _as_we_write_it(path, topic.name):
@@ -109,9 +107,11 @@ def _opened(path: Path) -> tuple[Header, McapStream, Iterator[tuple[str, Message
         if name == HEADER.name:
             with _as_we_write_it(path, name):
                 header = HEADER.decode(message.data)
-                if header.schema > SCHEMA:
+                if header.schema != SCHEMA:
+                    other = "a newer" if header.schema > SCHEMA else "an older"
                     raise UnreadableLogError(
-                        f"{path}: was written by the newer TAMS {header.version}; read it with that"
+                        f"{path}: was written by {other} TAMS ({header.version}, logs of schema "
+                        f"{header.schema}); read it with that"
                     )
                 _check(header)
             return header, stream, messages
@@ -120,16 +120,6 @@ def _opened(path: Path) -> tuple[Header, McapStream, Iterator[tuple[str, Message
     if stream.gaps:
         raise UnreadableLogError(f"{path}: is damaged at its beginning; give an undamaged copy")
     raise UnreadableLogError(f"{path}: holds no session header; the session ended before it began")
-
-
-def _topic(name: str, header: Header) -> Any:
-    """What a log with that header has on a topic of that name.
-
-    None: video, viewers' channels, and what a newer version may add.
-    """
-    if header.schema < _RENAMED_SCHEMA:
-        name = FORMER_NAMES.get(name, name)
-    return _TOPICS_BY_NAME.get(name)
 
 
 def _session_time(gap: Gap, wall_offset_ns: int) -> Gap:

@@ -48,10 +48,7 @@ from tams_app.records import (
 )
 from tams_app.units import NS_PER_S
 
-# Schema 1: the arm's state in numbers, `damaged` frames; `codec` upgrades them.
-# Up to schema 2 an RTP timestamp gave the index: n · 90000 / fps.
-# Up to schema 3 `/cameras` was called `/rates`, which is a channel for viewers since.
-SCHEMA = 4
+SCHEMA = 4  # of the logs that are written and read
 PROFILE = "tams-session"  # the MCAP header's profile, by which a reader knows our logs
 REFERENCE_PROFILE = "tams-reference"
 
@@ -375,7 +372,6 @@ _TOPICS: tuple[Topic[Any], ...] = (
 TOPICS = {topic.record_type: topic for topic in _TOPICS}
 
 LOG_NAME = "session.mcap"  # in a session's folder
-FORMER_NAMES = {"/rates": "/cameras"}  # of topics, up to schema 3
 
 PICTURE_PREFIX = "/shown/"  # + view: foxglove.CompressedImage
 VIDEO_PREFIX = "/video/"  # + view: foxglove.CompressedVideo

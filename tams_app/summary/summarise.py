@@ -121,12 +121,12 @@ def _system(log: SessionLog) -> dict[str, Any]:
 
 
 def _is_complete(path: Path) -> bool:
-    """True if a summary is there that says nothing else; up to 0.1 they did not say."""
+    """True if a summary is there that says so."""
     try:
         former = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return False
-    return isinstance(former, dict) and former.get("complete", True) is True
+    return isinstance(former, dict) and former.get("complete") is True
 
 
 def control(log: SessionLog) -> dict[str, Any]:

@@ -15,11 +15,8 @@ from tams_app.policy.weights import WeightMatrix
 from tams_app.recording import SessionLog
 from tams_app.records import PacketFate, PacketKind, PacketRecord, Phase
 from tams_app.units import NS_PER_S
-from tams_app.video.core.frame_identity import RTP_CLOCK_HZ
 from tams_app.video.core.rate_control import FrameIntervals
 from tams_app.video.core.uplink_figures import ReportedPackets
-
-_TIMESTAMPS_SINCE = 3  # schema of the log
 
 
 def known_packets(log: SessionLog) -> Sequence[PacketRecord]:
@@ -199,14 +196,7 @@ def primary_at(log: SessionLog, t_ns: Integers) -> Integers:
 
 
 def capture_indices(log: SessionLog, view: str) -> dict[int, int]:
-    """The captures of `view` that were sent: their indices by RTP timestamp.
-
-    Logs before schema 3 do not say: there the payloader rounded index · 90000 / fps down.
-    """
-    if log.header.schema < _TIMESTAMPS_SINCE:
-        ticks = RTP_CLOCK_HZ / log.header.fps
-        stamps = {packet.rtp_timestamp for packet in log.packets if packet.view == view}
-        return {timestamp: round(timestamp / ticks) for timestamp in stamps}
+    """The captures of `view` that were sent: their indices by RTP timestamp."""
     return {
         one.rtp_timestamp: one.index
         for one in log.sent

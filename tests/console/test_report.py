@@ -135,16 +135,6 @@ def test_the_summary_of_a_damaged_log_says_what_is_missing_and_the_former_one_is
         assert (folder / "summary.json.before").read_bytes() == whole
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_summary_of_before_summaries_said_whether_they_are_complete_is_kept_too(
-    folder: Path,
-) -> None:
-    (folder / "summary.json").write_text('{"schema": 1}')
-    damage(folder)
-    reported(folder)
-    assert (folder / "summary.json.before").read_text() == '{"schema": 1}'
-
-
 @pytest.mark.parametrize(
     ("given", "sentence"),
     [

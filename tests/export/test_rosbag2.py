@@ -26,7 +26,6 @@ from tests.synthetic_session import START_NS, VIEWS, live_records
 
 pytestmark = pytest.mark.untimed
 
-DATA = Path(__file__).parent.parent / "data"
 SECONDS = 3.0
 VIDEO_BYTES = 500
 
@@ -98,21 +97,6 @@ def test_a_bag_is_mcap_with_the_definitions_of_its_messages(bag: Path) -> None:
     assert {one.message_encoding for one in summary.channels.values()} == {"cdr"}
     assert all(one.encoding == "ros2msg" and one.data for one in summary.schemas.values())
     assert sum(counted.values()) == about["message_count"]
-
-
-def test_a_log_of_an_older_version_becomes_a_bag(tmp_path: Path) -> None:
-    path = DATA / "virtual-0.1.mcap"
-    log = read_log(path)
-    scene = scene_of_header(log.header)
-    counts = write_bag(path, tmp_path / "bag", scene)
-    expected = counts_of(log)
-    if scene is None:
-        expected["/tf_static"] = 0
-    for view in VIEWS:
-        expected[f"/tams/{view}/compressed"] = counts[f"/tams/{view}/compressed"]  # not all kept
-    assert {topic: counts[topic] for topic in expected} == expected
-    with AnyReader([tmp_path / "bag"]) as reader:
-        assert reader.message_count == sum(counts.values()) > 100
 
 
 def test_every_topic_has_its_type_and_quality_of_service(bag: Path) -> None:

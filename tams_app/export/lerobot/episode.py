@@ -93,7 +93,7 @@ class TickTable:
 
 
 class Shape(NamedTuple):
-    """The common properties of all episodes of a dataset; logs of version 0.1 name no arm."""
+    """The common properties of all episodes of a dataset; arm: None where the log names none."""
 
     fps: int
     width: int
