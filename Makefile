@@ -10,17 +10,23 @@ PYTHON :=
 READY := $(ENV)/.ready
 EXTRAS := $(ENV)/.ready-extras
 PY := $(ENV)/bin/python
+NODE_READY := tests/page/node_modules/.package-lock.json
 
 run: $(READY)
 	$(PY) run_tams.py $(ARGS)
 
-check: $(EXTRAS)
+check: $(EXTRAS) $(NODE_READY)
 	$(PY) -m ruff check .
 	$(PY) -m ruff format --check .
 	$(PY) -m mypy
 	$(ENV)/bin/lint-imports --no-logo
 	$(PY) -m deptry .
 	$(PY) -m tests.sizes
+	npm run --silent --prefix tests/page check
+
+# What checks the types of the page's JavaScript.
+$(NODE_READY): tests/page/package.json tests/page/package-lock.json | $(EXTRAS)
+	cd tests/page && npm ci --silent
 
 # Beside others no test's library starts threads of its own.
 ALONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 LP_NUM_THREADS=1

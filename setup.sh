@@ -38,8 +38,10 @@ stage() {
     fi
 }
 
+# By its own name, or as part of another: some builds of nodejs bring npm, and none besides.
 is_installed() {
-    dpkg-query --show --showformat='${db:Status-Abbrev}' "$1" 2>/dev/null | grep -q '^ii'
+    dpkg-query --show --showformat='${db:Status-Abbrev} ${Package}, ${Provides},\n' |
+        grep -E "^ii .*\b$1( \([^)]*\))?," >/dev/null
 }
 
 # The packages of a list that are missing, a line each: `one | other` where either will do.

@@ -34,9 +34,12 @@ def sizes() -> dict[str, dict[str, int]]:
 
 
 def _lines(files: list[Path]) -> dict[str, int]:
-    """Lines of Python by package, and of the product, the tests and the benchmarks in all."""
+    """Lines of Python by package, and in all of product, tests and benchmarks; of JavaScript."""
     lines: Counter[str] = Counter()
     for path in files:
+        if path.suffix == ".js":
+            top = path.relative_to(ROOT).parts[0]
+            lines[f"JavaScript in {top}"] += len(path.read_text("utf-8").splitlines())
         if path.suffix == ".py" and not path.is_symlink():
             parts = path.relative_to(ROOT).parts
             count = len(path.read_text("utf-8").splitlines())

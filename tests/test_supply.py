@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -56,6 +57,16 @@ def test_each_group_of_dependencies_has_its_lock() -> None:
     for group, wanted in groups.items():
         pinned = {re.split("[=; ]", one)[0] for one in locked(ROOT / f"requirements-{group}.lock")}
         assert {Requirement(one).name.lower() for one in wanted} <= pinned
+
+
+def test_what_npm_installs_has_one_version_and_a_hash_and_no_address() -> None:
+    lock = json.loads((ROOT / "tests" / "page" / "package-lock.json").read_text())
+    wanted = lock["packages"].pop("")["devDependencies"]
+    assert {f"node_modules/{name}" for name in wanted} <= lock["packages"].keys()
+    assert all(re.fullmatch(r"[\d.]+", version) for version in wanted.values())
+    for package in lock["packages"].values():
+        assert package["integrity"].startswith("sha512-")
+        assert "resolved" not in package
 
 
 def test_setup_builds_nothing_with_what_is_not_pinned() -> None:
