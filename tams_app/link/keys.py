@@ -1,31 +1,36 @@
 """The secrets that two computers share: a file for each, readable by its owner alone.
 
-A key has a name, of the person or the computer that it is for. The operator's side has one key; the
-robot's side accepts one, or each that lies in a folder. To take a key away is to delete its file
-there: it is not accepted from the next look at the folder on.
+A key has a name, of the person or the computer that it is for, and tells the robot that it is for.
+The operator's side has one key; the robot's side accepts one, or each that lies in a folder, and
+has its identity beside them. To take a key away is to delete its file there: it is not accepted
+from the next look at the folder on.
 """
 
 from __future__ import annotations
 
-import base64
-import binascii
 import os
 import re
-import secrets
-import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from hashlib import blake2b
 from pathlib import Path
 
 from tams_app.errors import ConfigError
+from tams_app.link.identity import (
+    IDENTITY_MARK,
+    PUBLIC_BYTES,
+    RobotIdentity,
+    identity_for_new_keys,
+    read_identity,
+)
+from tams_app.link.secret_file import decoded, encoded, is_folder, read_secret, write_secret
 
 KEY_BYTES = 32
 IDENTITY_BYTES = 8
-_MARK = "tams-key-2"
+_MARK = "tams-key-3"
+_MARK_WITHOUT_ROBOT = "tams-key-2"  # of version 3 of TAMS
 _SUFFIX = ".key"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,31}")
-_LONGEST_FILE_BYTES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,16 +39,12 @@ class Key:
 
     name: str
     secret: bytes = field(repr=False)  # shape (32,)
-    identity: bytes = field(init=False, repr=False)  # by which initiations name it: no secret
-    mac_key: bytes = field(init=False, repr=False)
+    robot: bytes | None = field(default=None, repr=False)  # its public identity, shape (32,)
+    identity: bytes = field(init=False, repr=False)  # by which calls name the key: no secret
 
     def __post_init__(self) -> None:
-        for attribute, person, size in (
-            ("identity", b"TAMS key name", IDENTITY_BYTES),
-            ("mac_key", b"TAMS key mac", KEY_BYTES),
-        ):
-            made = blake2b(key=self.secret, person=person, digest_size=size).digest()
-            object.__setattr__(self, attribute, made)
+        made = blake2b(key=self.secret, person=b"TAMS key name", digest_size=IDENTITY_BYTES)
+        object.__setattr__(self, "identity", made.digest())
 
 
 # without a key file: no secret at all, for one computer only
@@ -51,29 +52,18 @@ LOOPBACK_KEY = Key("", bytes(KEY_BYTES))
 
 
 def new_key(path: Path, name: str | None = None) -> Path:
-    """Write a new random key; the file, mode 0600.
+    """Write a new random key; the file, mode 0600. The robot's identity is made if it has none.
 
     `path`: the file, or a folder that gets one. `name`: whose it is; None: as the file is called.
     ConfigError if it exists, cannot be made, or the name is none.
     """
-    if _is_folder(path):
+    if is_folder(path):
         if name is None:
             raise ConfigError(f"{path}: is a folder; say whose key it is to get: --for NAME")
         path = path / f"{_valid(name)}{_SUFFIX}"
     name = _valid(path.stem if name is None else name)
-    line = f"{_MARK} {name} {base64.b64encode(secrets.token_bytes(KEY_BYTES)).decode()}\n"
-    try:
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    except FileExistsError as error:
-        raise ConfigError(
-            f"{path}: is there already; give another name, or delete it if no computer needs it"
-        ) from error
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: cannot be written ({error.strerror}); name another place"
-        ) from error
-    with os.fdopen(descriptor, "w") as file:
-        file.write(line)
+    robot = identity_for_new_keys(path, os.urandom).public
+    write_secret(path, f"{_MARK} {name} {encoded(os.urandom(KEY_BYTES))} {encoded(robot)}")
     return path
 
 
@@ -94,27 +84,24 @@ def read_key(path: Path) -> Key:
     """The key in `path`.
 
     ConfigError if it cannot be read, is no key, or if others than its owner may read it. No message
-    says anything of what the file holds.
+    says anything of what the file holds but the name of an older key.
     """
-    try:
-        with path.open("rb") as file:
-            mode = os.fstat(file.fileno()).st_mode
-            content = file.read(_LONGEST_FILE_BYTES)
-    except OSError as error:
+    mark, *words = read_secret(path, "a file that key new FILE made").split(" ")
+    if mark == IDENTITY_MARK:
         raise ConfigError(
-            f"--key: {path}: cannot be read ({error.strerror}); name a file that key new FILE made"
-        ) from error
-    if stat.S_IMODE(mode) & 0o077:
-        raise ConfigError(f"--key: {path}: others can read it; run: chmod 600 {path}")
-    mark, _, rest = content.decode("ascii", "replace").strip().partition(" ")
-    name, _, encoded = rest.partition(" ")
-    try:
-        secret = base64.b64decode(encoded, validate=True)
-    except (binascii.Error, ValueError):
-        secret = b""
-    if mark != _MARK or len(secret) != KEY_BYTES or not _NAME.fullmatch(name):
+            f"--key: {path}: is a robot's identity, which belongs on the robot's computer alone; "
+            "name a key that was made beside it, with: key new FILE"
+        )
+    name = words[0] if words and _NAME.fullmatch(words[0]) else None
+    if mark == _MARK_WITHOUT_ROBOT and name is not None:
+        raise ConfigError(
+            f"--key: {path}: is a key of TAMS 3, which names no robot; delete it, make another on "
+            f"the robot's computer with: key new FOLDER --for {name}, and copy that"
+        )
+    secret, robot = map(decoded, words[1:]) if len(words) == 3 else (b"", b"")
+    if mark != _MARK or name is None or len(secret) != KEY_BYTES or len(robot) != PUBLIC_BYTES:
         raise ConfigError(f"--key: {path}: holds no key of TAMS; make one with: key new FILE")
-    return Key(name, secret)
+    return Key(name, secret, robot)
 
 
 def accepted_keys(path: Path) -> list[Key]:
@@ -133,14 +120,33 @@ def accepted_keys(path: Path) -> list[Key]:
     return keys
 
 
+def keys_of_robot(path: Path) -> tuple[RobotIdentity, list[Key]]:
+    """The robot's identity in `path`, a file or a folder, and the keys that it accepts.
+
+    ConfigError as of `accepted_keys` and `read_identity`, and for a key of another robot.
+    """
+    keys, identity = accepted_keys(path), read_identity(path)
+    for key in keys:
+        if key.robot != identity.public:
+            raise ConfigError(
+                f"--key: {path}: the key for {key.name} is another robot's; delete it, and make "
+                f"one here with: key new FILE --for {key.name}"
+            )
+    return identity, keys
+
+
 class AcceptedKeys:
     """The keys that the robot's side accepts, as its files stand; for a process that runs on."""
 
     def __init__(self, path: Path | None) -> None:
-        """None: no secret, for one computer only. ConfigError as of `accepted_keys`."""
+        """None: no secret, for one computer only. ConfigError as of `keys_of_robot`."""
         self._path = path
         self._stamp = self._stamped()
-        self.keys = _by_identity([LOOPBACK_KEY] if path is None else accepted_keys(path))
+        if path is None:
+            self.identity, keys = RobotIdentity.fresh(os.urandom), [LOOPBACK_KEY]
+        else:
+            self.identity, keys = keys_of_robot(path)
+        self.keys = _by_identity(keys)
 
     def look(self) -> bool:
         """Look at the files again; whether `keys` is new. What cannot be read is not accepted."""
@@ -154,7 +160,7 @@ class AcceptedKeys:
                 keys.append(read_key(path))
             except ConfigError:
                 continue  # half written, or open to others: the next look may find it whole
-        self.keys = _by_identity(keys)
+        self.keys = _by_identity([key for key in keys if key.robot == self.identity.public])
         return True
 
     def _stamped(self) -> list[tuple[object, ...]]:
@@ -175,15 +181,7 @@ def _by_identity(keys: list[Key]) -> Mapping[bytes, Key]:
 
 def _key_files(path: Path) -> list[Path]:
     """The files that may hold keys: of a folder those that `key new` makes there."""
-    return sorted(path.glob(f"*{_SUFFIX}")) if _is_folder(path) else [path]
-
-
-def _is_folder(path: Path) -> bool:
-    """True if it is known to be one; what cannot be looked at is reported when it is read."""
-    try:
-        return path.is_dir()
-    except OSError:
-        return False
+    return sorted(path.glob(f"*{_SUFFIX}")) if is_folder(path) else [path]
 
 
 def _is_of(path: Path, name: str) -> bool:

@@ -13,12 +13,14 @@ from typing import NoReturn
 import pytest
 
 from tams_app.errors import ConfigError
+from tams_app.link.identity import PUBLIC_BYTES, read_identity
 from tams_app.link.keys import (
     KEY_BYTES,
     LOOPBACK_KEY,
     AcceptedKeys,
     Key,
     accepted_keys,
+    keys_of_robot,
     new_key,
     read_key,
     revoke_key,
@@ -27,6 +29,9 @@ from tams_app.link.keys import (
 pytestmark = pytest.mark.untimed
 
 SECRET = base64.b64encode(bytes(range(100, 100 + KEY_BYTES))).decode()
+PUBLIC = bytes(range(200, 200 + PUBLIC_BYTES))
+ROBOT = base64.b64encode(PUBLIC).decode()
+LINE = f"tams-key-3 kim {SECRET} {ROBOT}\n".encode()
 
 
 @pytest.fixture
@@ -44,15 +49,15 @@ def test_new_keys_can_be_read_back_and_differ(tmp_path: Path) -> None:
     keys = [read_key(path) for path in paths]
     assert keys == [read_key(path) for path in paths]
     assert [(len(key.secret), key.name) for key in keys] == [(KEY_BYTES, "a"), (KEY_BYTES, "b")]
-    for part in ("secret", "identity", "mac_key"):
+    for part in ("secret", "identity"):
         assert len({getattr(key, part) for key in (*keys, LOOPBACK_KEY)}) == 3
+    assert keys[0].robot == keys[1].robot == read_identity(tmp_path).public
 
 
 def test_all_computers_make_the_same_of_a_secret() -> None:
     """Known answers, by OpenSSL (BLAKE2BMAC); with others two versions could not connect."""
     key = Key("kim", bytes(range(100, 100 + KEY_BYTES)))
     assert key.identity.hex() == "a602b2d99b761efd"
-    assert key.mac_key.hex() == "35dd0e55d0e29ed87ad562ec6e7b493df2a7f85cd3e20a76a58dfae78ed0dcbd"
 
 
 @pytest.mark.parametrize("umask", [0, 0o022, 0o077])
@@ -83,7 +88,7 @@ def test_a_new_key_where_nothing_can_be_written_is_refused(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("mode", [0o640, 0o604, 0o660, 0o610, 0o601, 0o644])
 def test_a_key_that_others_can_reach_is_refused(path: Path, mode: int) -> None:
-    write(path, f"tams-key-2 kim {SECRET}\n".encode(), mode)
+    write(path, LINE, mode)
     with pytest.raises(ConfigError) as refused:
         read_key(path)
     assert f"chmod 600 {path}" in str(refused.value)
@@ -93,8 +98,8 @@ def test_a_key_that_others_can_reach_is_refused(path: Path, mode: int) -> None:
 def test_a_file_of_its_owner_alone_is_read_and_a_key_shown_by_mistake_shows_its_name_alone(
     path: Path,
 ) -> None:
-    write(path, f"tams-key-2 kim {SECRET}\n".encode(), 0o400)
-    assert read_key(path) == Key("kim", bytes(range(100, 100 + KEY_BYTES)))
+    write(path, LINE, 0o400)
+    assert read_key(path) == Key("kim", bytes(range(100, 100 + KEY_BYTES)), PUBLIC)
     assert repr(read_key(path)) == "Key(name='kim')"
 
 
@@ -105,13 +110,17 @@ def test_a_file_of_its_owner_alone_is_read_and_a_key_shown_by_mistake_shows_its_
         SECRET.encode(),
         f"tams-key-1 {SECRET}".encode(),
         f"tams-key-2 {SECRET}".encode(),
-        f"tams-key-2 k/im {SECRET}".encode(),
-        f"tams-key-2kim {SECRET}".encode(),
-        f"tams-key-2 kim {SECRET[:-4]}".encode(),
-        f"tams-key-2 kim {SECRET}AAAA".encode(),
-        f"tams-key-2 kim {SECRET} {SECRET}".encode(),
-        f"tams-key-2 kim {SECRET[:20]}\n{SECRET[20:]}".encode(),
-        b"tams-key-2 kim \xff\xfe" + SECRET.encode(),
+        f"tams-key-3 {SECRET} {ROBOT}".encode(),
+        f"tams-key-3 kim {SECRET}".encode(),
+        f"tams-key-3 kim {SECRET} ".encode(),
+        f"tams-key-3 k/im {SECRET} {ROBOT}".encode(),
+        f"tams-key-3kim {SECRET} {ROBOT}".encode(),
+        f"tams-key-3 kim {SECRET[:-4]} {ROBOT}".encode(),
+        f"tams-key-3 kim {SECRET}AAAA {ROBOT}".encode(),
+        f"tams-key-3 kim {SECRET} {ROBOT[:-4]}".encode(),
+        f"tams-key-3 kim {SECRET} {ROBOT} {ROBOT}".encode(),
+        f"tams-key-3 kim {SECRET[:20]}\n{SECRET[20:]} {ROBOT}".encode(),
+        b"tams-key-3 kim \xff\xfe" + f"{SECRET} {ROBOT}".encode(),
         b"-----BEGIN OPENSSH PRIVATE KEY-----\n" + SECRET.encode(),
         bytes(range(256)) * 40,
     ],
@@ -123,6 +132,26 @@ def test_what_is_no_key_is_refused_and_not_told(path: Path, content: bytes) -> N
         read_key(path)
     assert str(refused.value) == f"--key: {path}: holds no key of TAMS; make one with: key new FILE"
     assert refused.value.__cause__ is None
+
+
+def test_a_key_of_version_3_is_refused_with_what_to_do(path: Path) -> None:
+    write(path, f"tams-key-2 kim {SECRET}\n".encode())
+    with pytest.raises(ConfigError) as refused:
+        read_key(path)
+    assert str(refused.value) == (
+        f"--key: {path}: is a key of TAMS 3, which names no robot; delete it, make another on the "
+        "robot's computer with: key new FOLDER --for kim, and copy that"
+    )
+
+
+def test_an_identity_that_was_taken_for_a_key_is_refused_and_not_told(tmp_path: Path) -> None:
+    new_key(tmp_path, "kim")
+    with pytest.raises(ConfigError) as refused:
+        read_key(tmp_path / "robot.identity")
+    assert str(refused.value) == (
+        f"--key: {tmp_path / 'robot.identity'}: is a robot's identity, which belongs on the "
+        "robot's computer alone; name a key that was made beside it, with: key new FILE"
+    )
 
 
 def test_of_a_large_file_no_more_is_read_than_a_key_can_be(path: Path) -> None:
@@ -281,3 +310,84 @@ def test_keys_that_can_no_longer_be_looked_at_are_accepted_no_longer(
         is_new = accepted.look()
     assert is_new
     assert not accepted.keys
+
+
+# --- the robot's identity beside them -----------------------------------------------------------
+
+
+def test_the_first_key_makes_the_identity_and_the_others_keep_it(tmp_path: Path) -> None:
+    new_key(tmp_path, "kim")
+    identity, _ = keys_of_robot(tmp_path)
+    assert stat.S_IMODE((tmp_path / "robot.identity").stat().st_mode) == 0o600
+    new_key(tmp_path, "kay")
+    new_key(tmp_path / "one.key")
+    assert read_identity(tmp_path) == identity == keys_of_robot(tmp_path / "one.key")[0]
+    assert {key.robot for key in keys_of_robot(tmp_path)[1]} == {identity.public}
+
+
+def test_the_private_half_of_an_identity_is_in_no_key_and_is_not_shown(tmp_path: Path) -> None:
+    path = new_key(tmp_path, "kim")
+    private = read_identity(tmp_path).private
+    assert base64.b64encode(private) in (tmp_path / "robot.identity").read_bytes()
+    assert base64.b64encode(private) not in path.read_bytes()
+    assert repr(private) not in repr(read_identity(tmp_path))
+
+
+def test_no_key_is_made_where_the_identity_is_damaged_or_open_to_others(tmp_path: Path) -> None:
+    new_key(tmp_path, "kim")
+    file = tmp_path / "robot.identity"
+    file.chmod(0o640)
+    with pytest.raises(ConfigError, match=r"robot\.identity: others can read it; run: chmod 600 "):
+        new_key(tmp_path, "kay")
+    for damaged in (
+        b"",
+        b"tams-robot-1 AAAA",
+        file.read_bytes()[:-5],
+        (tmp_path / "kim.key").read_bytes(),
+    ):
+        write(file, damaged)
+        with pytest.raises(ConfigError, match="holds no robot's identity; delete it and all keys"):
+            new_key(tmp_path, "kay")
+    assert not (tmp_path / "kay.key").exists()
+
+
+def test_the_robots_side_is_not_started_without_its_identity(tmp_path: Path) -> None:
+    path = new_key(tmp_path, "kim")
+    (tmp_path / "robot.identity").unlink()
+    for given in (path, tmp_path):
+        with pytest.raises(ConfigError) as refused:
+            AcceptedKeys(given)
+        assert str(refused.value) == (
+            f"--key: {tmp_path / 'robot.identity'}: cannot be read (No such file or directory); "
+            "name keys that were made on this computer, with: key new FILE"
+        )
+
+
+def test_another_robots_key_is_refused_and_when_it_comes_later_not_accepted(tmp_path: Path) -> None:
+    for folder in "ab":
+        (tmp_path / folder).mkdir()
+        new_key(tmp_path / folder, f"of-{folder}")
+    accepted = AcceptedKeys(tmp_path / "a")
+    (tmp_path / "b" / "of-b.key").rename(tmp_path / "a" / "of-b.key")
+    assert accepted.look()
+    assert names(accepted) == {"of-a"}
+    with pytest.raises(ConfigError, match="the key for of-b is another robot's; delete it"):
+        AcceptedKeys(tmp_path / "a")
+
+
+def test_half_a_key_is_not_left_behind_when_the_disk_is_full(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    new_key(path)
+
+    def refuse(_: int) -> NoReturn:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", refuse)
+    with pytest.raises(ConfigError, match=r"cannot be written \(No space left on device\)"):
+        new_key(path.with_name("other.key"))
+    assert {file.name for file in path.parent.iterdir()} == {"arm.key", "robot.identity"}
+
+
+def test_without_a_file_the_robot_is_another_one_each_time() -> None:
+    assert AcceptedKeys(None).identity != AcceptedKeys(None).identity
