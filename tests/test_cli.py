@@ -20,6 +20,7 @@ from tams_app.cli import _main, app, main
 from tams_app.config import CONFIG_DIRECTORY, DEFAULT_CONFIG, Config, load_config
 from tams_app.config.whole import REMOVED
 from tams_app.errors import ConfigError
+from tams_app.link.identity import read_identity
 from tams_app.runtime.process import PROJECT_DIRECTORY
 
 pytestmark = pytest.mark.waiting
@@ -564,8 +565,28 @@ def test_keys_are_made_listed_and_revoked_by_name(tams, tmp_path):
         code, out, _ = tams("key", "new", tmp_path, "--for", name)
         assert code == 0
         assert f"{name}.key: a new key" in out
-    assert tams("key", "list", tmp_path)[:2] == (0, "kay\nkim\n")
+    robot = read_identity(tmp_path).public.hex()[:8]
+    both = f"kay (robot {robot})\nkim (robot {robot})\n"
+    assert tams("key", "list", tmp_path)[:2] == (0, both)
     code, out, _ = tams("key", "revoke", tmp_path, "kim")
     assert code == 0
     assert "kim.key: deleted" in out
-    assert tams("key", "list", tmp_path)[:2] == (0, "kay\n")
+    assert tams("key", "list", tmp_path)[:2] == (0, f"kay (robot {robot})\n")
+
+
+def test_the_robots_side_needs_its_identity_and_the_operators_a_key(tams, tmp_path):
+    tams("key", "new", tmp_path / "lab.key")
+    identity = tmp_path / "robot.identity"
+    at = ("--robot", "127.0.0.1:1", "--key")
+    assert tams("operate", *at, identity)[::2] == (
+        2,
+        f"tams: --key: {identity}: is a robot's identity, which belongs on the robot's computer "
+        "alone; name a key that was made beside it, with: key new FILE\n",
+    )
+    identity.unlink()
+    code, _, error = tams("robot", "--listen", "127.0.0.1:7300", "--key", tmp_path / "lab.key")
+    assert (code, error) == (
+        2,
+        f"tams: --key: {identity}: cannot be read (No such file or directory); name keys that were "
+        "made on this computer, with: key new FILE\n",
+    )

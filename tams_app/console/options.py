@@ -228,7 +228,7 @@ def endpoint_of(
     """
     from tams_app.link.addresses import addresses_of, is_loopback
     from tams_app.link.gateway_client import Endpoint
-    from tams_app.link.keys import accepted_keys, read_key
+    from tams_app.link.keys import keys_of_robot, read_key
     from tams_app.telemetry.gate import Address
 
     at = Address.of(given, option, "192.168.1.20:7300")
@@ -240,14 +240,14 @@ def endpoint_of(
     if key is None and not all(map(is_loopback, addresses)):
         raise ConfigError(
             f"{option}: {host} can be reached from other computers, so --key is needed: "
-            "make one with: key new FILE"
+            "make one on the robot's computer with: key new FILE"
         )
     if key is None:
         # what listens does so at what was judged, not what it is later; who calls judges it again
         return Endpoint(addresses[0][0] if accepts_several else host, port, None)
     # what is wrong with it is reported before anything is started
     if accepts_several:
-        accepted_keys(key)
+        keys_of_robot(key)
     else:
         read_key(key)
     return Endpoint(host, port, key)

@@ -59,7 +59,7 @@ def robot(
     listen: Annotated[str, typer.Option(metavar="HOST:PORT", help="Address on which to listen.")],
     key: Annotated[
         Path | None,
-        typer.Option(help="The operator's key file, or a folder of them; not needed on loopback."),
+        typer.Option(help="An operator's key file, or a folder of them; not needed on loopback."),
     ] = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
@@ -111,20 +111,20 @@ def new_key_file(
         typer.Option("--for", metavar="NAME", help="The key's owner; default the file's name."),
     ] = None,
 ) -> None:
-    """Make a key, as FILE or in the folder FILE, for both computers."""
+    """Make a key, as FILE or in the folder FILE; on the robot's side."""
     from tams_app.link.keys import new_key
 
     made = new_key(file, name)
-    typer.echo(f"{made}: a new key, readable only by you; copy it to the other computer")
+    typer.echo(f"{made}: a new key; copy it to the operator's computer, but never robot.identity")
 
 
 @key_app.command("list")
 def list_keys(path: Annotated[Path, typer.Argument(metavar="FILE_OR_FOLDER")]) -> None:
-    """List the owners of the keys in a file or folder."""
+    """List the owners of the keys in a file or folder, and their robots."""
     from tams_app.link.keys import accepted_keys
 
     for key in accepted_keys(path):
-        typer.echo(key.name)
+        typer.echo(f"{key.name} (robot {key.robot.hex()[:8]})" if key.robot else key.name)
 
 
 @key_app.command("revoke")
