@@ -135,13 +135,15 @@ def test_what_is_no_key_is_refused_and_not_told(path: Path, content: bytes) -> N
 
 
 def test_a_key_of_version_3_is_refused_with_what_to_do(path: Path) -> None:
+    """On both sides; on the robot's before it is missed that there is no identity."""
     write(path, f"tams-key-2 kim {SECRET}\n".encode())
-    with pytest.raises(ConfigError) as refused:
-        read_key(path)
-    assert str(refused.value) == (
-        f"--key: {path}: is a key of TAMS 3, which names no robot; delete it, make another on the "
-        "robot's computer with: key new FOLDER --for kim, and copy that"
-    )
+    for use in (read_key, keys_of_robot):
+        with pytest.raises(ConfigError) as refused:
+            use(path)
+        assert str(refused.value) == (
+            f"--key: {path}: is a key of TAMS 3, which names no robot; delete it, make another on "
+            "the robot's computer with: key new FOLDER --for kim, and copy that"
+        )
 
 
 def test_an_identity_that_was_taken_for_a_key_is_refused_and_not_told(tmp_path: Path) -> None:
@@ -342,6 +344,7 @@ def test_no_key_is_made_where_the_identity_is_damaged_or_open_to_others(tmp_path
     for damaged in (
         b"",
         b"tams-robot-1 AAAA",
+        b"tams-key-3 " + SECRET.encode(),
         file.read_bytes()[:-5],
         (tmp_path / "kim.key").read_bytes(),
     ):
