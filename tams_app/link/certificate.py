@@ -45,6 +45,8 @@ def leaf(identity: RobotIdentity, now_s: float) -> Leaf:
         x509.CertificateBuilder(_NOBODY, _NOBODY, key.public_key(), x509.random_serial_number())
         .not_valid_before(not_before)
         .not_valid_after(not_after)
+        # Chromium (156 was tried) refuses one that has no extension at all
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
         .sign(identity.signer(), algorithm=None)
     )
     return Leaf(certificate, key, certificate.public_bytes(Encoding.DER), not_after.timestamp())
