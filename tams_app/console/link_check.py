@@ -16,13 +16,13 @@ from pydantic import ValidationError
 from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
 from tams_app.errors import HelperError, TamsError
-from tams_app.link.addresses import addresses_of, called, datagram_socket
-from tams_app.link.ends import GOODBYE, PING, PONG
+from tams_app.link.addresses import Address, addresses_of, called, datagram_socket
+from tams_app.link.caller import Caller
+from tams_app.link.channel import LINK, PING
 from tams_app.link.gaps import advice, lost_after_for
 from tams_app.link.gateway_client import NO_ANSWER, Endpoint
 from tams_app.link.keys import LOOPBACK_KEY, read_key
 from tams_app.link.messages import HandMessage
-from tams_app.link.operator_end import OperatorEnd
 from tams_app.printing import Console
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.units import NS_PER_MS, NS_PER_S
@@ -143,13 +143,13 @@ class _Prober:
         self._clock = clock
         self._socket = datagram_socket(family)
         self._socket.setblocking(False)
-        self._end = OperatorEnd(key, addresses, os.urandom)
+        self._end = Caller(key, addresses, os.urandom)
 
     def __enter__(self) -> _Prober:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._send(GOODBYE)
+        self._send(self._end.goodbye(self._clock.now_ns()))
         self._socket.close()
 
     def connect(self) -> None:
@@ -163,9 +163,6 @@ class _Prober:
                 )
             if self._clock.now_ns() >= deadline_ns:
                 raise HelperError(f"{NO_ANSWER}; is `robot` running there?")
-            for call in self._end.step(self._clock.now_ns()):
-                with suppress(OSError):  # one address of several: the others may answer
-                    self._socket.sendto(*call)
             list(self._received(NS_PER_S // 20))
 
     def echoes(self) -> list[tuple[int, int]]:
@@ -174,35 +171,35 @@ class _Prober:
         echoes = []
         for number in range(_PINGS):
             sent_ns[number] = self._clock.now_ns()
-            self._send(PING + number.to_bytes(4))
+            ping = PING + number.to_bytes(4)
+            self._send(self._end.message(ping, sent_ns[number], LINK))
             wait_ns = _PING_EVERY_NS if number < _PINGS - 1 else _QUIET_NS
-            for now_ns, message in self._received(wait_ns):
-                echoed = int.from_bytes(message.removeprefix(PONG))
-                if message.startswith(PONG) and echoed in sent_ns:
+            for now_ns, echo in self._received(wait_ns):
+                echoed = int.from_bytes(echo)
+                if echoed in sent_ns:
                     echoes.append((sent_ns.pop(echoed), now_ns))
         return echoes
 
-    def _send(self, message: bytes) -> None:
-        if (addressed := self._end.message(message, self._clock.now_ns())) is not None:
-            try:
-                self._socket.sendto(*addressed)
-            except BlockingIOError:
-                return  # a full buffer loses it, as a network does
+    def _send(self, datagrams: list[tuple[bytes, Address]]) -> None:
+        for datagram in datagrams:
+            with suppress(OSError):  # a network loses some; of several addresses one may answer
+                self._socket.sendto(*datagram)
 
     def _received(self, wait_ns: int) -> Iterator[tuple[int, bytes]]:
-        """The messages that come within `wait_ns`, each with its time."""
+        """The echoes that come within `wait_ns`, each with its time."""
         deadline_ns = self._clock.now_ns() + wait_ns
         while (left_ns := deadline_ns - self._clock.now_ns()) > 0:
-            if not select.select([self._socket], [], [], left_ns / NS_PER_S)[0]:
-                return
+            now_ns = self._clock.now_ns()
+            self._send(self._end.step(now_ns))
+            due_ns = self._end.due_ns(now_ns)
+            step_ns = left_ns if due_ns is None else max(0, min(left_ns, due_ns - now_ns))
+            if not select.select([self._socket], [], [], step_ns / NS_PER_S)[0]:
+                continue
             datagram, address = self._socket.recvfrom(65_536)
             now_ns = self._clock.now_ns()
             received = self._end.receive(datagram, address, now_ns)
-            for reply in received.replies:
-                self._socket.sendto(*reply)
-            if received.connected:
-                self._send(PING + _PINGS.to_bytes(4))  # the first message confirms the call
+            self._send(received.replies)
             if received.left:
                 raise HelperError("the robot's side ended meanwhile: start it and measure again")
-            if received.message is not None:
-                yield now_ns, received.message
+            for echo in received.echoes:
+                yield now_ns, echo

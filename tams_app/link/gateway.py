@@ -1,4 +1,4 @@
-"""The helper process that has the link's one UDP port; the decisions are those of `ends`.
+"""The helper process that has the link's one UDP port; what it does is up to `door` and `caller`.
 
 Started by `gateway_client.Gateway`. It encrypts what the application's streams and messages send to
 the other computer, and hands over what comes from there and is authentic. Messages go through a
@@ -17,6 +17,7 @@ import selectors
 import socket
 import sys
 import threading
+import time
 from collections.abc import Mapping
 from contextlib import ExitStack, suppress
 from pathlib import Path
@@ -26,7 +27,10 @@ import msgspec
 
 from tams_app.errors import TamsError
 from tams_app.link.addresses import Address, addresses_of, datagram_socket, named
-from tams_app.link.ends import GOODBYE, PING, PONG, Heard, RobotEnd
+from tams_app.link.caller import Caller
+from tams_app.link.certificate import LeafKeeper, leaf
+from tams_app.link.channel import Heard, is_rtcp, ssrc_of
+from tams_app.link.door import Door
 from tams_app.link.gateway_client import (
     LARGEST_BYTES,
     FromApplication,
@@ -37,13 +41,10 @@ from tams_app.link.gateway_client import (
     Routes,
 )
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
-from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import PREFIX
-from tams_app.link.sealing import is_rtcp, ssrc_of
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
-from tams_app.units import NS_PER_MS
+from tams_app.units import NS_PER_MS, NS_PER_S
 
 LOOPBACK = "127.0.0.1"
 _BUFFER_BYTES = 4_000_000
@@ -102,7 +103,7 @@ class Carrier:
 
     def __init__(
         self,
-        end: RobotEnd | OperatorEnd,
+        end: Door | Caller,
         outer: socket.socket,
         channel: socket.socket,
         streams: Streams,
@@ -110,6 +111,7 @@ class Carrier:
         clock: Clock | None = None,
     ) -> None:
         """`keys`: what the robot's side accepts; looked at again twice a second."""
+        self._leaves = None if keys is None else LeafKeeper(keys.identity)
         self._end: Final = end
         self._keys = keys
         self._outer, self._channel, self._streams = outer, channel, streams
@@ -135,7 +137,7 @@ class Carrier:
         """Carry datagrams until `stop` is set."""
         while not stop.is_set():
             self.turn()
-        self._send(self._end.message(GOODBYE, self._clock.now_ns()))
+        self._send(self._end.goodbye(self._clock.now_ns()))
 
     def close(self) -> None:
         """Close everything."""
@@ -146,20 +148,23 @@ class Carrier:
 
     def turn(self) -> None:
         """Wait a moment for what there is to read, carry it, and do what is due."""
-        for key, _ in self._selector.select(_STEP_S):
+        now_ns = self._clock.now_ns()
+        due_ns = self._end.due_ns(now_ns)
+        wait_s = _STEP_S if due_ns is None else min((due_ns - now_ns) / NS_PER_S, _STEP_S)
+        for key, _ in self._selector.select(max(wait_s, 0.0)):
             key.data(key.fileobj)
         now_ns = self._clock.now_ns()
-        if isinstance(self._end, OperatorEnd):
-            for datagram in self._end.step(now_ns):
-                self._send(datagram)
-        elif now_ns - self._keys_looked_ns >= _KEYS_NS:
+        self._send(self._end.step(now_ns))
+        if isinstance(self._end, Door) and now_ns - self._keys_looked_ns >= _KEYS_NS:
             self._keys_looked_ns = now_ns
             self._look_at_the_keys(self._end, now_ns)
         if not self._changed and now_ns - self._looked_ns < _LOOK_NS:
             return
         self._report(now_ns)
 
-    def _look_at_the_keys(self, end: RobotEnd, now_ns: int) -> None:
+    def _look_at_the_keys(self, end: Door, now_ns: int) -> None:
+        if self._leaves is not None:
+            end.leaf = self._leaves.current(time.time())
         if self._keys is not None and self._keys.look():
             heard = end.accept(self._keys.keys, now_ns)
             self._revoked = self._revoked or heard.left
@@ -176,20 +181,21 @@ class Carrier:
 
     def _event(self) -> LinkEvent:
         end = self._end
-        caller = end if isinstance(end, OperatorEnd) else None
+        caller = end if isinstance(end, Caller) else None
+        door = end if isinstance(end, Door) else None
         return LinkEvent(
             connected=end.connected,
             sessions=self._sessions,
             left=self._left,
             busy=caller is not None and caller.busy,
-            operator="" if isinstance(end, OperatorEnd) else end.operator,
+            operator="" if door is None else door.operator,
             revoked=self._revoked,
             renewals=end.renewals,
             address=named(self._address) if end.connected or self._address[1] else "",
             counts=dict(end.counts),
             welcome=None if caller is None else caller.welcome,
-            introduction=b"" if isinstance(end, OperatorEnd) else end.introduction,
-            refusal="" if isinstance(end, OperatorEnd) else end.refusal,
+            introduction=b"" if door is None else door.introduction,
+            refusal="" if door is None else door.refusal,
         )
 
     def _from_outside(self, outer: socket.socket) -> None:
@@ -205,8 +211,7 @@ class Carrier:
             self._act(heard, now_ns)
 
     def _act(self, heard: Heard, now_ns: int) -> None:
-        for reply in heard.replies:
-            self._send(reply)
+        self._send(heard.replies)
         if heard.connected or heard.left:
             self._left, self._changed = heard.left, True
         if self._end.connected and self._end.address != self._address:
@@ -215,14 +220,11 @@ class Carrier:
             self._sessions += 1
             self._revoked = False
             self._report(now_ns)  # before its first message
-        if heard.message is not None and heard.message.startswith(PREFIX):
-            if heard.message.startswith(PING):
-                echo = PONG + heard.message.removeprefix(PING)
-                self._send(self._end.message(echo, now_ns))
-        elif heard.message is not None:
-            self._hand_over(Received(now_ns, self._sessions, heard.message))
-        if heard.media is not None and not self._streams.hand_over(heard.media):
-            self._end.counts["of no stream"] += 1
+        for message in heard.messages:
+            self._hand_over(Received(now_ns, self._sessions, message))
+        for packet in heard.media:
+            if not self._streams.hand_over(packet):
+                self._end.counts["of no stream"] += 1
 
     def _from_application(self, channel: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
@@ -238,11 +240,10 @@ class Carrier:
             said: FromApplication = self._decoder.decode(content)
             if isinstance(said, Routes):
                 self._streams.follow(said)
-                if isinstance(self._end, OperatorEnd):
-                    self._end.follow(said.rtp)
+            elif isinstance(said, Outgoing):
+                self._send(self._end.message(said.content, self._clock.now_ns()))
             else:
-                message = said.content if isinstance(said, Outgoing) else GOODBYE
-                self._send(self._end.message(message, self._clock.now_ns()))
+                self._send(self._end.goodbye(self._clock.now_ns()))
 
     def _from_stream(self, entrance: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
@@ -256,12 +257,11 @@ class Carrier:
                 self._end.counts["of another program"] += 1
 
     def _send(
-        self, addressed: tuple[bytes, Address] | None, traffic_class: int = _MESSAGE_CLASS
+        self, addressed: list[tuple[bytes, Address]], traffic_class: int = _MESSAGE_CLASS
     ) -> None:
-        if addressed is not None:
-            datagram, address = addressed
-            value = traffic_class.to_bytes(4, sys.byteorder)
-            ancillary = [(*option, value) for option in _CLASS_OPTIONS]
+        value = traffic_class.to_bytes(4, sys.byteorder)
+        ancillary = [(*option, value) for option in _CLASS_OPTIONS]
+        for datagram, address in addressed:
             with suppress(OSError):  # no route, no buffer: what a network does is lose it
                 self._outer.sendmsg([datagram], ancillary, 0, address)
 
@@ -297,13 +297,13 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     path = None if given is None else Path(given)
     host, port = specification["host"], int(specification["port"])
     robot = specification["side"] == "robot"
-    end: RobotEnd | OperatorEnd
+    end: Door | Caller
     family: int
     keys = None
     welcome = base64.b64decode(specification["welcome"])
     if robot:
         keys = AcceptedKeys(path)
-        end = RobotEnd(keys.keys, welcome, os.urandom)
+        end = Door(keys.keys, leaf(keys.identity, time.time()), welcome, os.urandom)
         family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         outer = _udp(family, str(address[0]), port)
     else:
@@ -311,7 +311,7 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
         family, addresses = addresses_of(host, port, loopback_only=path is None)
         # bound to no address of this computer: it may get another one on the way
         anywhere = "::" if family == socket.AF_INET6 else "0.0.0.0"
-        end, outer = OperatorEnd(key, addresses, os.urandom, welcome), _udp(family, anywhere, 0)
+        end, outer = Caller(key, addresses, os.urandom, welcome), _udp(family, anywhere, 0)
     stack.callback(outer.close)
     channel = socket.socket(fileno=int(specification["channel"]))
     channel.setblocking(False)

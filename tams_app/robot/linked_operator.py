@@ -16,7 +16,6 @@ from tams_app import __version__
 from tams_app.config import Config
 from tams_app.config.motion import WORKSPACE
 from tams_app.config.section import Section
-from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.gateway_client import Endpoint, Gateway, Routes
 from tams_app.link.messages import (
     OPERATOR_FOLDER_FACT,
@@ -25,6 +24,7 @@ from tams_app.link.messages import (
     SessionDescription,
     encode,
 )
+from tams_app.link.proof import WELCOME_BYTES
 from tams_app.recording.journal import Journal
 from tams_app.records import Allocation, LinkHealth, Placed, Record, SessionState, SteeredBy, Tick
 from tams_app.robot.ground import Ground, LiveGround

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
+from tams_app.link.channel import LONGEST_MESSAGE_BYTES, STATE_BYTES, message_bytes
 from tams_app.link.messages import STATE_RATE_HZ, HandMessage, StateMessage, encode
-from tams_app.link.sealing import LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.records import IP_UDP_HEADER_BYTES, Haptic, SessionState
 from tams_app.runtime.clock import Clock
 from tams_app.units import NS_PER_S
@@ -21,7 +21,7 @@ def state_interval_ns(capacity_kbps: float) -> int:
 
     They take a tenth of it, 10 to 60 times a second: at 60 their datagrams alone are 273 kbit/s.
     """
-    state_bits = 8 * (sealed_bytes(0, STATE_BYTES) + IP_UDP_HEADER_BYTES)
+    state_bits = 8 * (message_bytes(0, STATE_BYTES) + IP_UDP_HEADER_BYTES)
     rate_hz = min(max(1000 * _SHARE * capacity_kbps / state_bits, _LEAST_HZ), STATE_RATE_HZ)
     return round(NS_PER_S / rate_hz) - NS_PER_S // 1000  # of a tick's time, some less
 
@@ -103,7 +103,7 @@ def _fitting(state: StateMessage) -> bytes:
     With a long reason it would be as long as only messages with sentences are.
     """
     content = encode(state)
-    if len(content) >= STATE_BYTES and not state.notes:
+    if len(content) > STATE_BYTES and not state.notes:
         still = msgspec.structs.replace(state.state, joints_urad=())
         content = encode(msgspec.structs.replace(state, state=still))
     while len(content) > LONGEST_MESSAGE_BYTES and state.notes:

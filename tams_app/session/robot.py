@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
-from tams_app.link.sealing import LONGEST_DATAGRAM_BYTES, MEDIA_OVERHEAD_BYTES
+from tams_app.link.quic import LONGEST_CONTENT_BYTES
 from tams_app.robot.linked_operator import LinkedOperator, listen, welcome_of
 from tams_app.robot.side import RobotSide, bind_video, start_devices
 from tams_app.robot.status import StatusBoard
@@ -15,7 +15,7 @@ from tams_app.runtime.mailbox import Sentences
 from tams_app.session.session import Outset, Session
 
 # what is sent again is 2 bytes longer, a parity packet 7
-LONGEST_RTP_BYTES = LONGEST_DATAGRAM_BYTES - MEDIA_OVERHEAD_BYTES - 7
+LONGEST_RTP_BYTES = LONGEST_CONTENT_BYTES - 7
 
 
 @contextmanager

@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
+import os
 import random
 import struct
 from collections.abc import Callable, Sequence
-from itertools import count
+from functools import cache
 
 from tams_app.link.addresses import Address
-from tams_app.link.ends import LET_GO_NS, Heard, RobotEnd
-from tams_app.link.handshake import BUSY, COOKIE, INITIATION, RESPONSE
+from tams_app.link.caller import Caller
+from tams_app.link.certificate import Leaf, leaf
+from tams_app.link.channel import LET_GO_NS, LINK, Channel, Heard
+from tams_app.link.door import Door
+from tams_app.link.identity import RobotIdentity
 from tams_app.link.keys import Key
-from tams_app.link.operator_end import OperatorEnd
-from tams_app.link.peer import MESSAGE
+from tams_app.link.quic import LONG_HEADER, LONGEST_DATAGRAM_BYTES
 from tams_app.units import NS_PER_MS
 
-KEY, OTHER_KEY = Key("kim", b"k" * 32), Key("kay", b"k" * 31 + b"l")
-KINDS = (INITIATION, COOKIE, BUSY, RESPONSE, MESSAGE, 0x80, 0x81, 0xBF)
+IDENTITY = RobotIdentity(b"i" * 32)
+KEY = Key("kim", b"k" * 32, IDENTITY.public)
+OTHER_KEY = Key("kay", b"k" * 31 + b"l", IDENTITY.public)
+INITIALS, SHORT = range(0xC0, 0xD0), range(0x40, 0x80)  # first bytes (RFC 9000, 17)
+KINDS = (*INITIALS, 0xE3, 0xF0, 0xC5, *SHORT, 0x80, 0xBF)
 ROBOT: Address = ("10.0.0.1", 5000)
 DESK: Address = ("10.0.0.2", 40_000)
 THIEF: Address = ("203.0.113.9", 666)
 LET_GO_MS = LET_GO_NS / NS_PER_MS
 STEP_NS = 10 * NS_PER_MS
-
-_RUNS = count()  # each robot's end draws numbers of its own
+UNIX_S = 1_800_000_000.0
 
 Deliver = Callable[[bytes], bool]
 
@@ -49,9 +54,24 @@ def rtcp(ssrc: int = 7) -> bytes:
     return struct.pack("!BBHI", 0x81, 201, 7, ssrc) + bytes(24)
 
 
-def datagram_of(addressed: tuple[bytes, Address] | None) -> bytes:
+def is_long(datagram: bytes) -> bool:
+    """Whether it belongs to a handshake."""
+    return bool(datagram) and datagram[0] >= LONG_HEADER
+
+
+def is_call(datagram: bytes) -> bool:
+    """Whether it is of a caller who is not known yet, or may be."""
+    return len(datagram) == LONGEST_DATAGRAM_BYTES and datagram[0] in INITIALS
+
+
+def is_retry(datagram: bytes) -> bool:
+    """Whether it asks a caller to show that they receive where they call from."""
+    return bool(datagram) and datagram[0] & 0xF0 == 0xF0
+
+
+def datagram_of(sent: list[tuple[bytes, Address]]) -> bytes:
     """What an end sends, which has a session to send it in."""
-    assert addressed is not None
+    (addressed,) = sent
     return addressed[0]
 
 
@@ -102,29 +122,38 @@ class Desk:
         self,
         key: Key = KEY,
         address: Address = DESK,
-        seed: int = 0,
         introduction: bytes = b"",
     ) -> None:
-        self.end = OperatorEnd(key, [ROBOT], random.Random(seed).randbytes, introduction)
+        self.end = Caller(key, [ROBOT], os.urandom, introduction)
         self.address = address
         self.sent: list[bytes] = []
+        self.came: list[bytes] = []  # from the robot's side
         self.heard: list[bytes] = []
         self.media: list[bytes] = []
-        self.calls = 0
         self.sessions = 0
 
+    @property
+    def calls(self) -> int:
+        """Datagrams with which it has called."""
+        return sum(map(is_call, self.sent))
 
-def robot(*keys: Key) -> RobotEnd:
+
+@cache
+def shown(identity: RobotIdentity = IDENTITY) -> Leaf:
+    """A certificate of this robot."""
+    return leaf(identity, UNIX_S)
+
+
+def robot(*keys: Key) -> Door:
     """The robot's end as it starts; it accepts these keys, or `KEY`."""
-    draw = random.Random(next(_RUNS)).randbytes
-    return RobotEnd({key.identity: key for key in keys or (KEY,)}, b"welcome", draw)
+    return Door({key.identity: key for key in keys or (KEY,)}, shown(), b"welcome", os.urandom)
 
 
 class Rig:
     """The robot's end and the network; operators' ends are given to each call."""
 
-    def __init__(self) -> None:
-        self.robot = robot()
+    def __init__(self, end: Door | None = None) -> None:
+        self.robot = robot() if end is None else end
         self.now_ns = 1_000_000_000_000
         self.up: Deliver = everything  # from an operator's end to the robot's
         self.down: Deliver = everything
@@ -132,70 +161,63 @@ class Rig:
         self.media: list[bytes] = []
         self.sessions = 0
         self.departures = 0
-        self.answers: list[bytes] = []
+        self.answers: list[tuple[bytes, Address]] = []  # all that the robot's end has sent
+        self._desks: dict[Address, Desk] = {}
         self._probes = 0
 
     def at_robot(self, datagram: bytes, address: Address) -> Heard:
-        """A datagram reaches the robot's port."""
+        """A datagram reaches the robot's port; what it answers is not delivered."""
         heard = self.robot.receive(datagram, address, self.now_ns)
         self.sessions += heard.connected
         self.departures += heard.left
-        if heard.message is not None:
-            self.heard.append(heard.message)
-        if heard.media is not None:
-            self.media.append(heard.media)
+        self.heard += heard.messages
+        self.media += heard.media
         return heard
 
     def at_desk(self, desk: Desk, datagram: bytes) -> Heard:
-        """A datagram reaches an operator's port."""
+        """A datagram reaches an operator's port; replies go back at once."""
+        desk.came.append(datagram)
         heard = desk.end.receive(datagram, ROBOT, self.now_ns)
         desk.sessions += heard.connected
-        if heard.message is not None:
-            desk.heard.append(heard.message)
-        if heard.media is not None:
-            desk.media.append(heard.media)
-        for reply, to in heard.replies:
-            assert to == ROBOT
-            self.send_up(desk, reply)
+        desk.heard += heard.messages
+        desk.media += heard.media
+        self.send_up(desk, heard.replies)
         return heard
 
-    def send_up(self, desk: Desk, datagram: bytes) -> None:
+    def send_up(self, desk: Desk, datagrams: Sequence[tuple[bytes, Address]]) -> None:
         """An operator's end sends; replies come back at once."""
-        desk.sent.append(datagram)
-        if not self.up(datagram):
-            return
-        for reply, to in self.at_robot(datagram, desk.address).replies:
-            self.answers.append(reply)
-            if to != desk.address:
-                continue
-            if self.down(reply):
-                self.at_desk(desk, reply)
+        self._desks[desk.address] = desk
+        for datagram, to in datagrams:
+            assert to == ROBOT
+            desk.sent.append(datagram)
+            if self.up(datagram):
+                self.send_down(self.at_robot(datagram, desk.address).replies)
+
+    def send_down(self, datagrams: Sequence[tuple[bytes, Address]]) -> None:
+        """The robot's end sends."""
+        for datagram, to in datagrams:
+            self.answers.append((datagram, to))
+            if to in self._desks and self.down(datagram):
+                self.at_desk(self._desks[to], datagram)
 
     def say(self, desk: Desk, content: bytes) -> None:
         """The operator's application sends a message, if there is a session."""
-        addressed = desk.end.message(content, self.now_ns)
-        if addressed is not None:
-            assert addressed[1] == ROBOT
-            self.send_up(desk, addressed[0])
+        self.send_up(desk, desk.end.message(content, self.now_ns))
 
-    def tell(self, desk: Desk, content: bytes) -> bool:
-        """The robot's application sends a message; whether it was sent to this operator."""
-        addressed = self.robot.message(content, self.now_ns)
-        if addressed is None or addressed[1] != desk.address:
-            return False
-        if self.down(addressed[0]):
-            self.at_desk(desk, addressed[0])
-        return True
+    def tell(self, content: bytes) -> int:
+        """The robot's application sends a message; in how many datagrams."""
+        sent = self.robot.message(content, self.now_ns)
+        self.send_down(sent)
+        return len(sent)
 
     def step(self, *desks: Desk) -> None:
-        """Ten milliseconds: each end calls if it must, and both sides send one message."""
+        """Ten milliseconds: each end does what is due, and both sides send one message."""
         self.now_ns += STEP_NS
         for desk in desks:
-            for datagram, _ in desk.end.step(self.now_ns):
-                desk.calls += datagram[0] == INITIATION
-                self.send_up(desk, datagram)
+            self.send_up(desk, desk.end.step(self.now_ns))
             self.say(desk, b"hand")
-            self.tell(desk, b"state")
+        self.send_down(self.robot.step(self.now_ns))
+        self.tell(b"state")
 
     def run_ms(self, duration_ms: float, *desks: Desk) -> None:
         """Let time pass."""
@@ -207,8 +229,19 @@ class Rig:
         self._probes += 1
         probe = f"probe {self._probes}".encode()
         self.say(desk, probe)
-        self.tell(desk, probe)
+        self.tell(probe)
         return self.heard[-1:] == desk.heard[-1:] == [probe]
+
+
+def channel_of(end: Door | Caller) -> Channel:
+    """The connection that an end has a session in."""
+    assert end._channel is not None
+    return end._channel
+
+
+def link_message(end: Door | Caller, content: bytes, now_ns: int) -> bytes:
+    """The datagram of a message of the link itself."""
+    return datagram_of(end.message(content, now_ns, LINK))
 
 
 def connected() -> tuple[Rig, Desk]:
