@@ -18,7 +18,11 @@ from ssl import CERT_NONE
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.congestion.base import QuicCongestionControl, register_congestion_control
 from aioquic.quic.connection import QuicConnection
-from aioquic.quic.crypto import CryptoContext, CryptoError, CryptoPair
+from aioquic.quic.crypto import (
+    CryptoContext,
+    CryptoError,  # type: ignore[attr-defined]
+    CryptoPair,
+)
 from aioquic.quic.events import (
     ConnectionIdIssued,
     ConnectionIdRetired,
