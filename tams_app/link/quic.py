@@ -255,7 +255,8 @@ class Connection:
         """When `datagrams` is to be called although nothing was put; None: at no time."""
         if self.ended or (timer := self._quic.get_timer()) is None:
             return None
-        return round(timer * NS_PER_S) + (0 if self._keys is None else ACK_WAIT_NS)
+        due_ns = round(timer * NS_PER_S) + NS_PER_MS // 1000  # whose seconds are rounded
+        return due_ns if self._keys is None else due_ns + ACK_WAIT_NS
 
     def datagrams(self, now_ns: int) -> list[bytes]:
         """What is to be sent now."""

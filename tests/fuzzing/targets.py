@@ -83,11 +83,13 @@ def bounded_memory() -> Iterator[None]:
 
 
 TARGETS: dict[str, Callable[[bytes], None]] = {
+    "authentic": link.authentic,
+    "channel": link.channel,
     "configuration": configuration,
+    "handshake": link.handshake,
     "log": log,
     "messages": messages,
     "operator-end": link.operator_end,
     "records": records,
     "robot-end": link.robot_end,
-    "sealing": link.sealing,
 }

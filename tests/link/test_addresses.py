@@ -7,13 +7,13 @@ import socket
 from typing import Any
 
 import pytest
+from tams_app.link.handshake import COOKIE, RESPONSE
+from tams_app.link.operator_end import OperatorEnd
 
 from tams_app.console.options import endpoint_of
 from tams_app.errors import ConfigError
 from tams_app.link import addresses
 from tams_app.link.addresses import addresses_of, called, is_loopback, named
-from tams_app.link.handshake import COOKIE, RESPONSE
-from tams_app.link.operator_end import OperatorEnd
 from tests.link.rig import DESK, KEY, robot
 
 pytestmark = pytest.mark.untimed
