@@ -19,7 +19,7 @@ _NOTE_BYTES = 220
 def state_interval_ns(capacity_kbps: float) -> int:
     """The time between two states on an uplink that is believed to carry so much.
 
-    They take a tenth of it, 10 to 60 times a second: at 60 their datagrams alone are 273 kbit/s.
+    They take a tenth of it, 10 to 60 times a second: at 60 their datagrams alone are 277 kbit/s.
     """
     state_bits = 8 * (message_bytes(0, STATE_BYTES) + IP_UDP_HEADER_BYTES)
     rate_hz = min(max(1000 * _SHARE * capacity_kbps / state_bits, _LEAST_HZ), STATE_RATE_HZ)

@@ -218,7 +218,7 @@ def test_an_operator_with_another_key_gets_no_answer_and_the_one_who_is_there_go
     with pytest.raises(TamsError, match="no answer"):
         called.result()
     log = two.log()
-    assert log.link_health[-1].ignored["initiations that no key made"] >= 1
+    assert log.link_health[-1].ignored["calls that no key made"] >= 1
     assert len({one.operator for one in log.hands_received}) == 1
     assert sum(note.text == CONNECTED for note in log.notes) == 1
 

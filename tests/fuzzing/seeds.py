@@ -49,13 +49,15 @@ def _courses() -> Iterator[bytes]:
 
 
 _SEEDS: dict[str, Callable[[], Iterator[bytes]]] = {
+    "authentic": _courses,
+    "channel": _courses,
     "configuration": _configurations,
+    "handshake": _courses,
     "log": _logs,
     "messages": _messages,
     "operator-end": _courses,
     "records": _records,
     "robot-end": _courses,
-    "sealing": _courses,
 }
 
 

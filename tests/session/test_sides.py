@@ -10,6 +10,12 @@ import msgspec
 import pytest
 
 from tams_app.config import Config, load_config
+from tams_app.link.channel import (
+    HAND_BYTES,
+    LONGEST_MESSAGE_BYTES,
+    STATE_BYTES,
+    message_bytes,
+)
 from tams_app.link.messages import (
     OPERATOR_FOLDER_FACT,
     HandMessage,
@@ -18,7 +24,6 @@ from tams_app.link.messages import (
     decode,
     encode,
 )
-from tams_app.link.sealing import HAND_BYTES, LONGEST_MESSAGE_BYTES, STATE_BYTES, sealed_bytes
 from tams_app.presses import PressCounter
 from tams_app.records import (
     Allocation,
@@ -306,7 +311,7 @@ def test_how_long_a_datagram_is_tells_neither_the_arming_state_nor_the_reason():
             for gateway in (sides.there, sides.here):
                 robots = gateway is sides.there
                 least_bytes = STATE_BYTES if robots else HAND_BYTES
-                sizes.add((robots, sealed_bytes(len(gateway.sent[-1]), least_bytes)))
+                sizes.add((robots, message_bytes(len(gateway.sent[-1]), least_bytes)))
     assert len(sizes) == 2
 
 

@@ -11,8 +11,8 @@ import pytest
 from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.config.motion import WORKSPACE
 from tams_app.errors import TamsError
-from tams_app.link.ends import WELCOME_BYTES
 from tams_app.link.messages import SessionDescription, decode, encode
+from tams_app.link.proof import WELCOME_BYTES
 from tams_app.robot.linked_operator import driving_of
 from tams_app.session.robot import for_robot
 from tams_app.station.robot_call import driven, follow, repair_of
