@@ -27,6 +27,7 @@ PING, PONG = b"ping", b"pong"  # and anything, which comes back
 
 LET_GO_NS = 3 * NS_PER_S  # an operator who is not heard for so long has let go
 RENEW_NS = 300 * NS_PER_S  # how often keys are replaced
+OVERLAP_NS = 5 * NS_PER_S  # what old keys sealed is taken for so long
 OUTWORN_NS = 600 * NS_PER_S  # keys that are older are not used
 
 _HEAD = struct.Struct("!BIH")  # kind, number, length
@@ -113,6 +114,8 @@ class Channel:
         came = self.connection.receive(datagram, now_ns)
         if self.connection.renewals > self._renewals:
             self._renewals, self.renewed_ns = self.connection.renewals, now_ns
+        elif now_ns - self.renewed_ns >= OVERLAP_NS:
+            self.connection.forget_old_keys()
         return came
 
     def open(self, content: bytes, now_ns: int) -> tuple[int, bytes] | str:

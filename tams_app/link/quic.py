@@ -10,7 +10,6 @@ from __future__ import annotations
 import hmac
 import logging
 from collections import Counter
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from hashlib import sha256
 from ssl import CERT_NONE
@@ -18,11 +17,7 @@ from ssl import CERT_NONE
 from aioquic.quic.configuration import QuicConfiguration
 from aioquic.quic.congestion.base import QuicCongestionControl, register_congestion_control
 from aioquic.quic.connection import QuicConnection
-from aioquic.quic.crypto import (
-    CryptoContext,
-    CryptoError,  # type: ignore[attr-defined]
-    CryptoPair,
-)
+from aioquic.quic.crypto import CryptoContext, CryptoError, CryptoPair  # type: ignore[attr-defined]
 from aioquic.quic.events import (
     ConnectionIdIssued,
     ConnectionIdRetired,
@@ -32,7 +27,6 @@ from aioquic.quic.events import (
     StreamDataReceived,
 )
 from aioquic.quic.packet import QuicProtocolVersion, encode_quic_retry
-from aioquic.quic.packet_builder import QuicSentPacket
 from aioquic.quic.recovery import QuicPacketPacer, QuicPacketSpace
 from aioquic.tls import CipherSuite, Epoch
 from cryptography import x509
@@ -65,29 +59,17 @@ logging.getLogger("quic").propagate = False
 
 
 class _Unlimited(QuicCongestionControl):
-    """Limits nothing."""
+    """Limits nothing, whatever is sent, acknowledged or lost."""
 
     def __init__(self, *, max_datagram_size: int) -> None:
         super().__init__(max_datagram_size=max_datagram_size)
         self.congestion_window = 1 << 60
 
-    def on_packet_acked(self, *, now: float, packet: QuicSentPacket) -> None:
-        """It stays as it is."""
+    def _stay(self, **_: object) -> None:
+        pass
 
-    def on_packet_sent(self, *, packet: QuicSentPacket) -> None:
-        """It stays as it is."""
-
-    def on_packets_expired(self, *, packets: Iterable[QuicSentPacket]) -> None:
-        """It stays as it is."""
-
-    def on_packets_lost(self, *, now: float, packets: Iterable[QuicSentPacket]) -> None:
-        """It stays as it is."""
-
-    def on_persistent_congestion(self) -> None:
-        """It stays as it is."""
-
-    def on_rtt_measurement(self, *, now: float, rtt: float) -> None:
-        """It stays as it is."""
+    on_packet_acked = on_packet_sent = on_packets_expired = on_packets_lost = _stay
+    on_persistent_congestion = on_rtt_measurement = _stay
 
 
 class _Unpaced(QuicPacketPacer):
@@ -108,7 +90,7 @@ class _Keys(CryptoPair):
         self.recv, self.send = pair.recv, pair.send
         self._update_key_requested = pair._update_key_requested
         self.opened = self.repeated = self.renewals = 0
-        self._before: CryptoContext | None = None
+        self.before: CryptoContext | None = None
         self._received = space.received_packets
 
     def decrypt_packet(
@@ -118,9 +100,9 @@ class _Keys(CryptoPair):
         try:
             opened = super().decrypt_packet(*given)
         except CryptoError:
-            if self._before is None:
+            if self.before is None:
                 raise
-            opened = self._before.decrypt_packet(*given)[:3]
+            opened = self.before.decrypt_packet(*given)[:3]
         if opened[2] in self._received:  # aioquic leaves it out: so that it can be counted
             self.repeated += 1
         self.opened += 1
@@ -131,7 +113,7 @@ class _Keys(CryptoPair):
         for name in ("aead", "cipher_suite", "hp", "secret", "version"):
             setattr(before, name, getattr(self.recv, name))
         super()._update_key(trigger)
-        self._before = before
+        self.before = before
         self.renewals += 1
 
 
@@ -201,6 +183,11 @@ class Connection:
     def renew_keys(self) -> None:
         """Send with new keys from now on, which the other side answers with new ones."""
         self._quic.request_key_update()
+
+    def forget_old_keys(self) -> None:
+        """Nothing is taken any more that the keys before have sealed."""
+        if self._keys is not None:
+            self._keys.before = None
 
     def receive(self, datagram: bytes, now_ns: int) -> Came:
         """Take a datagram in."""

@@ -18,6 +18,7 @@ from tams_app.link.channel import (
     LONGEST_MESSAGE_BYTES,
     MEDIA_OVERHEAD_BYTES,
     OUTWORN_NS,
+    OVERLAP_NS,
     PING,
     QUESTION,
     RENEW_NS,
@@ -328,6 +329,22 @@ def test_what_the_old_keys_sealed_is_taken_while_new_ones_are_agreed_on() -> Non
     assert (rig.media, desk.media) == ([rtp(1)], [rtp(2), rtp(4), rtp(3)])
     assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
     assert rig.heard[-1] == b"new"
+
+
+def test_what_the_old_keys_sealed_is_taken_for_a_moment_only() -> None:
+    rig, desk = connected()
+    late = datagram_of(desk.end.media(rtp(1), rig.now_ns))
+    channel_of(desk.end).connection.renew_keys()
+    rig.run_ms(50, desk)
+    assert (rig.robot.renewals, desk.end.renewals) == (1, 1)
+    before = rig.robot.counts["not authentic"]
+    for _ in range(60):
+        rig.now_ns += OVERLAP_NS // 50
+        rig.say(desk, b"hand")
+        rig.tell(b"state")
+    rig.at_robot(late, desk.address)
+    assert rig.media == []
+    assert rig.robot.counts["not authentic"] == before + 1
 
 
 @settings(max_examples=10, deadline=None)
