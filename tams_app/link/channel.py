@@ -37,7 +37,6 @@ LINK_BYTES = 64  # messages of the link itself
 HAND_BYTES = 256  # a sample of the hand
 STATE_BYTES = 512  # a state of the robot with its longest reason
 _SIZES = (LINK_BYTES, HAND_BYTES, STATE_BYTES, LONGEST_MESSAGE_BYTES)
-MEDIA_OVERHEAD_BYTES = OVERHEAD_BYTES
 _SHORTEST_MEDIA_BYTES = 8
 _RTCP = range(192, 224)
 

@@ -44,10 +44,11 @@ LONGEST_CONTENT_BYTES = LONGEST_DATAGRAM_BYTES - OVERHEAD_BYTES
 LONG_HEADER = 0x80
 VERSION = int(QuicProtocolVersion.VERSION_1).to_bytes(4)
 IDLE_NS = 600 * NS_PER_S  # a connection of which nothing comes is forgotten
+_STREAM = 1  # the robot's side begins it (RFC 9000, 2.1): it asks before the handshake is complete
 _STREAM_BYTES = 16_384  # that the other side may send before it has proved a key
-# An acknowledgement waits for a packet that leaves anyway. With `ACK_WAIT_NS` it is sent before
-# the 25 ms of RFC 9000, 18.2 are over, after which the other side would ask.
-ACK_WAIT_NS = 20 * NS_PER_MS
+# An acknowledgement waits for a packet that leaves anyway, and needs none of its own where ten a
+# second do; that it comes later than the 25 ms of RFC 9000, 18.2, the other side's timers learn.
+ACK_WAIT_NS = 95 * NS_PER_MS
 _SOMEWHERE = ("", 0)
 _SLOT_NS = 5 * NS_PER_S  # a proof of an address is valid for five to ten seconds
 _RETRY = b"\x02"
@@ -135,11 +136,10 @@ class Came:
 class Connection:
     """One side of a QUIC connection. `ended`: the other side closed it, or is not sound."""
 
-    def __init__(self, quic: QuicConnection, stream: int) -> None:
-        """`stream`: the one stream that is used."""
+    def __init__(self, quic: QuicConnection) -> None:
         self.counts: Counter[str] = Counter()
         self.ended = False
-        self._quic, self._stream = quic, stream
+        self._quic = quic
         self._keys: _Keys | None = None
         quic._loss._pacer = _Unpaced(max_datagram_size=LONGEST_DATAGRAM_BYTES)
 
@@ -151,7 +151,7 @@ class Connection:
         configuration.verify_mode = CERT_NONE  # the caller of this looks whose certificate it is
         quic = QuicConnection(configuration=configuration)
         quic.connect(_SOMEWHERE, _seconds(now_ns))
-        return Connection(quic, 1)
+        return Connection(quic)
 
     @staticmethod
     def called(leaf: Leaf, original: bytes, retry: bytes) -> Connection:
@@ -163,7 +163,7 @@ class Connection:
             original_destination_connection_id=original,
             retry_source_connection_id=retry,
         )
-        return Connection(quic, 1)
+        return Connection(quic)
 
     @property
     def first_id(self) -> bytes:
@@ -212,7 +212,7 @@ class Connection:
             match event:
                 case DatagramFrameReceived():
                     came.contents.append(event.data)
-                case StreamDataReceived() if event.stream_id == self._stream:
+                case StreamDataReceived() if event.stream_id == _STREAM:
                     came.stream += event.data
                 case ProtocolNegotiated():
                     came.begun = True
@@ -229,7 +229,13 @@ class Connection:
 
     def write(self, content: bytes) -> None:
         """Send this on the stream, in order and for certain."""
-        self._quic.send_stream_data(self._stream, content)
+        try:
+            self._quic.send_stream_data(_STREAM, content)
+        except (
+            AssertionError,
+            ValueError,
+        ):  # the other side has closed it, which none of ours does
+            self.ended = True
 
     def put(self, content: bytes) -> bool:
         """Send this as a datagram; False if it is too long for one."""

@@ -119,7 +119,7 @@ def authentic(data: bytes) -> None:
             case 0:
                 connection.put(piece)
             case 1:
-                connection.write(piece)
+                connection.write(piece)  # which ends it here if it is broken
             case _:
                 _stream(connection, piece)
         rig.send_up(desk, channel_of(desk.end).datagrams(rig.now_ns))
@@ -133,6 +133,12 @@ def authentic(data: bytes) -> None:
 
 
 def _stream(connection: Connection, piece: bytes) -> None:
-    """Use a stream that the link does not use."""
+    """Use a stream that the link does not use, or break the one that it does."""
     quic = connection._quic
-    quic.send_stream_data(quic.get_next_available_stream_id(), piece)
+    match len(piece) % 3:
+        case 0:
+            quic.send_stream_data(quic.get_next_available_stream_id(), piece)
+        case 1:
+            quic.stop_stream(1, 0)
+        case _:
+            quic.reset_stream(1, 0)

@@ -162,6 +162,14 @@ def test_an_error_that_aioquic_lets_out_ends_the_connection_alone(
     assert (two.robot.ended, two.robot.counts) == (True, {"not sound": 1})
 
 
+def test_what_is_to_be_written_on_a_stream_that_the_other_side_broke_ends_the_connection() -> None:
+    two = Two()
+    two.caller._quic.stop_stream(1, 0)
+    two.carry()
+    two.robot.write(b"welcome")
+    assert two.robot.ended
+
+
 def test_streams_beside_the_one_are_passed_over() -> None:
     two = Two()
     two.caller._quic.send_stream_data(0, b"another")

@@ -16,7 +16,7 @@ from pydantic import ValidationError
 
 from hw.link.controller import LinkController
 from tams_app.config import LinkConfig
-from tams_app.link.channel import MEDIA_OVERHEAD_BYTES
+from tams_app.link.quic import OVERHEAD_BYTES
 from tams_app.records import ControllerSample, ControllerStatus, Haptic, Presses
 from tams_app.session.robot import for_robot
 from tams_app.teleop.safety import ArmingState, Reason
@@ -1099,4 +1099,4 @@ def test_the_robots_side_adds_to_the_hands_age_what_the_link_may_take() -> None:
 def test_no_datagram_of_the_link_carries_more_than_1200_bytes(asked: int) -> None:
     sent = for_robot(make_config(video__mtu_bytes=asked)).video.mtu_bytes
     assert sent == min(asked, 1163)
-    assert sent + 7 + MEDIA_OVERHEAD_BYTES <= 1200
+    assert sent + 7 + OVERHEAD_BYTES <= 1200
