@@ -231,10 +231,7 @@ class Connection:
         """Send this on the stream, in order and for certain."""
         try:
             self._quic.send_stream_data(_STREAM, content)
-        except (
-            AssertionError,
-            ValueError,
-        ):  # the other side has closed it, which none of ours does
+        except (RuntimeError, ValueError):  # the other side broke it, which none of ours does
             self.ended = True
 
     def put(self, content: bytes) -> bool:
