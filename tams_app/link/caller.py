@@ -35,6 +35,7 @@ from tams_app.link.proof import (
     Meeting,
     Proof,
     Welcome,
+    answer,
     filled,
     framed,
     greeting,
@@ -161,6 +162,8 @@ class Caller(End):
         """Something came of who is called."""
         channel = attempt.channel
         self._greetings.pop(channel.address, None)
+        if came.asked:
+            channel.connection.answer(answer(self._key, came.asked))
         if came.complete:
             shown = channel.connection.certificate
             if shown is None or not (

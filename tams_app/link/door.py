@@ -35,10 +35,12 @@ from tams_app.link.proof import (
     Meeting,
     Proof,
     Welcome,
+    answer,
     filled,
     framed,
     names_no_key,
     read_greeting,
+    split_answer,
     unfilled,
 )
 from tams_app.link.quic import (
@@ -183,7 +185,8 @@ class Door(End):
                 cause = "another version of TAMS calls, whose link this one does not have"
                 self._report(cause, address, now_ns)
             return self._refuse("of no known kind")
-        proved = self._retries.read(initial, address, now_ns)
+        token, _ = split_answer(initial.token)
+        proved = self._retries.read(token, initial.destination, address, now_ns)
         if proved is not None:
             return self._begun(initial, proved, datagram, address, now_ns)
         if read_greeting(initial.token, self._keys) is None:
@@ -205,7 +208,10 @@ class Door(End):
         """Begin to shake hands with who has come back with what a Retry packet gave them."""
         original, greeting = proved
         key = read_greeting(greeting, self._keys)
-        if key is None or greeting in self._greetings:
+        token, answered = split_answer(initial.token)
+        if key is None or not hmac.compare_digest(answered, answer(key, token)):
+            return self._refuse("calls that no key made")  # a greeting was recorded
+        if greeting in self._greetings:
             return self._refuse("calls that were answered")
         full = _Allowance(HANDSHAKES_HZ, now_ns)
         if not self._allowances.setdefault(key.identity, full).take(now_ns):

@@ -30,6 +30,7 @@ LONGEST_INTRODUCTION_BYTES = 256
 WELCOME_BYTES = 1127
 _GREETING = b"\x01"
 _MAC_BYTES = 16  # of a greeting
+_ANSWER_BYTES = 16
 _NONCE_AT = len(_GREETING) + IDENTITY_BYTES
 _LONGEST_BYTES = 2000
 
@@ -129,6 +130,16 @@ def read_greeting(token: bytes, keys: Mapping[bytes, Key]) -> Key | None:
     if key is None or not _is_greeting(token):
         return None
     return key if hmac.compare_digest(token[-_MAC_BYTES:], _greeting_mac(key, body)) else None
+
+
+def answer(key: Key, token: bytes) -> bytes:
+    """What only who has the key can say to a Retry packet with this token; shape (16,)."""
+    return hmac.digest(key.secret, b"TAMS answer" + token, sha256)[:_ANSWER_BYTES]
+
+
+def split_answer(token: bytes) -> tuple[bytes, bytes]:
+    """A Retry packet's token that came back, and the answer behind it."""
+    return token[:-_ANSWER_BYTES], token[-_ANSWER_BYTES:]
 
 
 def names_no_key(token: bytes, keys: Mapping[bytes, Key]) -> bool:

@@ -125,6 +125,7 @@ register_congestion_control("tams", _Unlimited)
 class Came:
     """What a datagram brought. `issued`, `retired`: connection ids by which it is called."""
 
+    asked: bytes = b""  # the token of a Retry packet
     begun: bool = False  # the robot's side has answered the caller's first packet
     complete: bool = False  # the handshake is
     contents: list[bytes] = field(default_factory=list)  # of datagrams
@@ -192,6 +193,7 @@ class Connection:
     def receive(self, datagram: bytes, now_ns: int) -> Came:
         """Take a datagram in."""
         before = (0, 0) if self._keys is None else (self._keys.opened, self._keys.repeated)
+        retries = self._quic._retry_count
         try:
             self._quic.receive_datagram(datagram, _SOMEWHERE, _seconds(now_ns))
         except Exception:  # noqa: BLE001 - it lets errors of parsers out; who makes them is dropped
@@ -204,10 +206,14 @@ class Connection:
             self.counts["late"] += self._keys.repeated - before[1]
         # closed by the other side, or about to be by ours, whose reasons are nobody's affair
         self.ended = self.ended or self._quic._close_event is not None
-        return self._came()
+        return self._came(self._quic._peer_token if self._quic._retry_count > retries else b"")
 
-    def _came(self) -> Came:
-        came = Came()
+    def answer(self, word: bytes) -> None:
+        """Send this behind a Retry packet's token, which alone would come back otherwise."""
+        self._quic._peer_token += word
+
+    def _came(self, asked: bytes) -> Came:
+        came = Came(asked=asked)
         while (event := self._quic.next_event()) is not None:
             match event:
                 case DatagramFrameReceived():
@@ -338,13 +344,15 @@ class Retries:
             QuicProtocolVersion.VERSION_1, here, initial.source, initial.destination, token
         )
 
-    def read(self, initial: Initial, address: Address, now_ns: int) -> tuple[bytes, bytes] | None:
+    def read(
+        self, token: bytes, here: bytes, address: Address, now_ns: int
+    ) -> tuple[bytes, bytes] | None:
         """The connection id that was called first, and what was said; None: no such proof."""
-        body, proof = initial.token[1:-_PROOF_BYTES], initial.token[-_PROOF_BYTES:]
-        if not initial.token.startswith(_RETRY) or not body:
+        body, proof = token[1:-_PROOF_BYTES], token[-_PROOF_BYTES:]
+        if not token.startswith(_RETRY) or not body:
             return None
         slot = now_ns // _SLOT_NS
-        given = (self._proof(body, address, initial.destination, one) for one in (slot, slot - 1))
+        given = (self._proof(body, address, here, one) for one in (slot, slot - 1))
         if not any(hmac.compare_digest(proof, one) for one in given):
             return None
         return body[1 : 1 + body[0]], body[1 + body[0] :]
