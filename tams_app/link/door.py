@@ -216,17 +216,19 @@ class Door(End):
         full = _Allowance(HANDSHAKES_HZ, now_ns)
         if not self._allowances.setdefault(key.identity, full).take(now_ns):
             return self._refuse("calls that were too many")
+        connection = Connection.called(self.leaf, original, initial.destination)
+        channel = Channel(connection, address, STATE_BYTES, now_ns)
+        came = self._received(channel, datagram, now_ns)
+        if not came.begun:  # a damaged copy, which is not to take the place of the packet itself
+            return self._refuse("calls that came to nothing")
         self._greetings[greeting] = None
         if len(self._greetings) > _GREETINGS_KEPT:
             self._greetings.popitem(last=False)
         if len(self._knocks) >= UNPROVEN:
             self._forget(self._knocks[0])
-        connection = Connection.called(self.leaf, original, initial.destination)
-        channel = Channel(connection, address, STATE_BYTES, now_ns)
         self._knocks.append(_Knock(channel, self.leaf.der, self._random(NONCE_BYTES)))
         for name in (initial.destination, connection.first_id):
             self._routes[name] = channel
-        came = self._received(channel, datagram, now_ns)
         return self._knocked(channel, came, now_ns)
 
     def _forget(self, knock: _Knock) -> None:
