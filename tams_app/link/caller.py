@@ -154,7 +154,8 @@ class Caller(End):
             self._end(attempt)
 
     def _end(self, attempt: _Attempt) -> None:
-        self._attempts.remove(attempt)
+        if attempt in self._attempts:  # or it was welcomed, and ended at once
+            self._attempts.remove(attempt)
         if attempt.channel is not self._channel:
             self._drop(attempt.channel)
 
@@ -182,10 +183,11 @@ class Caller(End):
                 heard.connected = self._welcomed(attempt, attempt.meeting, word, now_ns)
         if channel.connection.ended or channel.words.ended:
             self._end(attempt)
+            self._drop(channel)
             self.counts["answers that are not authentic"] += 1
             if not self._attempts:
                 self._again(now_ns)
-            return heard
+            return Heard()
         if attempt.meeting is None and attempt.certificate and attempt.challenge:
             self._prove(attempt, attempt.certificate, attempt.challenge)
         heard.replies += channel.datagrams(now_ns)

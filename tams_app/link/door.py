@@ -232,7 +232,8 @@ class Door(End):
         return self._knocked(channel, came, now_ns)
 
     def _forget(self, knock: _Knock) -> None:
-        self._knocks.remove(knock)
+        if knock in self._knocks:  # or it has become the operator's, and ended at once
+            self._knocks.remove(knock)
         self._drop(knock.channel)
 
     def _knocked(self, channel: Channel, came: Came, now_ns: int) -> Heard:
