@@ -83,7 +83,6 @@ class Caller(End):
         self.busy = False  # the robot's side has another operator
         self._key, self._robots = key, tuple(robots)
         self._attempts: list[_Attempt] = []
-        self._greetings: dict[Address, bytes] = {}  # that were not answered yet
         self._again_ns = 0  # when to call the next time
 
     def step(self, now_ns: int) -> list[tuple[bytes, Address]]:
@@ -130,12 +129,8 @@ class Caller(End):
         self._again_ns = now_ns + ATTEMPT_NS
         sent: list[tuple[bytes, Address]] = []
         for address in self._robots:
-            # the same until it is answered: each that is recorded begins one handshake, once
-            if address not in self._greetings:
-                fresh = greeting(self._key, self._random(GREETING_NONCE_BYTES))
-                self._greetings[address] = fresh
-            connection = Connection.calling(self._greetings[address], now_ns)
-            channel = Channel(connection, address, HAND_BYTES, now_ns)
+            token = greeting(self._key, self._random(GREETING_NONCE_BYTES))
+            channel = Channel(Connection.calling(token, now_ns), address, HAND_BYTES, now_ns)
             self._routes[channel.connection.first_id] = channel
             self._attempts.append(_Attempt(channel))
             sent += channel.datagrams(now_ns)
@@ -162,7 +157,6 @@ class Caller(End):
     def _answered(self, attempt: _Attempt, came: Came, now_ns: int) -> Heard:
         """Something came of who is called."""
         channel = attempt.channel
-        self._greetings.pop(channel.address, None)
         if came.asked:
             channel.connection.answer(answer(self._key, came.asked))
         if came.complete:

@@ -7,6 +7,7 @@ import random
 from itertools import count, pairwise
 
 import pytest
+from aioquic.quic.packet import get_retry_integrity_tag
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -18,6 +19,7 @@ from tams_app.link.door import HANDSHAKES_HZ, PROVE_NS, UNPROVEN, Door
 from tams_app.link.identity import RobotIdentity
 from tams_app.link.keys import LOOPBACK_KEY, Key
 from tams_app.link.proof import LONGEST_INTRODUCTION_BYTES
+from tams_app.link.quic import Connection, destination_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 from tests.link.rig import (
     DESK,
@@ -249,6 +251,28 @@ def test_a_call_that_was_answered_begins_nothing_when_it_is_sent_again() -> None
     for _ in range(50):
         assert rig.at_robot(again, desk.address).replies == []
     assert rig.robot.counts["calls that were answered"] == 50
+
+
+def test_who_recorded_a_call_and_receives_the_answer_cannot_shake_hands() -> None:
+    rig, desk = Rig(), Desk()
+    rig.up = nothing
+    rig.step(desk)
+    for thief in range(50):
+        address = (THIEF[0], 1 + thief)
+        for retry, _ in rig.at_robot(desk.sent[0], address).replies:
+            echo = Connection.calling(b"anything", rig.now_ns)
+            echo._quic._peer_cid.cid = destination_of(desk.sent[0])
+            echo.receive(retry[:6] + echo.first_id + retry[14:], rig.now_ns)
+            head = retry[:6] + echo.first_id + retry[14:-16]
+            tag = get_retry_integrity_tag(head, destination_of(desk.sent[0]), 1)
+            assert echo.receive(head + tag, rig.now_ns).asked
+            for again in echo.datagrams(rig.now_ns):
+                assert rig.at_robot(again, address).replies == []
+    assert rig.robot._knocks == []
+    assert rig.robot.counts["calls that no key made"] == 50
+    rig.up = everything
+    rig.run_ms(500, desk)
+    assert rig.gets_through(desk)
 
 
 def test_who_does_not_prove_a_key_in_two_seconds_is_forgotten_without_a_word() -> None:
