@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from tams_app.link.addresses import Address
-from tams_app.link.proof import Words
+from tams_app.link.proof import WordStream
 from tams_app.link.quic import LONGEST_CONTENT_BYTES, OVERHEAD_BYTES, Came, Connection
 from tams_app.units import NS_PER_S
 
@@ -84,7 +84,7 @@ class Channel:
         """`least_bytes`: what messages of the application are filled up to."""
         self.connection, self.address = connection, address
         self.began_ns = self.heard_ns = self.renewed_ns = now_ns
-        self.words = Words()
+        self.words = WordStream()
         self._least_bytes = least_bytes
         self._renewals = 0
         self._sent = self._newest = 0

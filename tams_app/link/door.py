@@ -58,7 +58,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 UNPROVEN = 8  # connections of callers who have not proved a key yet
 PROVE_NS = 2 * NS_PER_S
-HANDSHAKES_HZ = 5.0  # of each key
+HANDSHAKES = 5  # begun in a second with each key
 _GREETINGS_KEPT = 4096  # by which a handshake was begun, and none is again
 _SECRET_BYTES = 32
 _TOKEN_BYTES = 8
@@ -75,23 +75,6 @@ class _Knock:
     certificate: bytes  # DER
     nonce: bytes
     answered: bool = False
-
-
-@dataclass(slots=True)
-class _Allowance:
-    """Handshakes that may be begun, up to a second's."""
-
-    left: float
-    at_ns: int
-
-    def take(self, now_ns: int) -> bool:
-        """Whether one more may be begun now."""
-        more = HANDSHAKES_HZ * (now_ns - self.at_ns) / NS_PER_S
-        self.left, self.at_ns = min(self.left + more, HANDSHAKES_HZ), now_ns
-        if self.left < 1.0:
-            return False
-        self.left -= 1.0
-        return True
 
 
 @dataclass(slots=True)
@@ -126,7 +109,7 @@ class Door(End):
         self._welcome = filled(welcome, WELCOME_BYTES)
         self._retries = Retries(random(_SECRET_BYTES))
         self._knocks: list[_Knock] = []
-        self._allowances: dict[bytes, _Allowance] = {}
+        self._begun_ns: dict[bytes, deque[int]] = {}  # the last handshakes, by key
         self._greetings: OrderedDict[bytes, None] = OrderedDict()
         self._question: _Question | None = None
 
@@ -213,9 +196,10 @@ class Door(End):
             return self._refuse("calls that no key made")  # a greeting was recorded
         if greeting in self._greetings:
             return self._refuse("calls that were answered")
-        full = _Allowance(HANDSHAKES_HZ, now_ns)
-        if not self._allowances.setdefault(key.identity, full).take(now_ns):
+        begun_ns = self._begun_ns.setdefault(key.identity, deque(maxlen=HANDSHAKES))
+        if len(begun_ns) == HANDSHAKES and now_ns - begun_ns[0] < NS_PER_S:
             return self._refuse("calls that were too many")
+        begun_ns.append(now_ns)
         connection = Connection.called(self.leaf, original, initial.destination)
         channel = Channel(connection, address, STATE_BYTES, now_ns)
         came = self._received(channel, datagram, now_ns)

@@ -71,7 +71,7 @@ def framed(word: Word) -> bytes:
     return len(content).to_bytes(2) + content
 
 
-class Words:
+class WordStream:
     """Gets words out of a stream."""
 
     def __init__(self) -> None:

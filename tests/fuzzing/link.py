@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from tams_app.link.addresses import Address
 from tams_app.link.caller import Caller
 from tams_app.link.door import Door
-from tams_app.link.proof import Words
+from tams_app.link.proof import WordStream
 from tams_app.link.quic import VERSION, Connection
 from tams_app.units import NS_PER_MS
 from tests.link.rig import ROBOT, Desk, Rig, channel_of, connected, rtcp, rtp
@@ -125,7 +125,7 @@ def authentic(data: bytes) -> None:
         rig.send_up(desk, channel_of(desk.end).datagrams(rig.now_ns))
         if not desk.end.connected:
             break
-    Words().of(data)
+    WordStream().of(data)
     other = Desk(address=("10.0.0.3", 1))
     rig.now_ns += 4_000 * NS_PER_MS
     rig.run_ms(500, other)

@@ -16,7 +16,7 @@ from tams_app.link.proof import (
     Proof,
     Welcome,
     Word,
-    Words,
+    WordStream,
     filled,
     framed,
     greeting,
@@ -81,7 +81,7 @@ def test_no_part_of_a_meeting_can_be_another_and_the_mac_the_same() -> None:
 @given(st.integers(1, 40))
 def test_words_come_out_of_a_stream_however_it_is_cut(step: int) -> None:
     stream = b"".join(map(framed, WORDS))
-    words, came = Words(), list[Word]()
+    words, came = WordStream(), list[Word]()
     for at in range(0, len(stream), step):
         came += words.of(stream[at : at + step])
     assert came == WORDS
@@ -92,7 +92,7 @@ def test_words_come_out_of_a_stream_however_it_is_cut(step: int) -> None:
     "wrong", [b"\0\0", b"\0\1\xc0", b"\xff\xff" + bytes(3000), b"\0\4\x91\xa3abc", bytes(100)]
 )
 def test_what_is_no_word_ends_the_stream(wrong: bytes) -> None:
-    words = Words()
+    words = WordStream()
     assert words.of(framed(Busy()) + wrong + framed(Busy())) == [Busy()]
     assert words.ended
     assert words.of(framed(Busy())) == []
@@ -100,7 +100,7 @@ def test_what_is_no_word_ends_the_stream(wrong: bytes) -> None:
 
 @given(st.binary(max_size=300))
 def test_nonsense_raises_nothing(noise: bytes) -> None:
-    words = Words()
+    words = WordStream()
     words.of(noise)
     assert len(words._rest) <= 300
 
