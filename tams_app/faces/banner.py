@@ -9,7 +9,7 @@ import msgspec
 
 from tams_app import palette
 from tams_app.faces.messages import FaceFacts
-from tams_app.faces.silence import NOT_LIVE, STILL_STOPS, not_received
+from tams_app.faces.silence import NOT_LIVE, NOT_RECEIVED, STILL_STOPS, not_received
 from tams_app.teleop.hands import SIMULATED, HandWords, words_of_hand
 
 
@@ -47,11 +47,11 @@ LOOKS = {
     "link lost": Look("LINK LOST", "⚠", "dotted", palette.PURPLE, _DARK),
     NOT_LIVE: Look("NOT LIVE", "□", "outset", "#C3C7CB", _DARK),
 }
-_OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
+OTHER = Look("STARTING", "…", "inset", "#4A525A", _LIGHT)
 
-_ENDED = replace(_OTHER, word="ENDED", sign="■")
+ENDED = replace(OTHER, word="ENDED", sign="■")
 
-_QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.fill` takes them
+QUIET = {  # sentence and what helps, where nothing is wrong, as `HandWords.fill` takes them
     "disarmed": ("The arm does not move.", "{release}, then press Enter to arm"),
     "ready": ("The arm waits.", "Press and hold {deadman} to move it"),
     "engaged": (
@@ -69,29 +69,39 @@ _REPLAY = {  # what was, without what helps
     "engaged": ("The arm followed the operator's hand.", ""),
     "link lost": ("The robot stopped by itself.", ""),
 }
-_SHIFT_IS_DEAD = "Shift does not count yet: let go and press again"
-_PRESS_AGAIN = "{release}, then press and hold {deadman} again"
-_STARTING = ("The session starts.", "F1 lists all keys")
+STARTING = ("The session starts.", "F1 lists all keys")
+PHRASES = {  # beside those of the states
+    "shift is dead": "Shift does not count yet: let go and press again",
+    "press again": "{release}, then press and hold {deadman} again",
+    "arm": "Press Enter to arm",
+    "holding": "{release} · Space: emergency stop",
+    "fault": "Enter, with {deadman} released: first clears, then arms",
+    "last stop": "Last stop: {stop}.",
+    "stopped": "The arm has stopped.",
+    "still stops": STILL_STOPS,
+    "not received": NOT_RECEIVED,
+    "not live": "{still_stops} still stops it",
+}
 
 
 def look_of(arming: str) -> Look:
     """The appearance of a state; what is no state is a start."""
-    return LOOKS.get(arming, _OTHER)
+    return LOOKS.get(arming, OTHER)
 
 
-_SIMULATED_KEYS = {  # by state, and whether something has stopped the arm before
+SIMULATED_KEYS = {  # by state, and whether something has stopped the arm before
     ("fault", True): "Enter: first clears, then arms",
     ("disarmed", True): "Enter arms it: the simulated operator does so only once",
     ("holding", True): "The simulated operator goes on · Space: emergency stop",
 }
-_SIMULATED = {  # who watches can do that much
+SIMULATED_QUIET = {  # who watches can do that much
     "disarmed": ("The arm does not move.", "The simulated operator arms it soon"),
     "ready": ("The arm waits.", "The simulated operator moves it · Space: emergency stop"),
     "engaged": (
         "The simulated operator drives.",
         "Space: emergency stop · to drive yourself: --hand keyboard",
     ),
-    "link lost": (_QUIET["link lost"][0], "Wait until the link is back"),
+    "link lost": (QUIET["link lost"][0], "Wait until the link is back"),
 }
 
 
@@ -104,9 +114,9 @@ def banner_of(facts: FaceFacts, hand: str = "openvr", shift_is_dead: bool = Fals
     """
     words, state = words_of_hand(hand), facts.state
     if facts.end is not None:
-        return Banner(_ENDED, facts.end.headline, facts.end.key, "CLOSE")
+        return Banner(ENDED, facts.end.headline, facts.end.key, "CLOSE")
     if state.arming == NOT_LIVE and facts.silent_s is not None:
-        key = f"{STILL_STOPS} still stops it"
+        key = PHRASES["not live"].format(still_stops=STILL_STOPS)
         return Banner(look_of(NOT_LIVE), not_received(facts.silent_s), key)
     if facts.replay is not None:
         banner = _banner_of(msgspec.structs.replace(facts, advice=""), _REPLAY, words)
@@ -117,16 +127,16 @@ def banner_of(facts: FaceFacts, hand: str = "openvr", shift_is_dead: bool = Fals
             button="PLAY" if facts.replay.paused else "PAUSE",
         )
     if hand == SIMULATED:
-        banner = _banner_of(facts, _QUIET | _SIMULATED, words)
+        banner = _banner_of(facts, QUIET | SIMULATED_QUIET, words)
         has_stopped = bool(state.reason or state.last_stop)
-        return replace(banner, key=_SIMULATED_KEYS.get((state.arming, has_stopped), banner.key))
-    banner = _banner_of(facts, _QUIET, words)
+        return replace(banner, key=SIMULATED_KEYS.get((state.arming, has_stopped), banner.key))
+    banner = _banner_of(facts, QUIET, words)
     if shift_is_dead and hand == "keyboard" and state.arming == "ready":
-        return replace(banner, key=_SHIFT_IS_DEAD)
+        return replace(banner, key=PHRASES["shift is dead"])
     if state.arming == "disarmed" and state.deadman is False:
-        return replace(banner, key="Press Enter to arm")
+        return replace(banner, key=PHRASES["arm"])
     if state.arming == "ready" and state.deadman:  # pressed while something was in the way
-        return replace(banner, key=words.fill(_PRESS_AGAIN))
+        return replace(banner, key=words.fill(PHRASES["press again"]))
     moves = words.moves if state.arming == "ready" else ""
     return replace(banner, key=banner.key + moves)
 
@@ -135,18 +145,19 @@ def _banner_of(facts: FaceFacts, quiet: Mapping[str, tuple[str, str]], words: Ha
     state = facts.state
     look = look_of(state.arming)
     if state.arming == "holding":
-        return Banner(look, _sentence(facts), words.fill("{release} · Space: emergency stop"))
+        return Banner(look, _sentence(facts), words.fill(PHRASES["holding"]))
     if state.arming == "fault":
-        key = words.fill("Enter, with {deadman} released: first clears, then arms")
+        key = words.fill(PHRASES["fault"])
         return Banner(look, _sentence(facts), key)
-    sentence, key = map(words.fill, quiet.get(state.arming, _STARTING))
+    sentence, key = map(words.fill, quiet.get(state.arming, STARTING))
     if state.arming in ("ready", "engaged", "disarmed"):
         if state.reason:  # nothing has stopped: it is in the way of going on
             sentence = f"{sentence} {_sentence(facts)}"
         elif state.last_stop:
-            sentence = f"{sentence} Last stop: {state.last_stop}."
+            sentence = f"{sentence} {PHRASES['last stop'].format(stop=state.last_stop)}"
     elif facts.silent_s is not None:
-        sentence = f"{sentence} {not_received(facts.silent_s)} {STILL_STOPS} still stops it."
+        stops = PHRASES["not live"].format(still_stops=STILL_STOPS)
+        sentence = f"{sentence} {not_received(facts.silent_s)} {stops}."
     return Banner(look, sentence, key)
 
 
@@ -155,4 +166,4 @@ def _sentence(facts: FaceFacts) -> str:
     reason = reason[:1].upper() + reason[1:]
     if reason and not reason.endswith("."):
         reason += "."
-    return f"{reason} {facts.advice}".strip() or "The arm has stopped."
+    return f"{reason} {facts.advice}".strip() or PHRASES["stopped"]

@@ -13,35 +13,44 @@ KEYS = (
     ("Y / N", "label it a success / a failure; a running one ends and is kept"),
 )
 BUTTONS = ("A / B held 1 s", "with the deadman released: as E / as Z")
+WORDS = {  # by what is done now, and of what else a row tells
+    "recording": "episode {number}: RECORDING {seconds} s",
+    "countdown": "episode {number}: in {seconds} s",
+    "idle": "episode {number}: not begun",
+    "asked": "{armed}? once more within {within} s",
+    "counts": "{kept} kept, {discarded} discarded",
+}
+KEYS_NOW = {  # as WORDS; after the last one was kept
+    "recording": "E keep · Y success · N failure · Z discard · U redo",
+    "countdown": "Z calls it off",
+    "idle": "E begin",
+    "kept": "E begin · Y / N label · Z discard · U redo",
+}
+ASKED_WITHIN_S = ARMED_NS // NS_PER_S
 _SIGNS = {None: "●", True: "✔", False: "✖"}
 _DISCARDED = "–"
 
 
 def now_text(episodes: EpisodesState) -> str:
     """The running or next episode in a few words."""
-    number = episodes.number
-    if episodes.doing == "recording":
-        return f"episode {number}: RECORDING {episodes.seconds:.0f} s"
-    if episodes.doing == "countdown":
-        return f"episode {number}: in {episodes.seconds:.1f} s"
-    return f"episode {number}: not begun"
+    digits = 0 if episodes.doing == "recording" else 1
+    text = WORDS.get(episodes.doing, WORDS["idle"])
+    return text.format(number=episodes.number, seconds=f"{episodes.seconds:.{digits}f}")
 
 
 def asked_text(episodes: EpisodesState) -> str:
     """The question that a second request answers, "" if there is none."""
     if not episodes.armed:
         return ""
-    return f"{episodes.armed.upper()}? once more within {ARMED_NS // NS_PER_S} s"
+    return WORDS["asked"].format(armed=episodes.armed.upper(), within=ASKED_WITHIN_S)
 
 
 def keys_text(episodes: EpisodesState) -> str:
     """The keys that mean something now."""
     last_is_kept = bool(episodes.last) and episodes.last[-1].kept
-    if episodes.doing == "recording":
-        return "E keep · Y success · N failure · Z discard · U redo"
-    if episodes.doing == "countdown":
-        return "Z calls it off"
-    return "E begin · Y / N label · Z discard · U redo" if last_is_kept else "E begin"
+    if episodes.doing in ("recording", "countdown"):
+        return KEYS_NOW[episodes.doing]
+    return KEYS_NOW["kept" if last_is_kept else "idle"]
 
 
 def last_text(episodes: EpisodesState) -> str:
@@ -51,7 +60,7 @@ def last_text(episodes: EpisodesState) -> str:
 
 def counts_text(episodes: EpisodesState) -> str:
     """How many there are of those that have ended."""
-    return f"{episodes.kept} kept, {episodes.discarded} discarded"
+    return WORDS["counts"].format(kept=episodes.kept, discarded=episodes.discarded)
 
 
 def strip_texts(episodes: EpisodesState, is_replay: bool, is_over: bool) -> tuple[str, ...]:

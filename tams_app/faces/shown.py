@@ -27,6 +27,28 @@ _KEYS_OF_BUTTONS = {
     "fault": "{release}, hold {confirm} 1 s to clear, again to arm",
     "link lost": "{release} and wait for the link",
 }
+UPLINK = (
+    "views {sent} of budget {budget} kbit/s; with padding, RTCP {link}",
+    "capacity {capacity}, estimated {estimate}; queue {queue} ms, loss {loss} %",
+)
+SLOWEST = "{view} {total} ms besides the network{upto} ({stage} {ms}): {remedy}"
+TO_THE_UPLINK, OTHER_REMEDY = " to the uplink", "use fewer frames"
+TITLES = {
+    "primary": " · primary",
+    "pinned by": " · pinned by the operator",
+    "pinned": " · pinned",
+    "none": " · no frame yet",
+    "old": " · OLD: {seconds} s",
+}
+HAND = {
+    "deadman": ("not known", "released", "HELD"),  # not known, no, yes
+    "mode": ("", "translation", "orientation"),
+    "gripper": ("not known", "open", "closed"),
+    "buttons": ("none",),
+    "TCP": ("not known",),
+    "motors": ("not known",),
+}
+HOTTEST = "to {hottest} °C"
 HEADINGS = ("view", "kbit/s: sent / target", "frames/s", "latency", "age", "SSIM now / task")
 
 
@@ -156,12 +178,17 @@ def uplink_texts(state: SessionState) -> tuple[str, str]:
     """The uplink's load and condition: views alone share the budget, and vary within a second."""
     loss = "–" if state.loss is None else f"{100 * state.loss:.1f}"
     sent = [view.sent_kbps for view in state.views.values() if view.sent_kbps is not None]
-    return (
-        f"views {known(sum(sent) if sent else None)} of budget {known(state.budget_kbps)} kbit/s; "
-        f"with padding, RTCP {known(state.link_kbps)}",
-        f"capacity {known(state.capacity_kbps)}, estimated {known(state.estimate_kbps)}; "
-        f"queue {known(state.queue_ms)} ms, loss {loss} %",
-    )
+    figures = {
+        "sent": known(sum(sent) if sent else None),
+        "budget": known(state.budget_kbps),
+        "link": known(state.link_kbps),
+        "capacity": known(state.capacity_kbps),
+        "estimate": known(state.estimate_kbps),
+        "queue": known(state.queue_ms),
+        "loss": loss,
+    }
+    load, condition = (one.format_map(figures) for one in UPLINK)
+    return load, condition
 
 
 def slowest_text(state: SessionState) -> str:
@@ -173,26 +200,33 @@ def slowest_text(state: SessionState) -> str:
     own = view.own
     if own is None or own.total_ms < NOTABLE_MS:
         return ""
-    upto = " to the uplink" if view.shown_fps is None else ""
-    remedy = REMEDIES.get(own.slowest, "use fewer frames")
-    return (
-        f"{state.primary_view.upper()} {own.total_ms} ms besides the network{upto} "
-        f"({stage_words(own.slowest)} {own.slowest_ms}): {remedy}"
+    return SLOWEST.format(
+        view=state.primary_view.upper(),
+        total=own.total_ms,
+        upto=TO_THE_UPLINK if view.shown_fps is None else "",
+        stage=stage_words(own.slowest),
+        ms=own.slowest_ms,
+        remedy=REMEDIES.get(own.slowest, OTHER_REMEDY),
     )
 
 
 def hand_rows(state: SessionState) -> tuple[tuple[str, str], ...]:
     """The state of the operator's hand: name and word."""
-    gripper = {None: "not known", True: "closed", False: "open"}[state.gripper_closed]
-    hottest = "not known" if state.hottest_motor_c is None else f"to {state.hottest_motor_c} °C"
+    hottest = HAND["motors"][0]
+    if state.hottest_motor_c is not None:
+        hottest = HOTTEST.format(hottest=state.hottest_motor_c)
     return (
-        ("deadman", {None: "not known", True: "HELD", False: "released"}[state.deadman]),
-        ("mode", "orientation" if state.orientation_mode else "translation"),
-        ("gripper", gripper),
-        ("buttons", ", ".join(state.pressed) or "none"),
+        ("deadman", _answer("deadman", state.deadman)),
+        ("mode", _answer("mode", state.orientation_mode)),
+        ("gripper", _answer("gripper", state.gripper_closed)),
+        ("buttons", ", ".join(state.pressed) or HAND["buttons"][0]),
         ("TCP", _tcp(state.tcp_mm)),
         ("motors", hottest),
     )
+
+
+def _answer(row: str, is_so: bool | None) -> str:
+    return HAND[row][0 if is_so is None else 1 + is_so]
 
 
 def trial_texts(trial: TrialFacts) -> tuple[str, ...]:
@@ -248,14 +282,14 @@ def view_title(
     view = None if state is None else state.views.get(name)
     title = name.upper()
     if state is not None and name == state.primary_view:
-        title += " · pinned by the operator" if state.is_pinned else " · primary"
+        title += TITLES["pinned by" if state.is_pinned else "primary"]
         pinned = pinned and not state.is_pinned
-    title += " · pinned" if pinned else ""
+    title += TITLES["pinned"] if pinned else ""
     age_ms = None if view is None else view.age_ms
     if view is None or (age_ms is None and not opening.blind):
-        return f"{title} · no frame yet"
+        return title + TITLES["none"]
     if age_ms is not None and is_old(view, opening.old_ms):
-        return f"{title} · OLD: {age_ms / 1000:.1f} s"
+        return title + TITLES["old"].format(seconds=f"{age_ms / 1000:.1f}")
     if pinned is None or name not in MEANINGS:
         return title
     return title.replace(name.upper(), f"{name.upper()}, {MEANINGS[name]}", 1)
@@ -263,6 +297,6 @@ def view_title(
 
 def _tcp(tcp_mm: tuple[float, float, float] | None) -> str:
     if tcp_mm is None:
-        return "not known"
+        return HAND["TCP"][0]
     x, y, z = (round(part) for part in tcp_mm)  # whole numbers, of which 0 has no sign
     return f"{x}, {y}, {z} mm"

@@ -10,6 +10,7 @@ from tams_app.units import NS_PER_MS, NS_PER_S
 
 NOT_LIVE = "not live"  # in the place of a state of the arming table
 LIVE_NS = 3 * NS_PER_S // 10
+NOT_RECEIVED = "Nothing has been received of the arm for {seconds} s: what is shown is old."
 STILL_STOPS = "The emergency stop button on the arm's control box"
 
 
@@ -56,7 +57,7 @@ def as_known(facts: FaceFacts, now_ns: int) -> FaceFacts:
 
 def not_received(silence_s: float) -> str:
     """A sentence that no state of the arm has arrived for `silence_s`."""
-    return f"Nothing has been received of the arm for {silence_s:.1f} s: what is shown is old."
+    return NOT_RECEIVED.format(seconds=f"{silence_s:.1f}")
 
 
 def _aged(view: ViewState, passed_ms: float) -> ViewState:

@@ -273,7 +273,7 @@ class Reason(Enum):
 
 
 _REASONS = {reason.label: reason for reason in Reason}
-_GO_ON = "{release}, then confirm."
+GO_ON = "{release}, then confirm."
 
 
 def advice(held: str, lasting: str | None, hand: HandWords) -> str:
@@ -299,7 +299,7 @@ def what_to_do(held: str, lasting: str | None, hand: HandWords) -> str:
         return reason.sentence(hand, lasts=False)
     if not detail.endswith("."):
         return reason.sentence(hand)
-    return "" if "confirm" in held else hand.fill(_GO_ON)
+    return "" if "confirm" in held else hand.fill(GO_ON)
 
 
 def refusal(in_the_way: Reason | None, hand: HandWords) -> str:

@@ -94,7 +94,7 @@ def test_who_watches_a_simulated_operator_is_not_told_to_drive(arming: str, stop
 
 
 def test_every_hand_has_its_words_and_every_state_of_the_arming_table_a_look() -> None:
-    assert set(HANDS) == {*DEVICES, SIMULATED}
+    assert set(HANDS) == {*DEVICES, SIMULATED, "gamepad"}  # which a browser reads
     assert {state.value for state in ArmingState} <= set(LOOKS)
 
 
