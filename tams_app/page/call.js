@@ -6,7 +6,7 @@ import { StreamMessages, prefixed, prove } from "./proof.js";
 const ATTEMPT_MS = 5000;
 const OLDEST_MS = 50; // of what waits to be sent
 const WAITING = 64; // datagrams of feedback
-const INTRODUCTION = "page";
+const INTRODUCTION = ""; // of a folder: nothing is recorded here
 /** Sentences for the operator, each with what to do. */
 const NO_ANSWER =
   "The robot does not answer: see that it runs, that UDP reaches it, and that this is its newest link.";

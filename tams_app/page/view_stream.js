@@ -62,15 +62,16 @@ export class ViewStream {
   /** @param {import("./receive/view_receiver.js").AccessUnit} unit */
   #decode(unit) {
     if (unit.isKeyframe) this.#configure(unit.data);
-    if (this.#decoder === null) return;
+    const decoder = this.#decoder; // which may fail at once
+    if (decoder === null || unit.data.length === 0) return;
     const micros = Math.round((unit.ticks * 100) / 9);
     const { timestamp, isWhole, data } = unit;
     this.#decoding.set(micros, { timestamp, isWhole });
     const [oldest] = this.#decoding.keys();
     if (this.#decoding.size > KEPT && oldest !== undefined) this.#decoding.delete(oldest);
     const type = unit.isKeyframe ? "key" : "delta";
-    this.#decoder.decode(new EncodedVideoChunk({ type, timestamp: micros, data }));
-    if (this.#decoder.decodeQueueSize > QUEUED) this.#restart();
+    decoder.decode(new EncodedVideoChunk({ type, timestamp: micros, data }));
+    if (decoder.decodeQueueSize > QUEUED) this.#restart();
   }
 
   /** @param {Uint8Array} keyframe */

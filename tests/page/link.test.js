@@ -6,6 +6,7 @@ import { RobotClock, resolution } from "../../tams_app/page/clock.js";
 import { APPLICATION, LINK, Unframer, framed, isMedia } from "../../tams_app/page/messages.js";
 import { pack, unpack } from "../../tams_app/page/msgpack.js";
 import { StreamMessages, prefixed, prove, readFragment } from "../../tams_app/page/proof.js";
+import { codecOf } from "../../tams_app/page/view_stream.js";
 
 globalThis.crypto ??= /** @type {any} */ (webcrypto); // node 18 has no global one
 
@@ -158,3 +159,10 @@ for (const step of [0.005, 1, 100]) {
     assert.ok(Math.abs(resolution(() => Math.floor(calls++ / 7) * step) - step) < 1e-9);
   });
 }
+
+test("the decoder is chosen by the stream's own parameter set", () => {
+  const parameters = bytes(0, 0, 0, 1, 0x67, 0x42, 0xc0, 0x1e, 0x8c);
+  assert.equal(codecOf(parameters), "avc1.42c01e");
+  assert.equal(codecOf(bytes(0, 0, 1, 0x65, 1, 2, 3, 4)), null);
+  assert.equal(codecOf(bytes()), null);
+});
