@@ -20,6 +20,7 @@ from tams_app.link.channel import (
     LET_GO_NS,
     LINK,
     QUESTION,
+    RENEW_NS,
     REPLY,
     STATE_BYTES,
     Channel,
@@ -27,6 +28,7 @@ from tams_app.link.channel import (
     Heard,
 )
 from tams_app.link.keys import Key
+from tams_app.link.pages import Pages, most_crowded
 from tams_app.link.proof import (
     NONCE_BYTES,
     WELCOME_BYTES,
@@ -54,9 +56,10 @@ from tams_app.link.quic import (
     destination_of,
     read_initial,
 )
+from tams_app.link.webtransport import PageConnection
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-UNPROVEN = 8  # connections of callers who have not proved a key yet
+UNPROVEN = 8  # connections of callers who have not proved a key yet; as many of pages
 PROVE_NS = 2 * NS_PER_S
 HANDSHAKES = 5  # begun in a second with each key
 _GREETINGS_KEPT = 4096  # by which a handshake was begun, and none is again
@@ -95,8 +98,12 @@ class Door(End):
         leaf: Leaf,
         welcome: bytes,
         random: Callable[[int], bytes],
+        pages: Pages | None = None,
     ) -> None:
-        """`keys`: those that are accepted, by identity. `welcome`: what an operator is told."""
+        """`keys`: those that are accepted, by identity. `welcome`: what an operator is told.
+
+        `pages`: of browsers that may call; None: no packet of a browser is answered.
+        """
         super().__init__(random)
         self.operator = ""  # the name of the key of the connected operator, or of the last one
         self.introduction = b""  # what their side has told with its call
@@ -104,7 +111,7 @@ class Door(End):
         self.leaf = leaf  # shown to who calls from now on
         self._refused_ns: dict[str, int] = {}  # when one was reported, by cause
         self._reported: deque[str] = deque(maxlen=64)
-        self._keys = keys
+        self._keys, self._pages = keys, pages
         self._key: Key | None = None  # theirs
         self._welcome = filled(welcome, WELCOME_BYTES)
         self._retries = Retries(random(_SECRET_BYTES))
@@ -117,7 +124,7 @@ class Door(End):
         """Accept these keys from now on; an operator with another one is disconnected."""
         self._keys = keys
         heard = Heard()
-        if self._channel is not None and self._key is not None and self._key.identity not in keys:
+        if self._channel is not None and self._key is not None and not self._is_accepted(self._key):
             heard.replies = self.goodbye(now_ns)
             heard.left = True
             if self._channel is not None:
@@ -143,7 +150,15 @@ class Door(End):
         for knock in list(self._knocks):
             if now_ns - knock.channel.began_ns >= PROVE_NS or knock.channel.connection.ended:
                 self._forget(knock)
+        channel = self._channel
+        if channel is not None and _is_page(channel) and now_ns - channel.renewed_ns >= RENEW_NS:
+            channel.renewed_ns = now_ns
+            channel.connection.renew_keys()  # which browsers never do
         return self._timed(now_ns)
+
+    def _is_accepted(self, key: Key) -> bool:
+        is_page = self._pages is not None and key is self._pages.key
+        return is_page or key.identity in self._keys
 
     def _refuse(self, reason: str) -> Heard:
         self.counts[reason] += 1
@@ -168,6 +183,12 @@ class Door(End):
                 cause = "another version of TAMS calls, whose link this one does not have"
                 self._report(cause, address, now_ns)
             return self._refuse("of no known kind")
+        if self._pages is not None:
+            if not initial.token:
+                return self._ask_back(initial, b"", address, now_ns)
+            proved = self._retries.read(initial.token, initial.destination, address, now_ns)
+            if proved is not None and not proved[1]:  # what a greeting is answered with has it
+                return self._page_begun(self._pages, proved[0], datagram, address, now_ns)
         token, _ = split_answer(initial.token)
         proved = self._retries.read(token, initial.destination, address, now_ns)
         if proved is not None:
@@ -176,8 +197,11 @@ class Door(End):
             if names_no_key(initial.token, self._keys):
                 self._report("the key of who calls is not accepted here", address, now_ns)
             return self._refuse("calls that no key made")
+        return self._ask_back(initial, initial.token, address, now_ns)
+
+    def _ask_back(self, initial: Initial, said: bytes, address: Address, now_ns: int) -> Heard:
         here = self._random(ID_BYTES)
-        retry = self._retries.retry(initial, address, here, initial.token, now_ns)
+        retry = self._retries.retry(initial, address, here, said, now_ns)
         return Heard(replies=[(retry, address)])
 
     def _begun(
@@ -201,17 +225,41 @@ class Door(End):
             return self._refuse("calls that were too many")
         begun_ns.append(now_ns)
         connection = Connection.called(self.leaf, original, initial.destination)
-        channel = Channel(connection, address, STATE_BYTES, now_ns)
-        came = self._received(channel, datagram, now_ns)
-        if not came.begun:  # a damaged copy, which is not to take the place of the packet itself
+        knock = self._knock(connection, datagram, address, now_ns)
+        if knock is None:
             return self._refuse("calls that came to nothing")
         self._greetings[greeting] = None
         if len(self._greetings) > _GREETINGS_KEPT:
             self._greetings.popitem(last=False)
-        if len(self._knocks) >= UNPROVEN:
-            self._forget(self._knocks[0])
+        return knock
+
+    def _page_begun(
+        self, pages: Pages, original: bytes, datagram: bytes, address: Address, now_ns: int
+    ) -> Heard:
+        """The same with a browser."""
+        if not pages.may_begin(address, now_ns):
+            return self._refuse("calls that were too many")
+        retry = destination_of(datagram)
+        connection = PageConnection(self.leaf, original, retry, pages.origins)
+        knocked = self._knock(connection, datagram, address, now_ns)
+        return self._refuse("calls that came to nothing") if knocked is None else knocked
+
+    def _knock(
+        self, connection: Connection, datagram: bytes, address: Address, now_ns: int
+    ) -> Heard | None:
+        """Keep a new connection; None if its first packet is not authentic.
+
+        A damaged copy is not to take the place of the packet itself.
+        """
+        channel = Channel(connection, address, STATE_BYTES, now_ns)
+        came = self._received(channel, datagram, now_ns)
+        if not connection.is_heard:
+            return None
+        like = [one for one in self._knocks if _is_page(one.channel) == _is_page(channel)]
+        if len(like) >= UNPROVEN:
+            self._forget(like[most_crowded([one.channel.address for one in like])])
         self._knocks.append(_Knock(channel, self.leaf.der, self._random(NONCE_BYTES)))
-        for name in (initial.destination, connection.first_id):
+        for name in (destination_of(datagram), connection.first_id):
             self._routes[name] = channel
         return self._knocked(channel, came, now_ns)
 
@@ -240,17 +288,16 @@ class Door(End):
 
     def _proved(self, knock: _Knock, proof: Proof, now_ns: int) -> bool:
         """Whether they have become the operator by this proof."""
-        channel, key = knock.channel, self._keys.get(proof.key)
+        channel, key = knock.channel, self._key_of(knock, proof)
         knock.answered = True
-        if key is None or len(proof.nonce) != NONCE_BYTES:
+        if key is None:
             self.counts["calls that no key made"] += 1
             channel.words.ended = True
+            if _is_page(channel):
+                cause = "the page that calls has another session's link"
+                self._report(cause, channel.address, now_ns)
             return False
         meeting = Meeting(key, knock.certificate, knock.nonce, proof.nonce)
-        if not hmac.compare_digest(meeting.proof(proof.introduction), proof.mac):
-            self.counts["calls that no key made"] += 1
-            channel.words.ended = True
-            return False
         if self._is_busy(now_ns):
             channel.connection.write(framed(Busy()))
             return False
@@ -263,6 +310,16 @@ class Door(End):
         channel.heard_ns = channel.renewed_ns = now_ns
         channel.connection.write(framed(Welcome(self._welcome, meeting.welcome(self._welcome))))
         return True
+
+    def _key_of(self, knock: _Knock, proof: Proof) -> Key | None:
+        """The key that they prove to have."""
+        key = self._keys.get(proof.key)
+        if self._pages is not None and _is_page(knock.channel):
+            key = self._pages.key if proof.key == self._pages.key.identity else None
+        if key is None or len(proof.nonce) != NONCE_BYTES:
+            return None
+        mac = Meeting(key, knock.certificate, knock.nonce, proof.nonce).proof(proof.introduction)
+        return key if hmac.compare_digest(mac, proof.mac) else None
 
     def _is_busy(self, now_ns: int) -> bool:
         self._wear_out(now_ns)
@@ -305,3 +362,7 @@ class Door(End):
         sent = channel.datagrams(now_ns)  # what is due goes where they are known to be
         channel.message(QUESTION + asked.token, LINK)
         return sent + [(one, address) for one, _ in channel.datagrams(now_ns)]
+
+
+def _is_page(channel: Channel) -> bool:
+    return isinstance(channel.connection, PageConnection)

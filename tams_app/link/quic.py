@@ -24,6 +24,7 @@ from aioquic.quic.events import (
     DatagramFrameReceived,
     HandshakeCompleted,
     ProtocolNegotiated,
+    QuicEvent,
     StreamDataReceived,
 )
 from aioquic.quic.packet import QuicProtocolVersion, encode_quic_retry
@@ -40,12 +41,13 @@ LONGEST_DATAGRAM_BYTES = 1200  # UDP payload; QUIC asks no more of a path (RFC 9
 ID_BYTES = 8  # of a connection id of ours
 # Of a packet with one DATAGRAM frame: first byte, connection id, packet number, tag; type, length.
 OVERHEAD_BYTES = 1 + ID_BYTES + 2 + 16 + 1 + 2
-LONGEST_CONTENT_BYTES = LONGEST_DATAGRAM_BYTES - OVERHEAD_BYTES
+SESSION_BYTES = 1  # more of a browser's: the session that it belongs to
+LONGEST_CONTENT_BYTES = LONGEST_DATAGRAM_BYTES - OVERHEAD_BYTES - SESSION_BYTES
 LONG_HEADER = 0x80
 VERSION = int(QuicProtocolVersion.VERSION_1).to_bytes(4)
 IDLE_NS = 600 * NS_PER_S  # a connection of which nothing comes is forgotten
 _STREAM = 1  # the robot's side begins it (RFC 9000, 2.1): it asks before the handshake is complete
-_STREAM_BYTES = 16_384  # that the other side may send before it has proved a key
+STREAM_BYTES = 16_384  # that the other side may send before it has proved a key
 # An acknowledgement waits for a packet that leaves anyway, and needs none of its own where ten a
 # second do; that it comes later than the 25 ms of RFC 9000, 18.2, the other side's timers learn.
 ACK_WAIT_NS = 95 * NS_PER_MS
@@ -137,13 +139,14 @@ class Connection:
         self.counts: Counter[str] = Counter()
         self.ended = False
         self._quic = quic
+        self._stream, self._datagram_head = _STREAM, b""
         self._keys: _Keys | None = None
         quic._loss._pacer = _Unpaced(max_datagram_size=LONGEST_DATAGRAM_BYTES)
 
     @staticmethod
     def calling(greeting: bytes, now_ns: int) -> Connection:
         """A new one that calls; its first packets carry the greeting."""
-        configuration = _configuration(is_client=True)
+        configuration = _configuration([ALPN], is_client=True)
         configuration.token = greeting
         configuration.verify_mode = CERT_NONE  # the caller of this looks whose certificate it is
         quic = QuicConnection(configuration=configuration)
@@ -153,14 +156,12 @@ class Connection:
     @staticmethod
     def called(leaf: Leaf, original: bytes, retry: bytes) -> Connection:
         """One that answers: `original`: whom the caller called first; `retry`: then."""
-        configuration = _configuration(is_client=False)
-        configuration.certificate, configuration.private_key = leaf.certificate, leaf.key
-        quic = QuicConnection(
-            configuration=configuration,
-            original_destination_connection_id=original,
-            retry_source_connection_id=retry,
-        )
-        return Connection(quic)
+        return Connection(answering(leaf, original, retry, [ALPN]))
+
+    @property
+    def is_heard(self) -> bool:
+        """Whether a packet of the other side was authentic."""
+        return self._quic._remote_initial_source_connection_id is not None
 
     @property
     def first_id(self) -> bytes:
@@ -201,38 +202,45 @@ class Connection:
                 self.counts["not authentic"] += 1
             self.counts["late"] += self._keys.repeated - before[1]
         # closed by the other side, or about to be by ours, whose reasons are nobody's affair
-        self.ended = self.ended or self._quic._close_event is not None
+        self.ended = self.ended or self._is_closed
         return self._came(self._quic._peer_token if self._quic._retry_count > retries else b"")
 
     def answer(self, word: bytes) -> None:
         """Send this behind a Retry packet's token, which alone would come back otherwise."""
         self._quic._peer_token += word
 
+    @property
+    def _is_closed(self) -> bool:
+        return self._quic._close_event is not None
+
     def _came(self, asked: bytes) -> Came:
         came = Came(asked=asked)
         while (event := self._quic.next_event()) is not None:
-            match event:
-                case DatagramFrameReceived():
-                    came.contents.append(event.data)
-                case StreamDataReceived() if event.stream_id == _STREAM:
-                    came.stream += event.data
-                case ProtocolNegotiated():
-                    came.begun = True
-                case HandshakeCompleted():
-                    came.complete = True
-                    cryptos, space = self._quic._cryptos, self._quic._spaces[Epoch.ONE_RTT]
-                    self._keys = _Keys(cryptos[Epoch.ONE_RTT], space)
-                    cryptos[Epoch.ONE_RTT] = self._keys
-                case ConnectionIdIssued():
-                    came.issued.append(event.connection_id)
-                case ConnectionIdRetired():
-                    came.retired.append(event.connection_id)
+            self._take(event, came)
         return came
+
+    def _take(self, event: QuicEvent, came: Came) -> None:
+        match event:
+            case DatagramFrameReceived() if event.data.startswith(self._datagram_head):
+                came.contents.append(event.data[len(self._datagram_head) :])
+            case StreamDataReceived() if event.stream_id == self._stream:
+                came.stream += event.data
+            case ProtocolNegotiated():
+                came.begun = True
+            case HandshakeCompleted():
+                came.complete = True
+                cryptos, space = self._quic._cryptos, self._quic._spaces[Epoch.ONE_RTT]
+                self._keys = _Keys(cryptos[Epoch.ONE_RTT], space)
+                cryptos[Epoch.ONE_RTT] = self._keys
+            case ConnectionIdIssued():
+                came.issued.append(event.connection_id)
+            case ConnectionIdRetired():
+                came.retired.append(event.connection_id)
 
     def write(self, content: bytes) -> None:
         """Send this on the stream, in order and for certain."""
         try:
-            self._quic.send_stream_data(_STREAM, content)
+            self._quic.send_stream_data(self._stream, content)
         except (RuntimeError, ValueError):  # the other side broke it, which none of ours does
             self.ended = True
 
@@ -240,7 +248,7 @@ class Connection:
         """Send this as a datagram; False if it is too long for one."""
         fits = len(content) <= LONGEST_CONTENT_BYTES  # a longer one would stay, before all others
         if fits:
-            self._quic.send_datagram_frame(content)
+            self._quic.send_datagram_frame(self._datagram_head + content)
         return fits
 
     def due_ns(self) -> int | None:
@@ -259,20 +267,34 @@ class Connection:
             self._quic.handle_timer(now_s)
             if self._keys is None:  # who calls does so at an even pace, as long as it may take
                 self._quic._loss._pto_count = 0
-            self.ended = self._quic._close_event is not None
+            self.ended = self._is_closed
         return [datagram for datagram, _ in self._quic.datagrams_to_send(now_s)]
 
 
-def _configuration(is_client: bool) -> QuicConfiguration:
+def answering(leaf: Leaf, original: bytes, retry: bytes, protocols: list[str]) -> QuicConnection:
+    """The robot's side of a connection, for one of these protocols (RFC 7301).
+
+    `original`: the connection id that the caller called first; `retry`: then.
+    """
+    configuration = _configuration(protocols, is_client=False)
+    configuration.certificate, configuration.private_key = leaf.certificate, leaf.key
+    return QuicConnection(
+        configuration=configuration,
+        original_destination_connection_id=original,
+        retry_source_connection_id=retry,
+    )
+
+
+def _configuration(protocols: list[str], is_client: bool) -> QuicConfiguration:
     return QuicConfiguration(
         is_client=is_client,
-        alpn_protocols=[ALPN],
+        alpn_protocols=protocols,
         cipher_suites=[CipherSuite.AES_256_GCM_SHA384],
         congestion_control_algorithm="tams",
         connection_id_length=ID_BYTES,
         idle_timeout=IDLE_NS / NS_PER_S,
-        max_data=_STREAM_BYTES,
-        max_stream_data=_STREAM_BYTES,
+        max_data=STREAM_BYTES,
+        max_stream_data=STREAM_BYTES,
         max_datagram_size=LONGEST_DATAGRAM_BYTES,
         max_datagram_frame_size=LONGEST_DATAGRAM_BYTES,
         supported_versions=[QuicProtocolVersion.VERSION_1],
@@ -315,7 +337,7 @@ def read_initial(datagram: bytes) -> Initial | None:
     destination, source_at = datagram[6:at], at + 1
     at = source_at + datagram[at]
     source, head = datagram[source_at:at], datagram[at]
-    if not ID_BYTES <= len(destination) <= 20 or len(source) > 20:
+    if not ID_BYTES <= len(destination) <= 20 or len(source) > ID_BYTES:
         return None
     size_bytes = 1 << (head >> 6)  # of the token's length (RFC 9000, 16)
     length = int.from_bytes(datagram[at : at + size_bytes]) & ((1 << 8 * size_bytes - 2) - 1)
