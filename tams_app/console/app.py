@@ -48,6 +48,7 @@ from tams_app.teleop.hands import hand_of, words_of_hand
 
 if TYPE_CHECKING:
     from tams_app.link.gateway_client import Endpoint
+    from tams_app.link.page_client import PagePlace
 
 POLL_S = 0.05
 Made: TypeAlias = tuple[Outset, AbstractContextManager[Session]]  # a session, and what opens it
@@ -97,8 +98,18 @@ def run_session(config: Config, arm_at_once: bool, dry_run: bool = False) -> Non
     run_and_report(config, make, may_repeat=config.rig.enabled)
 
 
-def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bool) -> None:
-    """Run the robot's side of two until its session ends."""
+def run_robot(
+    config: Config,
+    endpoint: Endpoint | None,
+    arm_at_once: bool,
+    dry_run: bool,
+    place: PagePlace | None = None,
+) -> None:
+    """Run the robot's side of two until its session ends.
+
+    `endpoint`: where it listens; None: a page on this computer alone may call, and is opened in a
+    browser. `place`: of the page that may call, if one may.
+    """
     from tams_app.link.keys import accepted_keys
     from tams_app.session.robot import for_robot, robot
 
@@ -106,10 +117,20 @@ def run_robot(config: Config, endpoint: Endpoint, arm_at_once: bool, dry_run: bo
 
     def make(folder: Path) -> Made:
         outset = Outset(for_robot(config), MonotonicClock(), folder, Signals())
-        names = [] if endpoint.key is None else [key.name for key in accepted_keys(endpoint.key)]
-        keys = f" with the key of {' or '.join(names)}" if names else ""
-        outset.sentences.note(f"waiting for an operator on {endpoint.host}:{endpoint.port}{keys}")
-        return outset, robot(outset, endpoint, arm_at_once, dry_run)
+        if endpoint is not None:
+            keys = [] if endpoint.key is None else accepted_keys(endpoint.key)
+            whose = f" with the key of {' or '.join(key.name for key in keys)}" if keys else ""
+            where = f"{endpoint.host}:{endpoint.port}"
+            outset.sentences.note(f"waiting for an operator on {where}{whose}")
+        if place is None:
+            return outset, robot(outset, endpoint, arm_at_once, dry_run)
+        from tams_app.console.page import offered
+        from tams_app.faces.page_tables import page_tables
+        from tams_app.link.page_client import Page
+
+        page = Page(place, page_tables(config))
+        opening = robot(outset, endpoint, arm_at_once, dry_run, page)
+        return outset, offered(opening, page, folder, opens=endpoint is None)
 
     run_and_report(config, make)
 

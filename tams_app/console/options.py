@@ -44,7 +44,7 @@ def network_names(ctx: typer.Context) -> list[str]:
 def _devices() -> list[str]:
     from hw.make_controller import DEVICES  # not for every command
 
-    return ["auto", *DEVICES, "sim"]
+    return ["auto", *DEVICES, "page", "sim"]
 
 
 class Override:
@@ -128,7 +128,7 @@ OPTIONS = {
     "headless": Override("headless", "Open no window."),
     "hand": Override(
         "controller.device",
-        "What the operator holds: openvr, keyboard, sim or an installed one.",
+        "What the operator holds: openvr, keyboard, page (a browser), sim or an installed one.",
         autocompletion=_devices,
     ),
     "operator": Override(

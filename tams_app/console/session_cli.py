@@ -30,6 +30,15 @@ key_app = typer.Typer(rich_markup_mode=None, help="Make, list and revoke keys of
 def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False) -> None:
     """Run a session; by default one simulated pick-and-place."""
     _check_arm_at_once(arm, settings)
+    if settings.controller.device == "page":
+        from tams_app.console.page import HERE, by_page
+
+        settings = by_page(settings)
+        typer.echo("loading …")
+        from tams_app.console.app import run_robot
+
+        run_robot(settings, None, arm, dry_run, HERE)
+        return
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_session
 
@@ -37,8 +46,8 @@ def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False)
 
 
 @overriding(
-    "listen key config sim strategy preset network budget seconds seed fps arm dry_run "
-    "record_reference episodes foxglove ros2 out",
+    "listen key page page_cert config sim strategy preset network budget seconds seed fps arm "
+    "dry_run record_reference episodes foxglove ros2 out",
     {
         "network": Override(
             "network",
@@ -61,6 +70,14 @@ def robot(
         Path | None,
         typer.Option(help="An operator's key file, or a folder of them; not needed on loopback."),
     ] = None,
+    page: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT", help="Let a browser drive, by a link to this address."),
+    ] = None,
+    page_cert: Annotated[
+        Path | None,
+        typer.Option(help="The page's certificate and its key, a PEM file that browsers trust."),
+    ] = None,
     arm: ArmOption = False,
     dry_run: DryRunOption = False,
 ) -> None:
@@ -71,8 +88,11 @@ def robot(
     _check_arm_at_once(arm, settings)
     typer.echo("loading …")  # takes a second or two
     from tams_app.console.app import run_robot
+    from tams_app.console.page import place_of
 
-    run_robot(settings, endpoint_of("--listen", listen, key, True), arm, dry_run)
+    endpoint = endpoint_of("--listen", listen, key, True)
+    moves = not settings.rig.enabled and not dry_run
+    run_robot(settings, endpoint, arm, dry_run, place_of(page, page_cert, endpoint, moves))
 
 
 @overriding(

@@ -98,12 +98,8 @@ class Door(End):
         leaf: Leaf,
         welcome: bytes,
         random: Callable[[int], bytes],
-        pages: Pages | None = None,
     ) -> None:
-        """`keys`: those that are accepted, by identity. `welcome`: what an operator is told.
-
-        `pages`: of browsers that may call; None: no packet of a browser is answered.
-        """
+        """`keys`: those that are accepted, by identity. `welcome`: what an operator is told."""
         super().__init__(random)
         self.operator = ""  # the name of the key of the connected operator, or of the last one
         self.introduction = b""  # what their side has told with its call
@@ -111,7 +107,8 @@ class Door(End):
         self.leaf = leaf  # shown to who calls from now on
         self._refused_ns: dict[str, int] = {}  # when one was reported, by cause
         self._reported: deque[str] = deque(maxlen=64)
-        self._keys, self._pages = keys, pages
+        self.pages: Pages | None = None  # that may call; None: no packet of a browser is answered
+        self._keys = keys
         self._key: Key | None = None  # theirs
         self._welcome = filled(welcome, WELCOME_BYTES)
         self._retries = Retries(random(_SECRET_BYTES))
@@ -157,7 +154,7 @@ class Door(End):
         return self._timed(now_ns)
 
     def _is_accepted(self, key: Key) -> bool:
-        is_page = self._pages is not None and key is self._pages.key
+        is_page = self.pages is not None and key is self.pages.key
         return is_page or key.identity in self._keys
 
     def _refuse(self, reason: str) -> Heard:
@@ -183,12 +180,12 @@ class Door(End):
                 cause = "another version of TAMS calls, whose link this one does not have"
                 self._report(cause, address, now_ns)
             return self._refuse("of no known kind")
-        if self._pages is not None:
+        if self.pages is not None:
             if not initial.token:
                 return self._ask_back(initial, b"", address, now_ns)
             proved = self._retries.read(initial.token, initial.destination, address, now_ns)
             if proved is not None and not proved[1]:  # what a greeting is answered with has it
-                return self._page_begun(self._pages, proved[0], datagram, address, now_ns)
+                return self._page_begun(self.pages, proved[0], datagram, address, now_ns)
         token, _ = split_answer(initial.token)
         proved = self._retries.read(token, initial.destination, address, now_ns)
         if proved is not None:
@@ -314,8 +311,8 @@ class Door(End):
     def _key_of(self, knock: _Knock, proof: Proof) -> Key | None:
         """The key that they prove to have."""
         key = self._keys.get(proof.key)
-        if self._pages is not None and _is_page(knock.channel):
-            key = self._pages.key if proof.key == self._pages.key.identity else None
+        if self.pages is not None and _is_page(knock.channel):
+            key = self.pages.key if proof.key == self.pages.key.identity else None
         if key is None or len(proof.nonce) != NONCE_BYTES:
             return None
         mac = Meeting(key, knock.certificate, knock.nonce, proof.nonce).proof(proof.introduction)

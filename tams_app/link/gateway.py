@@ -37,10 +37,12 @@ from tams_app.link.gateway_client import (
     FromGateway,
     LinkEvent,
     Outgoing,
+    PageAccess,
     Received,
     Routes,
 )
 from tams_app.link.keys import LOOPBACK_KEY, AcceptedKeys, read_key
+from tams_app.link.pages import PageKey, Pages
 from tams_app.runtime.clock import Clock, MonotonicClock
 from tams_app.runtime.process import HelperSide
 from tams_app.runtime.realtime import RELAY_PRIORITY, use_fifo
@@ -129,9 +131,15 @@ class Carrier:
         self._selector.register(streams.entrance, selectors.EVENT_READ, self._from_stream)
 
     @property
-    def entrance_port(self) -> int:
-        """The port that the application's streams must send to."""
-        return int(self._streams.entrance.getsockname()[1])
+    def ready(self) -> dict[str, Any]:
+        """What the application is to know: where this is, and whose end it is."""
+        host, port, *_ = self._outer.getsockname()
+        return {
+            "host": host,
+            "port": port,
+            "entrance": self._streams.entrance.getsockname()[1],
+            "identity": "" if self._keys is None else self._keys.identity.public.hex(),
+        }
 
     def run(self, stop: threading.Event) -> None:
         """Carry datagrams until `stop` is set."""
@@ -196,6 +204,7 @@ class Carrier:
             welcome=None if caller is None else caller.welcome,
             introduction=b"" if door is None else door.introduction,
             refusal="" if door is None else door.refusal,
+            certificate=b"" if door is None else door.leaf.der,
         )
 
     def _from_outside(self, outer: socket.socket) -> None:
@@ -242,8 +251,18 @@ class Carrier:
                 self._streams.follow(said)
             elif isinstance(said, Outgoing):
                 self._send(self._end.message(said.content, self._clock.now_ns()))
+            elif isinstance(said, PageAccess):
+                self._let_in(said)
             else:
                 self._send(self._end.goodbye(self._clock.now_ns()))
+
+    def _let_in(self, page: PageAccess) -> None:
+        assert isinstance(self._end, Door)
+        assert self._keys is not None, "pages call a robot"
+        key = PageKey("page", page.code, self._keys.identity.public)
+        self._end.pages = Pages(key, page.origins)
+        if page.is_alone:
+            self._end.accept({}, self._clock.now_ns())
 
     def _from_stream(self, entrance: socket.socket) -> None:
         for _ in range(_READS_IN_A_ROW):
@@ -291,8 +310,8 @@ def _udp(family: int, host: str, port: int) -> socket.socket:
     return one
 
 
-def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrier, int]:
-    """The carrier that is asked for, and the outer port; OSError, TamsError if impossible."""
+def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> Carrier:
+    """The carrier that is asked for; OSError, TamsError if impossible."""
     given = specification["key"]
     path = None if given is None else Path(given)
     host, port = specification["host"], int(specification["port"])
@@ -317,7 +336,7 @@ def _carrier(specification: Mapping[str, Any], stack: ExitStack) -> tuple[Carrie
     channel.setblocking(False)
     streams = Streams()
     stack.callback(streams.close)
-    return Carrier(end, outer, channel, streams, keys), int(outer.getsockname()[1])
+    return Carrier(end, outer, channel, streams, keys)
 
 
 def main() -> None:
@@ -325,7 +344,7 @@ def main() -> None:
     side = HelperSide()
     with ExitStack() as stack:
         try:
-            carrier, port = _carrier(side.specification, stack)
+            carrier = _carrier(side.specification, stack)
         except (OSError, UnicodeError, OverflowError) as error:  # no address, name or port
             host, wanted = side.specification["host"], side.specification["port"]
             reason = getattr(error, "strerror", None) or error
@@ -336,7 +355,7 @@ def main() -> None:
             return
         stack.callback(carrier.close)
         use_fifo(RELAY_PRIORITY)
-        side.ready(port=port, entrance=carrier.entrance_port)
+        side.ready(**carrier.ready)
         carrier.run(side.stop_requested)
 
 

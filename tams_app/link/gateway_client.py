@@ -53,7 +53,8 @@ class LinkEvent(msgspec.Struct, frozen=True, tag=True):
     key the connected operator has, or the last one had, "" on loopback without keys. revoked:
     they were let go because their key is accepted no longer. counts: datagrams that changed
     nothing, by reason. welcome: what the robot's side sends. introduction: what the operator's side
-    did. refusal: who called the robot's side in vain, and why.
+    did. refusal: who called the robot's side in vain, and why. certificate: DER, that the robot's
+    side shows to who calls now.
     """
 
     connected: bool = False
@@ -68,6 +69,7 @@ class LinkEvent(msgspec.Struct, frozen=True, tag=True):
     welcome: bytes | None = None
     introduction: bytes = b""
     refusal: str = ""
+    certificate: bytes = b""
 
 
 class Outgoing(msgspec.Struct, frozen=True, tag=True):
@@ -87,8 +89,19 @@ class Goodbye(msgspec.Struct, frozen=True, tag=True):
     """This side leaves, which the other side is to know."""
 
 
+class PageAccess(msgspec.Struct, frozen=True, tag=True):
+    """From now on pages of these origins may call that prove `code`, shape (16,).
+
+    is_alone: and nobody who has a key.
+    """
+
+    code: bytes
+    origins: tuple[str, ...]
+    is_alone: bool
+
+
 FromGateway: TypeAlias = Received | LinkEvent
-FromApplication: TypeAlias = Outgoing | Routes | Goodbye
+FromApplication: TypeAlias = Outgoing | Routes | Goodbye | PageAccess
 
 
 class Gateway:
@@ -107,7 +120,8 @@ class Gateway:
         """`welcome`: sent to the other side when the link begins; an operator's is short."""
         self.event = LinkEvent()
         self._decoder = msgspec.msgpack.Decoder(FromGateway)
-        self.port = 0  # of this computer, once it is ready
+        self.host, self.port = "", 0  # of this computer, once it is ready
+        self.identity = b""  # of the robot, once it is ready
         self.entrance_port = 0  # for all streams that are to leave, once it is ready
         # messages whole, and the end of either side is a broken pipe or an empty read for the other
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -136,10 +150,15 @@ class Gateway:
         """Wait until it listens or calls; HelperError if it cannot."""
         ready = self.process.wait_ready()
         self.port, self.entrance_port = int(ready["port"]), int(ready["entrance"])
+        self.host, self.identity = str(ready["host"]), bytes.fromhex(ready["identity"])
 
     def follow(self, routes: Routes) -> None:
         """Hand the other side's streams over to these ports from now on."""
         self._put(routes)
+
+    def let_in(self, page: PageAccess) -> None:
+        """Answer the page's calls as well."""
+        self._put(page)
 
     def send(self, message: bytes) -> None:
         """Send a message, if there is a session; never waits."""

@@ -24,6 +24,7 @@ from tams_app.link.messages import (
     SessionDescription,
     encode,
 )
+from tams_app.link.page_client import Page
 from tams_app.link.proof import WELCOME_BYTES
 from tams_app.recording.journal import Journal
 from tams_app.records import Allocation, LinkHealth, Placed, Record, SessionState, SteeredBy, Tick
@@ -64,13 +65,14 @@ class LinkedOperator(Operator):
         gateway: Gateway,
         sent: Mapping[str, SentFrames],
         sentences: Sentences,
+        page: Page | None = None,
     ) -> None:
         """`gateway` listens (`listen`). `sent`: by view, the identities of the frames sent.
 
-        `sentences`: those that the operator should read.
+        `sentences`: those that the operator should read. `page`: which may call as well.
         """
         self._config, self._clock, self._log = ground.config, ground.clock, ground.log
-        self._gateway, self._sent = gateway, sent
+        self._gateway, self._sent, self._page = gateway, sent, page
         self._sentences = sentences
         self._state = LinkedState(ground.clock)
         controller = LinkController(ground.config.link, self._receive, self._state.pulse)
@@ -129,6 +131,8 @@ class LinkedOperator(Operator):
         for received in gateway.receive():
             hand.take(received, gateway.event.operator)
         event = gateway.event
+        if self._page is not None:
+            self._page.follow(event.certificate)
         if event.introduction != self._introduction:
             self._introduction = event.introduction
             if _FOLDER.fullmatch(event.introduction):
@@ -239,6 +243,18 @@ def listen(ground: LiveGround, endpoint: Endpoint, welcome: SessionDescription) 
     gateway.wait_ready()
     log.fact(SESSION_FACT, welcome.session)
     return gateway
+
+
+def serve(ground: LiveGround, page: Page, gateway: Gateway, is_alone: bool) -> None:
+    """Serve the page, one of the session's parts; HelperError if that is impossible.
+
+    `is_alone`: nobody calls but a page.
+    """
+    page.launch(ground.parts.logs)
+    ground.parts.watch("page", page.process)
+    ground.parts.stack.callback(page.close)
+    page.wait_ready()
+    page.let_in(gateway, is_alone)
 
 
 def driving_of(config: Config) -> dict[str, dict[str, object]]:

@@ -7,25 +7,32 @@ from contextlib import contextmanager
 
 from tams_app.config import Config
 from tams_app.link.gateway_client import Endpoint
+from tams_app.link.page_client import Page
 from tams_app.link.quic import LONGEST_CONTENT_BYTES
-from tams_app.robot.linked_operator import LinkedOperator, listen, welcome_of
+from tams_app.robot.linked_operator import LinkedOperator, listen, serve, welcome_of
 from tams_app.robot.side import RobotSide, bind_video, start_devices
 from tams_app.robot.status import StatusBoard
 from tams_app.runtime.mailbox import Sentences
 from tams_app.session.session import Outset, Session
 
+_HERE = Endpoint("127.0.0.1", 0, None)
 # what is sent again is 2 bytes longer, a parity packet 7
 LONGEST_RTP_BYTES = LONGEST_CONTENT_BYTES - 7
 
 
 @contextmanager
 def robot(
-    outset: Outset, endpoint: Endpoint, arm_at_once: bool = False, dry_run: bool = False
+    outset: Outset,
+    endpoint: Endpoint | None,
+    arm_at_once: bool = False,
+    dry_run: bool = False,
+    page: Page | None = None,
 ) -> Iterator[Session]:
     """A session of the robot's side; an operator calls, and may leave and call again.
 
     `outset` has the configuration that `for_robot` makes, and `Signals`. `endpoint`: where to
-    listen. `arm_at_once` and `dry_run`: see `LiveGround`.
+    listen; None: a page of this computer alone may call. `arm_at_once` and `dry_run`: see
+    `LiveGround`. `page`: which may call.
     """
     config = outset.config
     with outset.starting() as parts:
@@ -35,8 +42,11 @@ def robot(
         sentences = Sentences()  # for the operator
         outset.sentences.forward_to(sentences)
         video = bind_video(ground, board, link=config.link)
-        gateway = listen(ground, endpoint, welcome_of(config, video, outset.folder.name))
-        operator = LinkedOperator(ground, gateway, video.sent, sentences)
+        welcome = welcome_of(config, video, outset.folder.name)
+        gateway = listen(ground, endpoint or _HERE, welcome)
+        if page is not None:
+            serve(ground, page, gateway, is_alone=endpoint is None)
+        operator = LinkedOperator(ground, gateway, video.sent, sentences, page)
         entrances = video.enter_network(operator.ports)
         operator.connect(entrances)
         video.start(entrances)
