@@ -498,6 +498,24 @@ def test_a_session_recorded_at_another_run_of_the_robot_moves_nothing() -> None:
     assert (rig.heard, rig.sessions, rig.robot.connected) == ([], 0, False)
 
 
+def test_the_operators_own_calls_sent_again_from_their_own_address_keep_nobody_out() -> None:
+    """Each begins one handshake, once."""
+    rig, desk = Rig(), Desk()
+    rig.down = lambda datagram: len(datagram) < 200  # no answer but to first calls arrives
+    rig.run_ms(9_000, desk)
+    calls = [datagram for datagram in desk.sent if is_long(datagram)]
+    begun = len(rig.robot._greetings)
+    assert 0 < begun <= 2
+    for number in range(20_000):
+        rig.now_ns += NS_PER_MS // 10
+        for reply, _ in rig.at_robot(calls[number % len(calls)], desk.address).replies:
+            assert len(reply) < 200
+    assert len(rig.robot._greetings) == begun
+    rig.down = everything
+    rig.run_ms(ATTEMPT_NS / NS_PER_MS + 600, desk)
+    assert rig.gets_through(desk)
+
+
 # --- one operator at a time -----------------------------------------------------------------------
 
 

@@ -79,6 +79,8 @@ def test_what_is_used_of_aioquic_without_its_promise_is_there_and_of_its_kind() 
     assert quic._loss._pto_count == 0
     assert quic._loss.bytes_in_flight == 0
     assert quic._close_event is None
+    assert (two.caller._quic._retry_count, quic._peer_token) == (1, b"")
+    assert two.caller._quic._peer_token.startswith(b"\x02")
     assert quic._cryptos[Epoch.ONE_RTT] is two.robot._keys
     assert (
         0 in quic._spaces[Epoch.ONE_RTT].received_packets
