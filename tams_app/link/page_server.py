@@ -93,7 +93,7 @@ class Server(ThreadingHTTPServer):
         self._tls = tls
         self._lock = threading.Lock()
         self._open: dict[Any, tuple[str, float]] = {}  # address and begin of each connection
-        super().__init__(address, _Handler)  # type: ignore[arg-type]
+        super().__init__(address, _Handler)
         port = self.server_address[1]
         self.hosts = {f"{_bracketed(name)}:{port}" for name in names}
         if port == (80 if tls is None else 443):
@@ -197,7 +197,7 @@ def tls_of(file: str, name: str) -> tuple[ssl.SSLContext, str]:
             own.write(pem)
             own.flush()
             context.load_cert_chain(own.name)
-    return context, sha256(certificate.public_bytes(Encoding.DER)).hexdigest(":").upper()
+    return context, sha256(certificate.public_bytes(Encoding.DER)).digest().hex(":").upper()
 
 
 def _own_certificate(name: str) -> tuple[x509.Certificate, bytes]:
