@@ -35,7 +35,7 @@ def by_page(config: Config) -> Config:
     if config.headless:
         raise ConfigError("--headless: nothing is shown but the page; leave it out")
     video, quality = config.video, config.video.quality.model_copy(update={"enabled": False})
-    video = video.model_copy(update={"bind_host": "127.0.0.1", "quality": quality})
+    video = video.model_copy(update={"quality": quality})
     controller = config.controller.model_copy(update={"device": "auto"})
     changed = {"controller": controller, "headless": True, "video": video}
     return config.model_copy(update=changed)
