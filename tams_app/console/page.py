@@ -25,11 +25,12 @@ _ANYWHERE = ("0.0.0.0", "::")
 _OPENED = "open-page.html"
 
 
-def by_page(config: Config) -> Config:
+def by_page(config: Config, moves: bool) -> Config:
     """The configuration of a session in this process whose operator has a page.
 
-    ConfigError for what a page does not do.
+    `moves`: a real arm. ConfigError for what a page does not do.
     """
+    _refuse_real_arm("--hand page", moves)
     if config.view.predict != "off":
         raise ConfigError("--predict: the page shows frames as received; leave it out")
     if config.headless:
@@ -52,6 +53,7 @@ def place_of(
         if certificate is not None:
             raise ConfigError("--page-cert: is for --page HOST:PORT; leave it out")
         return None
+    _refuse_real_arm("--page", moves)
     at = Address.of(page, "--page", "192.168.1.20:8443")
     try:
         _, addresses = addresses_of(at.host, at.port)
@@ -70,11 +72,15 @@ def place_of(
             raise ConfigError(
                 f"--page-cert: {certificate}: is no PEM file of a certificate and its key"
             ) from error
-    elif moves and not is_here:
-        raise ConfigError(
-            "--page: a real arm over a page that other computers reach needs --page-cert FILE"
-        )
     return PagePlace(at.host, at.port, is_here, certificate)
+
+
+def _refuse_real_arm(option: str, moves: bool) -> None:
+    if moves:
+        raise ConfigError(
+            f"{option}: no page has been tried with a real arm yet: give --sim or --dry-run, or drive "
+            "with `operate` or another --hand"
+        )
 
 
 @contextmanager

@@ -33,7 +33,7 @@ def run(settings: Config, arm: ArmOption = False, dry_run: DryRunOption = False)
     if settings.controller.device == "page":
         from tams_app.console.page import HERE, by_page
 
-        settings = by_page(settings)
+        settings = by_page(settings, moves=not settings.rig.enabled and not dry_run)
         typer.echo("loading …")
         from tams_app.console.app import run_robot
 
