@@ -260,7 +260,7 @@ class Carrier:
         assert isinstance(self._end, Door)
         assert self._keys is not None, "pages call a robot"
         key = PageKey("page", page.code, self._keys.identity.public)
-        self._end.pages = Pages(key, frozenset(one.encode() for one in page.origins))
+        self._end.pages = Pages(key, page.origins)
         if page.is_alone:
             self._end.accept({}, self._clock.now_ns())
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import hmac
 from collections import Counter, OrderedDict, deque
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from hashlib import sha256
 from ipaddress import IPv6Address, ip_address
 
@@ -31,17 +31,15 @@ class PageKey(Key):
         object.__setattr__(self, "identity", identity)
 
 
-@dataclass(slots=True)
 class Pages:
-    """What the door knows of pages, and what they may cost it.
+    """What the door knows of pages, and what they may cost it."""
 
-    origins: of the pages that may call, as browsers name them (RFC 6454).
-    """
-
-    key: PageKey
-    origins: frozenset[bytes]
-    _begun_ns: OrderedDict[int, deque[int]] = field(default_factory=OrderedDict)  # by place
-    _all_ns: deque[int] = field(default_factory=lambda: deque(maxlen=_ALL_HANDSHAKES))
+    def __init__(self, key: PageKey, origins: Iterable[str]) -> None:
+        """`origins`: of the pages that may call, as browsers name them (RFC 6454)."""
+        self.key = key
+        self.origins = frozenset(origin.encode() for origin in origins)
+        self._begun_ns: OrderedDict[int, deque[int]] = OrderedDict()  # by place
+        self._all_ns: deque[int] = deque(maxlen=_ALL_HANDSHAKES)
 
     def may_begin(self, address: Address, now_ns: int) -> bool:
         """Whether a handshake with who calls from there may begin now; counts it if so."""
