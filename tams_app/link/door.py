@@ -335,6 +335,8 @@ class Door(End):
 
     def _told(self, channel: Channel, came: Came, address: Address, now_ns: int) -> Heard:
         heard = self._said(channel, came, address, now_ns)
+        if _is_page(channel) and channel.connection.ended:
+            heard.left = False  # reloaded, or its browser was ended: they may come back
         if heard.messages and channel is self._channel and address != channel.address:
             heard.replies += self._ask(channel, address, now_ns)
         return heard

@@ -17,7 +17,7 @@ from aioquic.quic.events import HandshakeCompleted, ProtocolNegotiated, StreamDa
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from tams_app.link.addresses import Address
-from tams_app.link.channel import MESSAGE, Heard
+from tams_app.link.channel import GOODBYE, LINK, MESSAGE, Heard
 from tams_app.link.door import PROVE_NS, UNPROVEN, Door
 from tams_app.link.keys import Key
 from tams_app.link.pages import HANDSHAKES, PageKey, Pages
@@ -300,10 +300,16 @@ def test_a_page_is_told_that_an_operator_with_a_key_drives() -> None:
     assert rig.gets_through(desk)
 
 
-def test_a_page_that_is_closed_frees_its_place_at_once() -> None:
+@pytest.mark.parametrize("says_goodbye", [False, True])
+def test_a_page_that_is_closed_frees_its_place_but_only_who_says_so_has_left(
+    says_goodbye: bool,
+) -> None:
     rig, screen = seated()
+    if says_goodbye:
+        goodbye = struct.pack("!BIH", LINK, 10_000, len(GOODBYE)) + GOODBYE
+        rig.send_up(screen, screen.page.datagram(goodbye, rig.now_ns))
     rig.send_up(screen, screen.page.leave(rig.now_ns))
-    assert rig.departures == 1
+    assert rig.departures == says_goodbye
     assert not rig.robot.connected
     desk = Desk()
     rig.run_ms(60, desk)

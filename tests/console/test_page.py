@@ -1,0 +1,143 @@
+"""Where a page may be served, as the command line says it in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tams_app.config import CONFIG_DIRECTORY, Config, load_config
+from tams_app.console.page import by_page, place_of
+from tams_app.errors import ConfigError
+from tams_app.link.gateway_client import Endpoint
+from tams_app.link.keys import new_key
+from tams_app.link.page_client import PagePlace
+from tams_app.link.page_server import _own_certificate
+
+pytestmark = pytest.mark.untimed
+
+HERE, LAN, ANYWHERE = "127.0.0.1:8443", "192.0.2.20:8443", "0.0.0.0:8443"
+Tams = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> Path:
+    path = tmp_path / "page.pem"
+    path.write_bytes(_own_certificate("192.0.2.20")[1])
+    return path
+
+
+@pytest.fixture
+def begun(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Config, tuple[object, ...]]]:
+    """The sessions that would have begun."""
+    found: list[tuple[Config, tuple[object, ...]]] = []
+    monkeypatch.setattr(
+        "tams_app.console.app.run_robot", lambda config, *rest: found.append((config, rest))
+    )
+    return found
+
+
+@pytest.mark.parametrize(
+    ("page", "listen", "moves", "sentence"),
+    [
+        (ANYWHERE, "192.0.2.20", False, "is no address to call"),
+        ("[::]:8443", "192.0.2.20", False, "is no address to call"),
+        (LAN, "127.0.0.1", False, "browsers elsewhere do not reach --listen on loopback"),
+        (LAN, "192.0.2.20", True, "a real arm .* needs --page-cert FILE"),
+        (LAN, "0.0.0.0", True, "a real arm .* needs --page-cert FILE"),
+        ("no.such.host.invalid:1", "192.0.2.20", False, "is not known"),
+        ("8443", "192.0.2.20", False, "is not HOST:PORT"),
+        ("192.0.2.20:0", "192.0.2.20", False, "is not HOST:PORT"),
+    ],
+)
+def test_a_place_that_would_not_do_is_refused(
+    page: str, listen: str, moves: bool, sentence: str
+) -> None:
+    with pytest.raises(ConfigError, match=f"^--page: .*{sentence}"):
+        place_of(page, None, Endpoint(listen, 7300, None), moves)
+
+
+@pytest.mark.parametrize(
+    ("page", "listen", "moves", "is_loopback"),
+    [
+        (HERE, "127.0.0.1", True, True),
+        (HERE, "0.0.0.0", True, True),
+        ("[::1]:8443", "127.0.0.1", True, True),
+        (LAN, "0.0.0.0", False, False),
+    ],
+)
+def test_a_place_that_will_do(page: str, listen: str, moves: bool, is_loopback: bool) -> None:
+    place = place_of(page, None, Endpoint(listen, 7300, None), moves)
+    assert place is not None
+    assert (place.port, place.is_loopback) == (8443, is_loopback)
+
+
+def test_a_real_arm_over_a_page_elsewhere_has_a_certificate_of_the_laboratory(
+    certificate: Path,
+) -> None:
+    place = place_of(LAN, certificate, Endpoint("0.0.0.0", 7300, None), moves=True)
+    assert place == PagePlace("192.0.2.20", 8443, False, certificate)
+
+
+def test_without_a_page_nothing_is_served() -> None:
+    assert place_of(None, None, Endpoint("0.0.0.0", 7300, None), moves=True) is None
+
+
+def test_a_certificate_that_is_none_or_has_no_page_is_refused(
+    tmp_path: Path, certificate: Path
+) -> None:
+    here = Endpoint("127.0.0.1", 7300, None)
+    key = new_key(tmp_path / "kim.key")
+    for wrong in (tmp_path / "nothing.pem", tmp_path, key):
+        with pytest.raises(ConfigError, match=r"^--page-cert: .*: is no PEM file"):
+            place_of(HERE, wrong, here, moves=False)
+    with pytest.raises(ConfigError, match=r"^--page-cert: is for --page HOST:PORT"):
+        place_of(None, certificate, here, moves=False)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ("robot", "--listen", "127.0.0.1:7300", "--page-cert", "page.pem"),
+        ("robot", "--listen", "127.0.0.1:7300", "--page", LAN),
+        ("robot", "--listen", "127.0.0.1:7300", "--page", "here"),
+        ("run", "--hand", "page", "--predict", "eih"),
+        ("run", "--hand", "page", "--headless"),
+    ],
+)
+def test_wrong_use_is_one_sentence(
+    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]], options: tuple[str, ...]
+) -> None:
+    code, _, err = tams(*options)
+    assert code == 2
+    assert len(err.splitlines()) == 1
+    assert begun == []
+
+
+def test_run_by_a_page_is_the_robots_side_on_this_computer_with_the_rig(
+    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]]
+) -> None:
+    assert tams("run", "--hand", "page", "--network", "s3")[0] == 0
+    ((config, (endpoint, arm, dry_run, place)),) = begun
+    assert (endpoint, arm, dry_run) == (None, False, False)
+    assert isinstance(place, PagePlace)
+    assert (place.host, place.is_loopback) == ("127.0.0.1", True)
+    assert config.rig.enabled
+    assert (config.network, config.headless, config.video.bind_host) == ("s3", True, "127.0.0.1")
+    assert not config.video.quality.enabled
+
+
+def test_robot_serves_a_page_beside_its_operators(
+    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]]
+) -> None:
+    assert tams("robot", "--listen", "127.0.0.1:7300", "--page", HERE, "--sim")[0] == 0
+    ((_, (endpoint, _, _, place)),) = begun
+    assert endpoint == Endpoint("127.0.0.1", 7300, None)
+    assert place == PagePlace("127.0.0.1", 8443, True, None)
+
+
+def test_a_real_arm_may_be_driven_by_a_page_on_its_own_computer() -> None:
+    hardware = load_config(CONFIG_DIRECTORY / "lite6.yaml", {"controller.device": "page"})
+    assert by_page(hardware).controller.device == "auto"
+    assert not by_page(hardware).rig.enabled
