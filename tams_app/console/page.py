@@ -78,8 +78,8 @@ def place_of(
 def _refuse_real_arm(option: str, moves: bool) -> None:
     if moves:
         raise ConfigError(
-            f"{option}: no page has been tried with a real arm yet: give --sim or --dry-run, or drive "
-            "with `operate` or another --hand"
+            f"{option}: no page has been tried with a real arm yet: give --sim or --dry-run, or "
+            "drive with `operate` or another --hand"
         )
 
 

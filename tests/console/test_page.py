@@ -44,8 +44,8 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Config, tuple[object, .
         (ANYWHERE, "192.0.2.20", False, "is no address to call"),
         ("[::]:8443", "192.0.2.20", False, "is no address to call"),
         (LAN, "127.0.0.1", False, "browsers elsewhere do not reach --listen on loopback"),
-        (LAN, "192.0.2.20", True, "a real arm .* needs --page-cert FILE"),
-        (LAN, "0.0.0.0", True, "a real arm .* needs --page-cert FILE"),
+        (LAN, "192.0.2.20", True, "no page has been tried with a real arm"),
+        (HERE, "127.0.0.1", True, "no page has been tried with a real arm"),
         ("no.such.host.invalid:1", "192.0.2.20", False, "is not known"),
         ("8443", "192.0.2.20", False, "is not HOST:PORT"),
         ("192.0.2.20:0", "192.0.2.20", False, "is not HOST:PORT"),
@@ -59,24 +59,22 @@ def test_a_place_that_would_not_do_is_refused(
 
 
 @pytest.mark.parametrize(
-    ("page", "listen", "moves", "is_loopback"),
+    ("page", "listen", "is_loopback"),
     [
-        (HERE, "127.0.0.1", True, True),
-        (HERE, "0.0.0.0", True, True),
-        ("[::1]:8443", "127.0.0.1", True, True),
-        (LAN, "0.0.0.0", False, False),
+        (HERE, "127.0.0.1", True),
+        (HERE, "0.0.0.0", True),
+        ("[::1]:8443", "127.0.0.1", True),
+        (LAN, "0.0.0.0", False),
     ],
 )
-def test_a_place_that_will_do(page: str, listen: str, moves: bool, is_loopback: bool) -> None:
-    place = place_of(page, None, Endpoint(listen, 7300, None), moves)
+def test_a_place_that_will_do(page: str, listen: str, is_loopback: bool) -> None:
+    place = place_of(page, None, Endpoint(listen, 7300, None), moves=False)
     assert place is not None
     assert (place.port, place.is_loopback) == (8443, is_loopback)
 
 
-def test_a_real_arm_over_a_page_elsewhere_has_a_certificate_of_the_laboratory(
-    certificate: Path,
-) -> None:
-    place = place_of(LAN, certificate, Endpoint("0.0.0.0", 7300, None), moves=True)
+def test_a_page_may_have_a_certificate_of_the_laboratory(certificate: Path) -> None:
+    place = place_of(LAN, certificate, Endpoint("0.0.0.0", 7300, None), moves=False)
     assert place == PagePlace("192.0.2.20", 8443, False, certificate)
 
 
@@ -124,7 +122,7 @@ def test_run_by_a_page_is_the_robots_side_on_this_computer_with_the_rig(
     assert isinstance(place, PagePlace)
     assert (place.host, place.is_loopback) == ("127.0.0.1", True)
     assert config.rig.enabled
-    assert (config.network, config.headless, config.video.bind_host) == ("s3", True, "127.0.0.1")
+    assert (config.network, config.headless) == ("s3", True)
     assert not config.video.quality.enabled
 
 
@@ -137,7 +135,9 @@ def test_robot_serves_a_page_beside_its_operators(
     assert place == PagePlace("127.0.0.1", 8443, True, None)
 
 
-def test_a_real_arm_may_be_driven_by_a_page_on_its_own_computer() -> None:
+def test_no_page_moves_a_real_arm_not_even_on_its_own_computer() -> None:
     hardware = load_config(CONFIG_DIRECTORY / "lite6.yaml", {"controller.device": "page"})
-    assert by_page(hardware).controller.device == "auto"
-    assert not by_page(hardware).rig.enabled
+    with pytest.raises(ConfigError, match=r"^--hand page: no page has been tried with a real arm"):
+        by_page(hardware, moves=True)
+    dry = by_page(hardware, moves=False)
+    assert (dry.controller.device, dry.rig.enabled) == ("auto", False)
