@@ -54,7 +54,7 @@ def place_of(
             raise ConfigError("--page-cert: is for --page HOST:PORT; leave it out")
         return None
     _refuse_real_arm("--page", moves)
-    at = Address.of(page, "--page", "192.168.1.20:8443")
+    at = Address.of(page.lower(), "--page", "192.168.1.20:8443")  # as browsers name it
     try:
         _, addresses = addresses_of(at.host, at.port)
         _, doors = addresses_of(endpoint.host, endpoint.port)

@@ -13,6 +13,7 @@ from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.serialization import Encoding
 
 from tams_app.link.identity import RobotIdentity
@@ -35,20 +36,23 @@ class Leaf:
     not_after_s: float  # seconds of Unix time
 
 
-def leaf(identity: RobotIdentity, now_s: float) -> Leaf:
-    """A new certificate that `identity` signs. `now_s`: seconds of Unix time."""
+def leaf(identity: RobotIdentity | None, now_s: float) -> Leaf:
+    """A new certificate that `identity` signs; None: itself. `now_s`: seconds of Unix time."""
     key = ec.generate_private_key(ec.SECP256R1())
     # in whole seconds, which are all that a certificate can tell
     not_before = _EPOCH + timedelta(seconds=int(now_s - BEFORE_S))
     not_after = not_before + timedelta(seconds=VALID_S)
-    certificate = (
+    builder = (
         x509.CertificateBuilder(_NOBODY, _NOBODY, key.public_key(), x509.random_serial_number())
         .not_valid_before(not_before)
         .not_valid_after(not_after)
         # Chromium (156 was tried) refuses one that has no extension at all
         .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
-        .sign(identity.signer(), algorithm=None)
     )
+    if identity is None:
+        certificate = builder.sign(key, SHA256())
+    else:
+        certificate = builder.sign(identity.signer(), algorithm=None)
     return Leaf(certificate, key, certificate.public_bytes(Encoding.DER), not_after.timestamp())
 
 

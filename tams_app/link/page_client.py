@@ -49,13 +49,12 @@ class Page:
     def launch(self, log_directory: Path) -> None:
         """Start the process without waiting."""
         place = self._place
-        names = [place.host, "localhost"] if place.is_loopback else [place.host]
-        certificate = None if place.is_loopback else ""
+        own = None if place.is_loopback else ""
         specification = {
             "host": place.host,
             "port": place.port,
-            "certificate": certificate if place.certificate is None else str(place.certificate),
-            "names": names,
+            "certificate": own if place.certificate is None else str(place.certificate.resolve()),
+            "names": [place.host, "localhost"] if place.is_loopback else [place.host],
             "tables": self._tables,
         }
         self.process = HelperProcess(
@@ -67,9 +66,9 @@ class Page:
         """Wait until it listens; HelperError if it cannot."""
         ready = self.process.wait_ready()
         self._origins = tuple(ready["origins"])
-        self.fingerprint = "" if self._place.certificate else ready["fingerprint"]
+        self.fingerprint = ready["fingerprint"]
         code = base64.urlsafe_b64encode(self._code).decode().rstrip("=")
-        self.link = f"{self._origin(int(ready['port']))}/#{code}"
+        self.link = f"{self._origins[0]}/#{code}"
 
     def let_in(self, gateway: Gateway, is_alone: bool) -> None:
         """Let the gateway, which is ready, answer this page; `is_alone`: and nobody else."""
@@ -90,7 +89,3 @@ class Page:
     def close(self) -> None:
         """End the process."""
         self.process.stop()
-
-    def _origin(self, port: int) -> str:
-        is_plain = self._place.is_loopback and self._place.certificate is None
-        return f"{'http' if is_plain else 'https'}://{named((self._place.host, port))}"

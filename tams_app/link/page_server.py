@@ -3,8 +3,8 @@
 Everything is read at the start and served from memory: no name of a request reaches a file. What is
 served is no secret; the link's code, which is, comes to no server (RFC 3986, 3.5: fragments).
 
-Specification: host, port, certificate (PEM file with its key, "" for one of our own, null for plain
-HTTP), names (by which browsers may call it) and tables. Sent on the way: `door`.
+Specification: host, port, certificate (PEM file with its key, "" for one of its own, null for plain
+HTTP), names (by which browsers may call it) and tables. Sent on the way: what the door is.
 """
 
 from __future__ import annotations
@@ -16,28 +16,23 @@ import tempfile
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from datetime import UTC, datetime, timedelta
 from hashlib import sha256
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
-from cryptography import x509
-from cryptography.hazmat.primitives import hashes
-from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
+from tams_app.link.certificate import leaf
 from tams_app.link.webtransport import PATH
 from tams_app.runtime.process import HelperSide
 
 FILES = Path(__file__).resolve().parents[1] / "page"
 CONNECTIONS, CONNECTIONS_OF_ONE = 64, 16  # at once, together and from one address
 LONGEST_S = 10.0  # for which a connection may last
-_VALID = timedelta(days=365)
 _KINDS = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
@@ -48,13 +43,13 @@ _POLICY = (
     "default-src 'none'; script-src 'self'; worker-src 'self'; style-src 'self'; img-src data:; "
     "connect-src 'self' {door}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-_HEADERS = {
-    "cache-control": "no-store",
-    "cross-origin-opener-policy": "same-origin",
-    "cross-origin-resource-policy": "same-origin",
-    "referrer-policy": "no-referrer",
-    "x-content-type-options": "nosniff",
-}
+_HEADERS = (
+    ("cache-control", "no-store"),
+    ("cross-origin-opener-policy", "same-origin"),
+    ("cross-origin-resource-policy", "same-origin"),
+    ("referrer-policy", "no-referrer"),
+    ("x-content-type-options", "nosniff"),
+)
 
 
 def page_files(folder: Path) -> dict[str, tuple[str, bytes]]:
@@ -76,40 +71,31 @@ class Server(ThreadingHTTPServer):
     def __init__(
         self,
         place: tuple[int, tuple[Any, ...]],
-        names: frozenset[str],
+        names: Sequence[str],
         files: Mapping[str, tuple[str, bytes]],
         tls: ssl.SSLContext | None = None,
     ) -> None:
-        """Listen; OSError if that is impossible.
+        """Listen at `place`, family and address; OSError if that is impossible.
 
-        Args:
-            place: family and address.
-            names: hosts of which it answers requests, without the port.
-            files: of `page_files`.
-            tls: None: plain HTTP.
+        `names`: by which browsers call, without the port. `files`: of `page_files`. `tls`: None:
+        plain HTTP. `origins`: of the page, as browsers name them.
         """
         self.address_family, address = place
-        self.files, self.door = files, ""
+        self.files, self.policy = dict(files), _POLICY.format(door="")
         self._tls = tls
         self._lock = threading.Lock()
         self._open: dict[Any, tuple[str, float]] = {}  # address and begin of each connection
         super().__init__(address, _Handler)
         port = self.server_address[1]
-        self.hosts = {f"{_bracketed(name)}:{port}" for name in names}
-        if port == (80 if tls is None else 443):
-            self.hosts |= {_bracketed(name) for name in names}
+        scheme, usual = ("http", 80) if tls is None else ("https", 443)
+        suffix = "" if port == usual else f":{port}"  # which browsers leave out
+        self.hosts = [f"[{name}]{suffix}" if ":" in name else name + suffix for name in names]
+        self.origins = [f"{scheme}://{host}" for host in self.hosts]
 
-    @property
-    def origins(self) -> list[str]:
-        """Of the page, as browsers name them."""
-        scheme = "http" if self._tls is None else "https"
-        return [f"{scheme}://{host}" for host in sorted(self.hosts)]
-
-    def answer(self, path: str) -> tuple[str, bytes] | None:
-        """Kind and content of what is at `path`; None: nothing."""
-        if path == "/door.json":
-            return (_JSON, self.door.encode()) if self.door else None
-        return self.files.get(path)
+    def show_door(self, door: Mapping[str, str]) -> None:
+        """Serve where and what the robot's door is now."""
+        self.files["/door.json"] = (_JSON, json.dumps(door).encode())
+        self.policy = _POLICY.format(door=door["url"].removesuffix(PATH))
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
         with self._lock:
@@ -159,7 +145,7 @@ class _Handler(BaseHTTPRequestHandler):
         if self.headers.get_all("host", []) not in [[host] for host in self.server.hosts]:
             self.send_error(HTTPStatus.MISDIRECTED_REQUEST)
             return
-        found = self.server.answer(self.path.partition("?")[0])
+        found = self.server.files.get(self.path.partition("?")[0])
         if found is None:
             self.send_error(HTTPStatus.NOT_FOUND)
             return
@@ -172,9 +158,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
     def end_headers(self) -> None:
-        url = json.loads(self.server.door)["url"] if self.server.door else "'self'"
-        policy = _POLICY.format(door=url.removesuffix(PATH))
-        for name, value in {**_HEADERS, "content-security-policy": policy}.items():
+        for name, value in (*_HEADERS, ("content-security-policy", self.server.policy)):
             self.send_header(name, value)
         super().end_headers()
 
@@ -182,55 +166,32 @@ class _Handler(BaseHTTPRequestHandler):
         """Requests are nobody's affair."""
 
 
-def tls_of(file: str, name: str) -> tuple[ssl.SSLContext, str]:
-    """TLS with the certificate in `file`, or with one for `name` where that is ""; its SHA-256.
+def tls_of(file: str) -> tuple[ssl.SSLContext, str]:
+    """TLS with the certificate in `file`, "" for a new one that signs itself; its SHA-256 if so.
 
     OSError (of which ssl.SSLError is one) if the file cannot be used.
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     if file:
         context.load_cert_chain(file)
-        certificate = x509.load_pem_x509_certificates(Path(file).read_bytes())[0]
-    else:
-        certificate, pem = _own_certificate(name)
-        with tempfile.NamedTemporaryFile() as own:  # mode 0600: the library reads no memory
-            own.write(pem)
-            own.flush()
-            context.load_cert_chain(own.name)
-    return context, sha256(certificate.public_bytes(Encoding.DER)).digest().hex(":").upper()
-
-
-def _own_certificate(name: str) -> tuple[x509.Certificate, bytes]:
-    key, now = ec.generate_private_key(ec.SECP256R1()), datetime.now(UTC)
-    nobody = x509.Name([])
-    try:
-        of: x509.GeneralName = x509.IPAddress(ip_address(name))
-    except ValueError:
-        of = x509.DNSName(name)
-    certificate = (
-        x509.CertificateBuilder(nobody, nobody, key.public_key(), x509.random_serial_number())
-        .not_valid_before(now - timedelta(days=1))
-        .not_valid_after(now + _VALID)
-        .add_extension(x509.SubjectAlternativeName([of]), critical=True)  # the subject is empty
-        .sign(key, hashes.SHA256())
-    )
-    private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    return certificate, private + certificate.public_bytes(Encoding.PEM)
-
-
-def _bracketed(name: str) -> str:
-    return f"[{name}]" if ":" in name else name
+        return context, ""
+    own = leaf(None, time.time())
+    with tempfile.NamedTemporaryFile() as pem:  # mode 0600; the library reads no memory
+        pem.write(own.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption()))
+        pem.write(own.certificate.public_bytes(Encoding.PEM))
+        pem.flush()
+        context.load_cert_chain(pem.name)
+    return context, sha256(own.der).digest().hex(":").upper()
 
 
 def _server(specification: Mapping[str, Any]) -> tuple[Server, str]:
-    """The server that is asked for, and its certificate's SHA-256, "" for none."""
+    """The server that is asked for, and the SHA-256 of a certificate of its own, else ""."""
     host, port, given = (specification[name] for name in ("host", "port", "certificate"))
-    tls, fingerprint = (None, "") if given is None else tls_of(given, host)
+    tls, fingerprint = (None, "") if given is None else tls_of(given)
     family, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
     files = page_files(FILES)
     files["/tables.json"] = (_JSON, json.dumps(specification["tables"]).encode())
-    names = frozenset(specification["names"])
-    return Server((int(family), address), names, files, tls), fingerprint
+    return Server((int(family), address), specification["names"], files, tls), fingerprint
 
 
 def main() -> None:
@@ -243,11 +204,12 @@ def main() -> None:
         side.fail(f"--page: {host}:{port} cannot be used: {error.strerror or error}")
         return
     with server:
-        side.ready(port=server.server_address[1], origins=server.origins, fingerprint=fingerprint)
+        side.ready(origins=server.origins, fingerprint=fingerprint)
         while not side.stop_requested.is_set():
             server.handle_request()
             server.end_old()
-            server.door = json.dumps(side.received) if side.received else ""
+            if side.received:
+                server.show_door(side.received)
 
 
 if __name__ == "__main__":

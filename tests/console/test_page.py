@@ -4,50 +4,51 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
 
-from tams_app.config import CONFIG_DIRECTORY, Config, load_config
+from tams_app.config import CONFIG_DIRECTORY, load_config
 from tams_app.console.page import by_page, place_of
 from tams_app.errors import ConfigError
+from tams_app.link.certificate import leaf
 from tams_app.link.gateway_client import Endpoint
-from tams_app.link.keys import new_key
 from tams_app.link.page_client import PagePlace
-from tams_app.link.page_server import _own_certificate
 
 pytestmark = pytest.mark.untimed
 
-HERE, LAN, ANYWHERE = "127.0.0.1:8443", "192.0.2.20:8443", "0.0.0.0:8443"
+HERE, LAN = "127.0.0.1:8443", "192.0.2.20:8443"
+ROBOT = ("robot", "--listen", "127.0.0.1:7300")
 Tams = Callable[..., tuple[int, str, str]]
+Begun = list[tuple[Any, ...]]
 
 
 @pytest.fixture
 def certificate(tmp_path: Path) -> Path:
-    path = tmp_path / "page.pem"
-    path.write_bytes(_own_certificate("192.0.2.20")[1])
+    own, path = leaf(None, 1.8e9), tmp_path / "page.pem"
+    key = own.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    path.write_bytes(key + own.certificate.public_bytes(Encoding.PEM))
     return path
 
 
 @pytest.fixture
-def begun(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Config, tuple[object, ...]]]:
+def begun(monkeypatch: pytest.MonkeyPatch) -> Begun:
     """The sessions that would have begun."""
-    found: list[tuple[Config, tuple[object, ...]]] = []
-    monkeypatch.setattr(
-        "tams_app.console.app.run_robot", lambda config, *rest: found.append((config, rest))
-    )
+    found: Begun = []
+    monkeypatch.setattr("tams_app.console.app.run_robot", lambda *given: found.append(given))
     return found
 
 
 @pytest.mark.parametrize(
     ("page", "listen", "moves", "sentence"),
     [
-        (ANYWHERE, "192.0.2.20", False, "is no address to call"),
+        ("0.0.0.0:8443", "192.0.2.20", False, "is no address to call"),
         ("[::]:8443", "192.0.2.20", False, "is no address to call"),
         (LAN, "127.0.0.1", False, "browsers elsewhere do not reach --listen on loopback"),
         (LAN, "192.0.2.20", True, "no page has been tried with a real arm"),
         (HERE, "127.0.0.1", True, "no page has been tried with a real arm"),
         ("no.such.host.invalid:1", "192.0.2.20", False, "is not known"),
-        ("8443", "192.0.2.20", False, "is not HOST:PORT"),
         ("192.0.2.20:0", "192.0.2.20", False, "is not HOST:PORT"),
     ],
 )
@@ -85,54 +86,45 @@ def test_without_a_page_nothing_is_served() -> None:
 def test_a_certificate_that_is_none_or_has_no_page_is_refused(
     tmp_path: Path, certificate: Path
 ) -> None:
-    here = Endpoint("127.0.0.1", 7300, None)
-    key = new_key(tmp_path / "kim.key")
-    for wrong in (tmp_path / "nothing.pem", tmp_path, key):
+    listen = Endpoint("0.0.0.0", 7300, None)
+    for wrong in (tmp_path / "nothing.pem", tmp_path, CONFIG_DIRECTORY / "lite6.yaml"):
         with pytest.raises(ConfigError, match=r"^--page-cert: .*: is no PEM file"):
-            place_of(HERE, wrong, here, moves=False)
+            place_of(HERE, wrong, listen, moves=False)
     with pytest.raises(ConfigError, match=r"^--page-cert: is for --page HOST:PORT"):
-        place_of(None, certificate, here, moves=False)
+        place_of(None, certificate, listen, moves=False)
 
 
 @pytest.mark.parametrize(
     "options",
     [
-        ("robot", "--listen", "127.0.0.1:7300", "--page-cert", "page.pem"),
-        ("robot", "--listen", "127.0.0.1:7300", "--page", LAN),
-        ("robot", "--listen", "127.0.0.1:7300", "--page", "here"),
+        (*ROBOT, "--page-cert", "page.pem"),
+        (*ROBOT, "--page", LAN),
+        (*ROBOT, "--page", "here"),
         ("run", "--hand", "page", "--predict", "eih"),
         ("run", "--hand", "page", "--headless"),
     ],
 )
-def test_wrong_use_is_one_sentence(
-    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]], options: tuple[str, ...]
-) -> None:
+def test_wrong_use_is_one_sentence(tams: Tams, begun: Begun, options: tuple[str, ...]) -> None:
     code, _, err = tams(*options)
-    assert code == 2
-    assert len(err.splitlines()) == 1
-    assert begun == []
+    assert (code, len(err.splitlines()), begun) == (2, 1, [])
 
 
 def test_run_by_a_page_is_the_robots_side_on_this_computer_with_the_rig(
-    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]]
+    tams: Tams, begun: Begun
 ) -> None:
     assert tams("run", "--hand", "page", "--network", "s3")[0] == 0
-    ((config, (endpoint, arm, dry_run, place)),) = begun
-    assert (endpoint, arm, dry_run) == (None, False, False)
-    assert isinstance(place, PagePlace)
-    assert (place.host, place.is_loopback) == ("127.0.0.1", True)
+    ((config, *given),) = begun
+    assert given == [None, False, False, PagePlace("127.0.0.1", 0, is_loopback=True)]
     assert config.rig.enabled
     assert (config.network, config.headless) == ("s3", True)
     assert not config.video.quality.enabled
 
 
-def test_robot_serves_a_page_beside_its_operators(
-    tams: Tams, begun: list[tuple[Config, tuple[object, ...]]]
-) -> None:
-    assert tams("robot", "--listen", "127.0.0.1:7300", "--page", HERE, "--sim")[0] == 0
-    ((_, (endpoint, _, _, place)),) = begun
+def test_robot_serves_a_page_beside_its_operators(tams: Tams, begun: Begun) -> None:
+    assert tams(*ROBOT, "--page", HERE, "--sim")[0] == 0
+    ((_, endpoint, _, _, place),) = begun
     assert endpoint == Endpoint("127.0.0.1", 7300, None)
-    assert place == PagePlace("127.0.0.1", 8443, True, None)
+    assert place == PagePlace("127.0.0.1", 8443, is_loopback=True)
 
 
 def test_no_page_moves_a_real_arm_not_even_on_its_own_computer() -> None:

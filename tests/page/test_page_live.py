@@ -83,16 +83,17 @@ def kill(process: subprocess.Popen[bytes]) -> None:
         process.wait()
 
 
-def height_mm(page: Page) -> float:
-    """How high the tool is, as the page shows it."""
-    shown = re.search(r"TCP\s+-?\d+, -?\d+, (-?\d+) mm", page.inner_text("[data-tams=hand]"))
-    return float(shown[1]) if shown else np.nan
-
-
 def drive_up(page: Page) -> None:
     """Press keys until the arm follows and the tool is higher; again after a hold."""
     page.click("[data-tams=engage]:not([disabled])", timeout=WITHIN_MS)
-    state, begun_mm = page.locator("[data-tams=state]"), height_mm(page)
+    state, hand = page.locator("[data-tams=state]"), page.locator("[data-tams=hand]")
+
+    def height_mm() -> float:
+        shown = re.search(r"TCP\s+-?\d+, -?\d+, (-?\d+) mm", hand.inner_text())
+        return float(shown[1]) if shown else np.nan
+
+    until(lambda: height_mm() > 0, "the arm's state")
+    begun_mm = height_mm()
 
     def is_higher() -> bool:
         if state.inner_text() == "DISARMED":
@@ -103,7 +104,7 @@ def drive_up(page: Page) -> None:
             page.keyboard.down("Shift")
             page.keyboard.down("KeyR")
         page.wait_for_timeout(100)
-        return state.inner_text() == "ENGAGED" and height_mm(page) > begun_mm + RISEN_MM
+        return state.inner_text() == "ENGAGED" and height_mm() > begun_mm + RISEN_MM
 
     until(is_higher, "the arm")
 
