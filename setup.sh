@@ -123,7 +123,7 @@ else
     echo "Not Debian or Ubuntu: install what $list lists by hand, then run this again." >&2
 fi
 if [ -n "$extras" ]; then
-    install_pinned "Python packages: extras and what tests need, 0.8 GB in $environment" \
+    install_pinned "Python packages: extras and what tests need, 1.0 GB in $environment" \
         --only-binary :all: --no-deps --requirement requirements-extras.lock
     compile_all
     touch "$environment/.ready-extras"
