@@ -34,6 +34,7 @@ from tests.link.rig import (
     THIEF,
     Desk,
     Rig,
+    datagram_of,
     flipped,
     is_retry,
     robot,
@@ -340,7 +341,9 @@ def test_strangers_keep_neither_an_operator_nor_a_page_out() -> None:
 
 
 def test_who_fills_the_places_of_pages_makes_room_before_others_do() -> None:
-    rig, waiting = Rig(open_door()), Screen()
+    rig, waiting, desk = Rig(open_door()), Screen(), Desk()
+    ((retry, _),) = rig.at_robot(datagram_of(desk.end.step(rig.now_ns)), DESK).replies
+    rig.at_robot(datagram_of(desk.end.receive(retry, ROBOT, rig.now_ns).replies), DESK)
     waiting.page._ask = lambda: None  # type: ignore[method-assign]
     rig.run_ms(30, waiting)
     for port in range(2 * UNPROVEN):
@@ -349,8 +352,8 @@ def test_who_fills_the_places_of_pages_makes_room_before_others_do() -> None:
         rig.robot.pages = Pages(CODE, [ORIGIN])  # whatever their rate is
         rig.run_ms(20, stranger)
     addresses = [knock.channel.address for knock in rig.robot._knocks]
-    assert len(addresses) == UNPROVEN
-    assert SCREEN in addresses
+    assert len(addresses) == 1 + UNPROVEN
+    assert {SCREEN, DESK} < {*addresses}
 
 
 @pytest.mark.parametrize(
@@ -399,9 +402,14 @@ def test_keys_are_renewed_by_the_robots_end_for_a_browser_never_does() -> None:
 def test_who_sends_more_on_streams_than_a_page_does_is_let_go() -> None:
     rig, screen = seated()
     stream = screen.page.quic.get_next_available_stream_id()
-    for _ in range(STREAM_BYTES // 1000 + 1):
-        screen.page.quic.send_stream_data(stream, bytes(1000))
+    content = b"\x21\x80\x10\0\0"  # a frame of a kind that nobody knows, which goes on and on
+    for _ in range(STREAM_BYTES // 1000 - 2):
+        screen.page.quic.send_stream_data(stream, content.ljust(1000))
+        content = b""
         rig.step(screen)
+        assert rig.robot.connected
+    screen.page.quic.send_stream_data(stream, bytes(3000))
+    rig.step(screen)
     assert not rig.robot.connected
 
 
