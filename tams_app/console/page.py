@@ -96,7 +96,7 @@ def offered(
         console.print(f"drive from a browser: {page.link}", soft_wrap=True)
         if page.fingerprint:
             console.print(
-                "the browser warns of the page's certificate, which nobody has signed; its SHA-256 "
+                "the browser warns of the page's certificate, which is self-signed; its SHA-256 "
                 f"must be {page.fingerprint}",
                 soft_wrap=True,
             )

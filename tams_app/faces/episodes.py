@@ -13,7 +13,7 @@ KEYS = (
     ("Y / N", "label it a success / a failure; a running one ends and is kept"),
 )
 BUTTONS = ("A / B held 1 s", "with the deadman released: as E / as Z")
-WORDS = {  # by what is done now, and of what else a row tells
+WORDS = {  # the row's parts: its state, a question, the counts
     "recording": "episode {number}: RECORDING {seconds} s",
     "countdown": "episode {number}: in {seconds} s",
     "idle": "episode {number}: not begun",

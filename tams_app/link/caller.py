@@ -1,7 +1,7 @@
-"""The end of the link that calls: until it is answered, and again when nothing is heard any more.
+"""The end of the link that calls: until it is answered, and again once the robot falls silent.
 
-It knows the robot by its identity, which its key names, and says nothing of the key to anybody
-else. The certificate's dates are not looked at: a robot may have no clock while it is off.
+It pins the robot's identity, which is in its key, and proves the key to that robot alone. The
+certificate's dates are ignored: a robot may have no clock while it is off.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from tams_app.link.proof import (
 from tams_app.link.quic import Came, Connection, destination_of
 from tams_app.units import NS_PER_MS, NS_PER_S
 
-REDIAL_NS = 2 * NS_PER_S  # not heard for so long: call again
+REDIAL_NS = 2 * NS_PER_S  # of silence, then call again
 ATTEMPT_NS = 5 * NS_PER_S  # a call that came to nothing is begun anew
 # Not heard for so long, a session is over, also for the robot's side, which hears of us no more: it
 # may hear us all the time, and tell us that we are there already.

@@ -44,6 +44,7 @@ class Page:
         self._code = secrets.token_bytes(CODE_BYTES)
         self._origins: tuple[str, ...] = ()
         self._told: dict[str, str] = {}
+        self._certificate = b""
         self.process: HelperProcess
 
     def launch(self, log_directory: Path) -> None:
@@ -81,10 +82,11 @@ class Page:
 
     def follow(self, certificate: bytes) -> None:
         """Tell the page which certificate the door shows now; DER, b"" if it is not known yet."""
-        shown = base64.b64encode(sha256(certificate).digest()).decode()
-        if certificate and self._told.get("certificate") != shown:
-            self._told["certificate"] = shown
-            self.process.send(**self._told)
+        if not certificate or certificate == self._certificate:  # asked in every control tick
+            return
+        self._certificate = certificate
+        self._told["certificate"] = base64.b64encode(sha256(certificate).digest()).decode()
+        self.process.send(**self._told)
 
     def close(self) -> None:
         """End the process."""
